@@ -1,0 +1,52 @@
+"""Owned, checked, read-only arrays: what makes a frozen dataclass really immutable."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def owned(
+    values: ArrayLike, name: str, shape: Sequence[int | None], dtype: Any = np.float64
+) -> NDArray[Any]:
+    """Copy `values` into a read-only array of the given shape.
+
+    Parameters
+    ----------
+    values : array_like
+    name : str
+        Used in the message of the error.
+    shape : sequence of int or None
+        None matches any length.
+    dtype : numpy dtype
+
+    Raises
+    ------
+    ValueError
+        Wrong shape, or a value that is not finite.
+    """
+    array = np.array(values, dtype=dtype, order="C")
+    fits = len(shape) == array.ndim and all(
+        want is None or want == have for want, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = tuple("any" if n is None else n for n in shape)
+        raise ValueError(f"{name}: shape {array.shape}, must be {wanted}")
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        row = np.argwhere(~np.isfinite(array))[0]
+        raise ValueError(f"{name}: not finite at index {tuple(int(i) for i in row)}")
+    array.flags.writeable = False
+    return array
+
+
+def set_owned(instance: object, **fields: tuple[ArrayLike, Sequence[int | None], Any]) -> None:
+    """Replace fields of a frozen dataclass by owned copies; for use in ``__post_init__``.
+
+    Each keyword is a field's name with its (values, shape, dtype).
+    """
+    for name, (values, shape, dtype) in fields.items():
+        object.__setattr__(instance, name, owned(values, name, shape, dtype))

@@ -1,0 +1,17 @@
+"""What an estimator says when it cannot stand behind a number."""
+
+
+class AlignmentError(ValueError):
+    """The readings or the site do not allow the estimate; the message says why."""
+
+
+class NotAtRest(AlignmentError):
+    """The unit moved during readings that must be at rest."""
+
+
+class TooShort(AlignmentError):
+    """The readings are shorter than the method needs."""
+
+
+class PoleError(AlignmentError):
+    """Heading is undefined: the horizontal Earth rate vanishes."""

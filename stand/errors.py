@@ -1,0 +1,16 @@
+"""Known faults: each becomes one line and exit code 2 at the command line."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class StandError(Exception):
+    """A fault of the input, told in one line: file, field, value and what is allowed."""
+
+
+def unknown(what: str, name: str, allowed: Iterable[str]) -> StandError:
+    """An error for a name that is not in a list, with near matches first."""
+    names = sorted(allowed)
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    hint = f"did you mean {' or '.join(near)}? " if near else ""
+    return StandError(f"unknown {what} {name!r}: {hint}known: {', '.join(names)}")

@@ -1,0 +1,75 @@
+"""The blocks of samples that flow from the stand to the recording."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from alignment.arrays import Array, IntArray, set_owned
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TruthBlock:
+    """What perfect sensors at the IMU's point would report over some samples.
+
+    Attributes
+    ----------
+    t_ns : (n,) int64
+        Time of each sample since the start of the run [ns]: the END of its interval.
+    w_ib_b, f_b : (n, 3)
+        Angular rate [rad/s] and specific force [m/s^2], in b.
+    q_wb : (n, 4)
+        Quaternion (x, y, z, w) of C_wb at `t_ns`: takes b components to ENU components.
+    joints, joint_rates : (n, 6)
+        Joint angles [rad] and rates [rad/s] at `t_ns`, in the order of `StandModel.joints`.
+    """
+
+    t_ns: IntArray
+    w_ib_b: Array
+    f_b: Array
+    q_wb: Array
+    joints: Array
+    joint_rates: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.t_ns)
+        set_owned(
+            self,
+            t_ns=(self.t_ns, (n,), np.int64),
+            w_ib_b=(self.w_ib_b, (n, 3), float),
+            f_b=(self.f_b, (n, 3), float),
+            q_wb=(self.q_wb, (n, 4), float),
+            joints=(self.joints, (n, None), float),
+            joint_rates=(self.joint_rates, (n, None), float),
+        )
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuBlock:
+    """What the IMU reports over the samples of a `TruthBlock`.
+
+    Attributes
+    ----------
+    t_ns : (n,) int64
+        As in the `TruthBlock` [ns].
+    w_ib_b, f_b : (n, 3)
+        Reported angular rate [rad/s] and specific force [m/s^2], in b.
+    """
+
+    t_ns: IntArray
+    w_ib_b: Array
+    f_b: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.t_ns)
+        set_owned(
+            self,
+            t_ns=(self.t_ns, (n,), np.int64),
+            w_ib_b=(self.w_ib_b, (n, 3), float),
+            f_b=(self.f_b, (n, 3), float),
+        )
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
