@@ -1,0 +1,69 @@
+"""Estimators of attitude and calibration from inertial readings, of a stand or of a real log.
+
+Notation: n is north-east-down, b the instrument axes (X1 forward, Y1 up, Z1 right at zero table
+angles); ``w_ib_b`` [rad/s] is what gyros sense and ``f_b`` [m/s^2] what accelerometers sense,
+both in b; ``C_nb`` takes b components to n components. SI units and radians throughout. Nothing
+here knows the stand: an estimator cannot see the truth.
+
+`ESTIMATORS` is the one list of methods; a new one is a module and a line here.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from alignment.earth import Site
+from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.gyrocompass import triad
+from alignment.integration import rk4, rk4_tracks
+from alignment.readings import Dwell, ImuReadings
+from alignment.static import Options, six_position, six_position_tracks
+
+__all__ = [
+    "ESTIMATORS",
+    "AttitudeEstimate",
+    "AttitudeTrack",
+    "Dwell",
+    "ImuReadings",
+    "Method",
+    "Options",
+    "Site",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """An estimator as the lists show it.
+
+    `needs_latitude`: whether ``site.latitude`` must be known. `tracks` gives the attitude over
+    time of one dwell, for curves; None where there is nothing to see.
+    """
+
+    title: str
+    source: str
+    needs_latitude: bool
+    estimate: Callable[[Sequence[Dwell], Site, Options], list[AttitudeEstimate]]
+    tracks: Callable[[Dwell, Site, Options], list[AttitudeTrack]] | None = None
+
+
+ESTIMATORS = {
+    "six-position": Method(
+        "Levelling and horizontal rates after zero-offset removal, no integration",
+        "[S0] autonomous initial orientation, six-position test",
+        True,
+        six_position,
+        six_position_tracks,
+    ),
+    "rk4": Method(
+        "Runge-Kutta integration of offset-corrected gyros from the nominal attitude",
+        "[S0] the rival of the six-position method",
+        True,
+        rk4,
+        rk4_tracks,
+    ),
+    "triad": Method(
+        "Gyrocompassing from mean rate and specific force; estimates latitude too",
+        "[S4] analytic gyrocompassing, full-vector form",
+        False,
+        triad,
+    ),
+}

@@ -13,7 +13,7 @@ IntArray = NDArray[np.int64]
 def owned(
     values: ArrayLike, name: str, shape: Sequence[int | None], dtype: Any = np.float64
 ) -> NDArray[Any]:
-    """Copy `values` into a read-only array of the given shape.
+    """Copy `values` into a read-only array of the given shape (no copy of what is one already).
 
     Parameters
     ----------
@@ -29,7 +29,9 @@ def owned(
     ValueError
         Wrong shape, or a value that is not finite.
     """
-    array = np.array(values, dtype=dtype, order="C")
+    array = np.asarray(values, dtype=dtype)
+    if not (array is values and _immutable(array)):
+        array = np.array(array, order="C")
     fits = len(shape) == array.ndim and all(
         want is None or want == have for want, have in zip(shape, array.shape, strict=True)
     )
@@ -41,6 +43,15 @@ def owned(
         raise ValueError(f"{name}: not finite at index {tuple(int(i) for i in row)}")
     array.flags.writeable = False
     return array
+
+
+def _immutable(array: NDArray[Any]) -> bool:
+    """Whether nobody can write to the array, not through the array it is a view of either."""
+    if array.flags.writeable:
+        return False
+    if array.flags.owndata:
+        return True
+    return isinstance(array.base, np.ndarray) and _immutable(array.base)
 
 
 def set_owned(instance: object, **fields: tuple[ArrayLike, Sequence[int | None], Any]) -> None:

@@ -1,0 +1,121 @@
+"""Attitude angles: views of ``C_nb`` by two sequences of turns, and their inverses.
+
+The papers turn from NUE (north, up, east): yaw about up (positive from north to WEST), pitch
+about Z1 (positive nose up), roll about X1 (positive takes Y1 toward Z1). Heading, clockwise
+from true north, is minus yaw.
+
+Source: methods.md section 0. Estimators work on ``C_nb``; angles are only a view of it.
+"""
+
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array
+
+# Columns are north, up, east in NED: takes NUE components to NED components.
+C_N_NUE = Rotation.from_matrix([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+
+SINGULAR = np.radians(0.5)  # nearer than this to +-90 deg the first and third turn merge
+X1_VERTICAL = np.cos(np.radians(45.0))  # |up . X1| above this counts as "X1 vertical"
+
+
+class Sequence(Enum):
+    """The order of turns from NUE to b.
+
+    YAW_PITCH_ROLL is singular at pitch = +-90 deg (X1 vertical), YAW_ROLL_PITCH at roll = +-90
+    deg (Z1 vertical).
+    """
+
+    YAW_PITCH_ROLL = "yaw-pitch-roll"
+    YAW_ROLL_PITCH = "yaw-roll-pitch"
+
+
+class SequenceRule(Enum):
+    """Which sequence a position is read by.
+
+    REGULAR takes yaw-roll-pitch when X1 is vertical and yaw-pitch-roll otherwise; it is never
+    singular in the six positions. PUBLISHED is the assignment as printed in [S0]: yaw-pitch-roll
+    when X1 is vertical, yaw-roll-pitch otherwise (singular for X1 and for Z1).
+    """
+
+    REGULAR = "regular"
+    PUBLISHED = "published"
+
+    def sequence_for(self, up_b: ArrayLike) -> Sequence:
+        """The sequence for an attitude whose vertical is `up_b` (3,), any length."""
+        up = np.asarray(up_b, dtype=float)
+        x1_vertical = abs(up[0]) > X1_VERTICAL * np.linalg.norm(up)
+        regular = self is SequenceRule.REGULAR
+        return Sequence.YAW_ROLL_PITCH if x1_vertical == regular else Sequence.YAW_PITCH_ROLL
+
+
+def C_nb_from_angles(sequence: Sequence, roll: float, yaw: float, pitch: float) -> Rotation:
+    """Attitude from angles [rad] by the given order of turns."""
+    if sequence is Sequence.YAW_PITCH_ROLL:
+        C_nue_b = Rotation.from_euler("YZX", [yaw, pitch, roll])
+    else:
+        C_nue_b = Rotation.from_euler("YXZ", [yaw, roll, pitch])
+    return C_N_NUE * C_nue_b
+
+
+def angles_from_C_nb(sequence: Sequence, C_nb: Rotation) -> Array:
+    """Roll, yaw, pitch [rad] of one attitude (3,) or of many (n, 3).
+
+    Yaw and the last turn lie in (-pi, pi], the middle turn in [-pi/2, pi/2]. At the sequence's
+    singularity only the sum or difference of the outer turns means anything (`is_singular`).
+    """
+    R = (C_N_NUE.inv() * C_nb).as_matrix()
+    if sequence is Sequence.YAW_PITCH_ROLL:
+        pitch = np.arctan2(R[..., 1, 0], np.hypot(R[..., 1, 1], R[..., 1, 2]))
+        roll = np.arctan2(-R[..., 1, 2], R[..., 1, 1])
+        yaw = np.arctan2(-R[..., 2, 0], R[..., 0, 0])
+    else:
+        roll = np.arctan2(-R[..., 1, 2], np.hypot(R[..., 1, 0], R[..., 1, 1]))
+        pitch = np.arctan2(R[..., 1, 0], R[..., 1, 1])
+        yaw = np.arctan2(R[..., 0, 2], R[..., 2, 2])
+    return np.stack([roll, yaw, pitch], axis=-1)
+
+
+def is_singular(sequence: Sequence, C_nb: Rotation) -> bool:
+    """Whether the middle turn is within 0.5 deg of +-90 deg."""
+    angles = angles_from_C_nb(sequence, C_nb)
+    middle = angles[2] if sequence is Sequence.YAW_PITCH_ROLL else angles[0]
+    return bool(abs(middle) > np.pi / 2 - SINGULAR)
+
+
+def heading_from_C_nb(C_nb: Rotation) -> float | None:
+    """Direction of X1 projected on the horizon [rad], clockwise from true north, 0 to 2 pi.
+
+    None when X1 is within 0.5 deg of vertical: such an X1 points nowhere.
+    """
+    x1_n = C_nb.apply([1.0, 0.0, 0.0])
+    if np.hypot(x1_n[0], x1_n[1]) < np.sin(SINGULAR):
+        return None
+    heading = float(np.arctan2(x1_n[1], x1_n[0]) % (2 * np.pi))
+    return 0.0 if heading == 2 * np.pi else heading  # a tiny negative angle rounds up to 2 pi
+
+
+def wrapped(angle: ArrayLike) -> Array:
+    """Angles brought into [-pi, pi): how errors are stated."""
+    return (np.asarray(angle, dtype=float) + np.pi) % (2 * np.pi) - np.pi
+
+
+def tilt_and_heading_axes(sequence: Sequence, roll: float, yaw: float, pitch: float) -> Array:
+    """Jacobian (3, 3) from a small rotation about n [rad] to (roll, yaw, pitch) [rad].
+
+    `d(roll, yaw, pitch) = J eta`, where the estimate is ``exp(eta x) C_nb``. Its columns of the
+    inverse are the axes of the turns, in NED: yaw turns about up, the second turn about its own
+    axis after yaw, the third after both. Singular where the sequence is.
+    """
+    yawed = C_N_NUE * Rotation.from_euler("Y", yaw)
+    if sequence is Sequence.YAW_PITCH_ROLL:
+        pitch_axis = yawed.apply([0, 0, 1])
+        roll_axis = (yawed * Rotation.from_euler("Z", pitch)).apply([1, 0, 0])
+    else:
+        roll_axis = yawed.apply([1, 0, 0])
+        pitch_axis = (yawed * Rotation.from_euler("X", roll)).apply([0, 0, 1])
+    up = np.array([0.0, 0.0, -1.0])
+    return np.linalg.inv(np.stack([roll_axis, up, pitch_axis], axis=1))

@@ -1,0 +1,101 @@
+"""The answer of an estimator: an attitude, how sure it is, and what was found on the way."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment.angles import (
+    Sequence,
+    angles_from_C_nb,
+    heading_from_C_nb,
+    is_singular,
+    tilt_and_heading_axes,
+)
+from alignment.arrays import Array, owned, set_owned
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AttitudeEstimate:
+    """One attitude from one stretch of readings.
+
+    Attributes
+    ----------
+    method, label : str
+        The estimator's id and the position's name.
+    t_from, t_to : float
+        The readings used [s].
+    C_nb : Rotation or None
+        None where the method gives no attitude (a latitude from a pair of positions).
+    sequence : Sequence
+        The order of turns its angles are read by.
+    window : str
+        '' or the variant of the method: 'same' or 'fresh' (six-position).
+    covariance : (3, 3) or None
+        Of the small rotation about n [rad^2] that takes truth to estimate (N, E, D), with its
+        cross terms; None where the method gives none.
+    latitude, latitude_sigma : float or None
+        Where estimated [rad].
+    flags : tuple of str
+        Doubts a reader must see.
+    """
+
+    method: str
+    label: str
+    t_from: float
+    t_to: float
+    C_nb: Rotation | None
+    sequence: Sequence
+    window: str = ""
+    covariance: Array | None = None
+    latitude: float | None = None
+    latitude_sigma: float | None = None
+    flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.covariance is not None:
+            set_owned(self, covariance=(self.covariance, (3, 3), float))
+
+    @property
+    def angles(self) -> Array | None:
+        """Roll, yaw, pitch [rad] by `sequence`, (3,); None without an attitude."""
+        return None if self.C_nb is None else angles_from_C_nb(self.sequence, self.C_nb)
+
+    @property
+    def heading(self) -> float | None:
+        """Of X1 on the horizon [rad], clockwise from north; None for a vertical X1."""
+        return None if self.C_nb is None else heading_from_C_nb(self.C_nb)
+
+    @property
+    def singular(self) -> bool:
+        """Whether roll, yaw and pitch cannot be told apart by this sequence here."""
+        return self.C_nb is not None and is_singular(self.sequence, self.C_nb)
+
+    @property
+    def sigmas(self) -> Array | None:
+        """Standard deviations of roll, yaw, pitch [rad], (3,); None where there are none."""
+        angles = self.angles
+        if angles is None or self.covariance is None or self.singular:
+            return None
+        J = tilt_and_heading_axes(self.sequence, *angles)
+        return np.sqrt(np.diag(J @ self.covariance @ J.T))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AttitudeTrack:
+    """One method's attitude over the time of a dwell: for curves.
+
+    `t` (m,) [s]; `C_nb` m rotations; `covariance` (m, 3, 3) about n [rad^2].
+    """
+
+    method: str
+    label: str
+    t: Array
+    C_nb: Rotation
+    sequence: Sequence
+    covariance: Array
+
+    def __post_init__(self) -> None:
+        m = len(self.t)
+        object.__setattr__(self, "t", owned(self.t, "t", (m,)))
+        object.__setattr__(self, "covariance", owned(self.covariance, "covariance", (m, 3, 3)))

@@ -1,0 +1,73 @@
+"""How far a mean can be trusted: from the data themselves, not from a data sheet.
+
+Real logs are not white (a dithered ring laser's samples look 40 times noisier than its 16 s
+means), so the variance of a mean comes from the scatter of block means.
+"""
+
+import numpy as np
+
+from alignment.arrays import Array
+from alignment.errors import NotAtRest, TooShort
+from alignment.readings import Dwell, ImuReadings
+
+BLOCKS = 32  # the variance of a mean from 32 blocks is itself known to 25 % (1 sigma)
+
+REST_BLOCK = 1.0  # s
+REST_TILT = np.radians(0.5)  # of a block's specific force from the mean: 8.7 mg across gravity
+REST_RATE = np.radians(0.1)  # rad/s, of a block's rate from the mean
+
+
+def block_means(values: Array, blocks: int) -> Array:
+    """Means (blocks, k) of successive stretches of `values` (n, k), n >= blocks."""
+    n = len(values)
+    if n < blocks:
+        raise TooShort(f"{n} samples: at least {blocks} are needed")
+    edges = np.arange(blocks + 1) * n // blocks
+    sums = np.add.reduceat(values, edges[:-1], axis=0)
+    return sums / np.diff(edges)[:, None]
+
+
+def mean_variance(values: Array) -> Array:
+    """Variance (k,) of the mean of `values` (n, k), from the scatter of its block means.
+
+    Notes
+    -----
+    Holds while errors of different blocks are independent: noise with correlation longer than a
+    32nd of the record, and any constant bias, are not in it.
+    """
+    blocks = min(BLOCKS, len(values))
+    return block_means(values, blocks).var(axis=0, ddof=1) / blocks
+
+
+def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
+    """Means (6,) of rates and forces, and the variances (6,) of those means."""
+    means = np.concatenate([readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0)])
+    variances = np.concatenate([mean_variance(readings.w_ib_b), mean_variance(readings.f_b)])
+    return means, variances
+
+
+def check_at_rest(dwell: Dwell) -> None:
+    """Raise `NotAtRest` with the time when 1 s means leave their common mean too far.
+
+    Bounds: 0.5 deg of tilt, 0.1 deg/s of rate. A steady turn about the vertical looks like a
+    gyro bias and cannot be seen here.
+    """
+    readings = dwell.window()
+    span = readings.interval * len(readings)
+    blocks = int(max(2, min(span / REST_BLOCK, len(readings))))
+    f = block_means(readings.f_b, blocks)
+    w = block_means(readings.w_ib_b, blocks)
+    mean_f = f.mean(axis=0)
+    norms = np.linalg.norm(f, axis=1) * np.linalg.norm(mean_f)
+    tilt = np.arctan2(np.linalg.norm(np.cross(f, mean_f), axis=1), f @ mean_f)
+    rate = np.linalg.norm(w - w.mean(axis=0), axis=1)
+    if not norms.all():
+        raise NotAtRest(f"{dwell.label}: specific force is zero: falling, or no accelerometers")
+    worst = int(np.argmax(np.maximum(tilt / REST_TILT, rate / REST_RATE)))
+    if tilt[worst] > REST_TILT or rate[worst] > REST_RATE:
+        at = float(readings.t[worst * len(readings) // blocks])
+        raise NotAtRest(
+            f"{dwell.label}: not at rest near {at:.1f} s: tilt {np.degrees(tilt[worst]):.2f} deg, "
+            f"rate {np.degrees(rate[worst]):.3f} deg/s off their means "
+            f"(allowed {np.degrees(REST_TILT):.1f} deg, {np.degrees(REST_RATE):.1f} deg/s)"
+        )

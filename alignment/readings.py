@@ -1,0 +1,103 @@
+"""What an IMU said, and while it stood where: the input of every estimator."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array, set_owned
+from alignment.errors import TooShort
+
+_EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuReadings:
+    """Samples of one IMU.
+
+    Attributes
+    ----------
+    t : (n,) s
+        End of each sample's interval, strictly increasing; jitter is welcome.
+    w_ib_b, f_b : (n, 3)
+        Angular rate [rad/s] and specific force [m/s^2], in b: means over the interval that
+        ends at `t` and began at the stamp before (or instants, where an instrument gives those).
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, values that are not finite, stamps that do not increase.
+    """
+
+    t: Array
+    w_ib_b: Array
+    f_b: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.t)
+        set_owned(
+            self,
+            t=(self.t, (n,), float),
+            w_ib_b=(self.w_ib_b, (n, 3), float),
+            f_b=(self.f_b, (n, 3), float),
+        )
+        back = np.flatnonzero(np.diff(self.t) <= 0)
+        if len(back):
+            k = int(back[0]) + 1
+            raise ValueError(
+                f"t: sample {k} at {self.t[k]:.9f} s does not come after {self.t[k - 1]:.9f} s"
+            )
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def interval(self) -> float:
+        """Mean time between stamps [s]."""
+        if len(self) < 2:
+            raise TooShort(f"{len(self)} samples: at least 2 are needed")
+        return float(self.t[-1] - self.t[0]) / (len(self) - 1)
+
+    def between(self, t_from: float, t_to: float) -> "ImuReadings":
+        """The samples whose whole interval lies within [t_from, t_to] (seconds).
+
+        A sample that began before `t_from` mixes in what happened then, so it is left out.
+        """
+        first = np.searchsorted(self.t, t_from + self.interval - _EDGE)
+        last = np.searchsorted(self.t, t_to + _EDGE)
+        part = slice(int(first), int(last))
+        return ImuReadings(self.t[part], self.w_ib_b[part], self.f_b[part])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dwell:
+    """Readings of an instrument that was told to stand still.
+
+    Attributes
+    ----------
+    label : str
+        The position's name.
+    t_from, t_to : float
+        When it stood [s].
+    readings : ImuReadings
+        At least those between `t_from` and `t_to`; only those are used.
+    nominal : Rotation or None
+        ``C_nb`` that the table was told to take; None where nobody said.
+    """
+
+    label: str
+    t_from: float
+    t_to: float
+    readings: ImuReadings
+    nominal: Rotation | None = None
+
+    def window(self, start: float = 0.0, stop: float | None = None) -> ImuReadings:
+        """Samples from `start` to `stop` seconds after the dwell began (to its end if None)."""
+        t_to = self.t_to if stop is None else min(self.t_to, self.t_from + stop)
+        part = self.readings.between(self.t_from + start, t_to)
+        if len(part) < 2:
+            raise TooShort(
+                f"{self.label}: {len(part)} samples between {self.t_from + start:.3f} and "
+                f"{t_to:.3f} s, at least 2 are needed"
+            )
+        return part
