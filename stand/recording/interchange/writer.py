@@ -1,0 +1,283 @@
+"""The interchange record `run.mcap`, and foreign IMU logs in the same form."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from alignment.arrays import Array, IntArray, owned
+from stand.errors import StandError
+from stand.physics.description import JOINTS, StandModel
+from stand.recording.urdf import IMU_FRAME
+from stand.samples import ImuBlock, TruthBlock
+
+from . import cdr, frames, schemas
+from .container import Container, Part, Topic
+
+EPOCH_NS = 1_767_225_600 * cdr.NS_PER_S
+"""2026-01-01 00:00 UTC: time zero of a simulated run. Viewers read small stamps as durations."""
+
+IMU_TOPIC = "/imu/data"
+TRUTH_TOPIC = "/imu/truth"
+_CHUNK_NS = cdr.NS_PER_S
+
+# rosbag2's form; durability 1 keeps the last message for late subscribers, 2 does not.
+_QOS = """- history: 1
+  depth: {depth}
+  reliability: 1
+  durability: {durability}
+  deadline:
+    sec: 9223372036
+    nsec: 854775807
+  lifespan:
+    sec: 9223372036
+    nsec: 854775807
+  liveliness: 1
+  liveliness_lease_duration:
+    sec: 9223372036
+    nsec: 854775807
+  avoid_ros_namespace_conventions: false
+"""
+
+
+def _topic(name: str, type_name: str, latched: bool = False) -> Topic:
+    qos = _QOS.format(depth=1 if latched else 10, durability=1 if latched else 2)
+    return Topic(name, type_name, schemas.definition(type_name), qos)
+
+
+_TOPICS = (
+    _topic(IMU_TOPIC, schemas.IMU),
+    _topic(TRUTH_TOPIC, schemas.IMU),
+    _topic("/joint_states", schemas.JOINT_STATE),
+    _topic("/tf", schemas.TF_MESSAGE),
+    _topic("/tf_static", schemas.TF_MESSAGE, latched=True),
+    _topic("/robot_description", schemas.STRING, latched=True),
+    _topic("/rosout", schemas.LOG),
+)
+_IMU, _TRUTH, _JOINTS, _TF, _TF_STATIC, _DESCRIPTION, _ROSOUT = range(len(_TOPICS))
+
+
+class McapWriter:
+    """Writes a run block by block; each block is one chunk, safe against the writer's death.
+
+    Parameters
+    ----------
+    path : str or Path
+        Overwritten if it exists.
+    model : StandModel
+        Its bodies become frames and joints.
+    robot_description : str
+        URDF.
+    epoch_ns : int
+        Unix time of the run's time zero [ns].
+    metadata : mapping of name to {key: value}
+    attachments : mapping of name to (media type, bytes)
+    rate_noise, force_noise : (3,)
+        Variances of one sample [(rad/s)^2], [(m/s^2)^2], told with every IMU message.
+
+    Raises
+    ------
+    StandError
+        The file cannot be created, or the model has a hinge that is not one of `JOINTS`.
+
+    Notes
+    -----
+    As a context manager it closes the file; after an exception without a footer, so that an
+    unfinished run is never mistaken for a finished one.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        model: StandModel,
+        robot_description: str,
+        epoch_ns: int = EPOCH_NS,
+        metadata: Mapping[str, Mapping[str, str]],
+        attachments: Mapping[str, tuple[str, bytes]],
+        rate_noise: ArrayLike,
+        force_noise: ArrayLike,
+    ) -> None:
+        self._bodies = frames.hinged(model)
+        self._columns = frames.columns(self._bodies)
+        self._rate_noise = owned(rate_noise, "rate_noise", (3,))
+        self._force_noise = owned(force_noise, "force_noise", (3,))
+        self._epoch_ns = epoch_ns
+        self._last_ns: int | None = None
+        self._logs: list[tuple[int, int, str]] = []
+        self._open = True
+        self._container = Container(path, _TOPICS)
+        for name, values in metadata.items():
+            self._container.metadata(name, values)
+        self._attach(attachments)
+        self._container.chunk(self._lasting_parts(model, robot_description))
+
+    def write(self, truth: TruthBlock, imu: ImuBlock) -> None:
+        """Append one block as one chunk.
+
+        Raises
+        ------
+        ValueError
+            The two blocks' times differ, do not increase, or lie before what is written.
+        """
+        if len(truth) == 0:
+            return
+        self._check_times(truth, imu)
+        stamps = self._epoch_ns + truth.t_ns
+        parts = [
+            Part(_IMU, stamps, self._imu_messages(stamps, imu)),
+            Part(_TRUTH, stamps, _truth_messages(stamps, truth)),
+            *self._joint_parts(stamps, truth),
+            *self._log_parts(until_ns=int(truth.t_ns[-1])),
+        ]
+        self._container.chunk(parts)
+        self._last_ns = int(truth.t_ns[-1])
+
+    def log(self, t_ns: int, level: int, text: str) -> None:
+        """Note a text for /rosout; it is written with the block that reaches `t_ns`.
+
+        `level` as in rcl_interfaces/msg/Log: 20 info, 30 warning, 40 error. The header keeps
+        `t_ns`; a text about a time already written is filed behind what is written.
+        """
+        self._logs.append((t_ns, level, text))
+
+    def close(self, attachments: Mapping[str, tuple[str, bytes]] | None = None) -> None:
+        """Write the remaining texts, `attachments`, index and footer; again: does nothing."""
+        if not self._open:
+            return
+        self._container.chunk(self._log_parts(until_ns=None))
+        self._attach(attachments or {})
+        self._container.finish()
+        self._open = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.close()
+        elif self._open:
+            self._container.abandon()
+            self._open = False
+
+    def _attach(self, attachments: Mapping[str, tuple[str, bytes]]) -> None:
+        for name, (media_type, data) in attachments.items():
+            self._container.attachment(name, media_type, data, self._epoch_ns)
+
+    def _lasting_parts(self, model: StandModel, robot_description: str) -> list[Part]:
+        """What subscribers must know before the first sample."""
+        stamp = np.array([self._epoch_ns])
+        fixed = frames.fixed_frames(model)
+        static = cdr.transforms(stamp, fixed.pairs, fixed.translations[None], fixed.rotations[None])
+        return [
+            Part(_TF_STATIC, stamp, static),
+            Part(_DESCRIPTION, stamp, cdr.string_message(robot_description)),
+        ]
+
+    def _check_times(self, truth: TruthBlock, imu: ImuBlock) -> None:
+        if not np.array_equal(truth.t_ns, imu.t_ns):
+            raise ValueError("t_ns: truth and imu differ")
+        before = truth.t_ns[0] - 1 if self._last_ns is None else self._last_ns
+        if (np.diff(truth.t_ns, prepend=before) <= 0).any():
+            raise ValueError("t_ns: must increase, within a block and from block to block")
+        if truth.joints.shape[1] != len(JOINTS):
+            raise ValueError(f"joints: {truth.joints.shape[1]} columns, must be {len(JOINTS)}")
+
+    def _imu_messages(self, stamps: IntArray, imu: ImuBlock) -> cdr.Bytes:
+        return cdr.imu_messages(
+            stamps,
+            imu.w_ib_b,
+            imu.f_b,
+            frame_id=IMU_FRAME,
+            rate_noise=self._rate_noise,
+            force_noise=self._force_noise,
+        )
+
+    def _joint_parts(self, stamps: IntArray, truth: TruthBlock) -> list[Part]:
+        if not self._bodies:
+            return []
+        angles = truth.joints[:, self._columns]
+        names = [JOINTS[i] for i in self._columns]
+        states = cdr.joint_states(stamps, names, angles, truth.joint_rates[:, self._columns])
+        rows = frames.tf_rows(truth.t_ns, self._last_ns)
+        moving = frames.moving_frames(self._bodies, angles[rows])
+        tf = cdr.transforms(stamps[rows], moving.pairs, moving.translations, moving.rotations)
+        return [Part(_JOINTS, stamps, states), Part(_TF, stamps[rows], tf)]
+
+    def _log_parts(self, until_ns: int | None) -> list[Part]:
+        """The texts due by `until_ns` (None: all), in order of time."""
+        due = [log for log in self._logs if until_ns is None or log[0] <= until_ns]
+        self._logs = [log for log in self._logs if log not in due]
+        due.sort(key=lambda log: log[0])
+        earliest = 0 if self._last_ns is None else self._last_ns
+        return [
+            Part(
+                _ROSOUT,
+                np.array([self._epoch_ns + max(t_ns, earliest)]),
+                cdr.log_message(self._epoch_ns + t_ns, level, "stand", text),
+            )
+            for t_ns, level, text in due
+        ]
+
+
+def _truth_messages(stamps: IntArray, truth: TruthBlock) -> cdr.Bytes:
+    return cdr.imu_messages(stamps, truth.w_ib_b, truth.f_b, frame_id=IMU_FRAME, q=truth.q_wb)
+
+
+def write_imu_log(
+    path: str | Path,
+    *,
+    t_ns: IntArray,
+    w_ib_b: Array,
+    f_b: Array,
+    epoch_ns: int = EPOCH_NS,
+    frame_id: str = IMU_FRAME,
+    metadata: Mapping[str, Mapping[str, str]],
+) -> None:
+    """Write an IMU log as one topic /imu/data, in chunks of a second.
+
+    Parameters
+    ----------
+    path : str or Path
+        Overwritten if it exists.
+    t_ns : (n,) int64
+        Strictly increasing [ns].
+    w_ib_b, f_b : (n, 3)
+        [rad/s], [m/s^2].
+    epoch_ns : int
+        Unix time of `t_ns` = 0 [ns]; 0 if `t_ns` is Unix time.
+    frame_id : str
+    metadata : mapping of name to {key: value}
+
+    Raises
+    ------
+    StandError
+        The file cannot be created, or the times do not increase.
+    """
+    if (np.diff(t_ns) <= 0).any():
+        raise StandError(f"{path}: times must increase")
+    container = Container(path, _TOPICS[:1])
+    for name, values in metadata.items():
+        container.metadata(name, values)
+    for rows in _seconds(t_ns):
+        stamps = epoch_ns + t_ns[rows]
+        messages = cdr.imu_messages(stamps, w_ib_b[rows], f_b[rows], frame_id=frame_id)
+        container.chunk([Part(0, stamps, messages)])
+    container.finish()
+
+
+def _seconds(t_ns: IntArray) -> list[slice]:
+    """Slices of the samples by whole second since the first."""
+    if len(t_ns) == 0:
+        return []
+    seconds = (t_ns - t_ns[0]) // _CHUNK_NS
+    starts = np.flatnonzero(np.diff(seconds, prepend=-1))
+    return [slice(a, b) for a, b in zip(starts, [*starts[1:], len(t_ns)], strict=True)]
