@@ -1,0 +1,609 @@
+"""The review: an .rrd that opens in the rerun viewer as a finished screen.
+
+The one module that imports rerun, which takes 0.7 s: import it only where a review is made.
+"""
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import ArrayLike
+from rerun.blueprint.components import LinkAxis
+from rerun.components import AggregationPolicy
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array, IntArray, owned
+from stand.errors import StandError
+from stand.physics.description import JOINTS, Body, Geom, StandModel
+from stand.recording.curves import ANGLES, AngleCurves, Phase
+from stand.recording.thinning import Moved, Rows, Thinned, bin_length, min_max_bins
+from stand.recording.viewer import view
+from stand.samples import ImuBlock, TruthBlock
+
+__all__ = ["ReviewWriter", "view"]
+
+TIMELINE = "sim_time"
+ROW_BUDGET = 200_000
+"""Rows per series: more open slowly and show nothing more on a screen."""
+BLOCK_ROWS = 16_384
+POSE_HZ = 50
+POSE_BUDGET = 100_000
+CURVE_BUDGET = 20_000
+ESTIMATE_BUDGET = 5_000
+
+DEG = np.pi / 180.0
+DEG_PER_HOUR = DEG / 3600.0
+G0 = 9.80665
+
+# Okabe and Ito's palette, its dark blues lightened for a dark background: distinct to
+# colour-blind eyes too.
+Color = tuple[int, int, int]
+ORANGE, SKY, GREEN = (230, 159, 0), (86, 180, 233), (0, 178, 130)
+YELLOW, RED, PINK = (240, 228, 66), (230, 95, 30), (214, 134, 178)
+GREY, WHITE = (140, 140, 140), (235, 235, 235)
+XYZ = (RED, GREEN, SKY)
+XYZ_PALE = ((255, 178, 140), (140, 230, 200), (190, 228, 255))
+METHOD_COLORS = (SKY, ORANGE, PINK, YELLOW, GREEN)
+KIND_COLORS = {"dwell": (38, 110, 170), "move": (190, 120, 30)}
+BACKGROUND = (24, 26, 30)
+
+
+class Channel(NamedTuple):
+    """One plot of streamed samples: its entity, its columns with their colours, its title."""
+
+    entity: str
+    names: tuple[str, ...]
+    colors: tuple[Color, ...]
+    title: str
+
+
+AXES = ("X1", "Y1", "Z1")
+CHANNELS = (
+    Channel("stand/joints", JOINTS, (GREY, PINK, YELLOW, SKY, ORANGE, GREEN), "Joint angles [deg]"),
+    Channel("imu/accel", AXES, XYZ, "Specific force of the IMU [m/s²]"),
+    Channel("imu/gyro", AXES, XYZ, "Angular rate of the IMU [deg/s]"),
+    Channel("residual/accel", AXES, XYZ, "Accelerometers minus truth [mg]"),
+    Channel("residual/gyro", AXES, XYZ, "Gyros minus truth [deg/h]"),
+)
+WIDTH = sum(len(channel.names) for channel in CHANNELS)
+
+# A pose is sent when the joints [rad], the rate [rad/s] or the specific force [m/s^2] have left
+# these steps: too small to see in 3D, too large for rounding to pass them.
+POSE_QUANTA = np.repeat([1e-5, 1e-6, 1e-3], [len(JOINTS), 3, 3])
+
+
+class Estimate(NamedTuple):
+    """What the screen shows of the estimates: the methods, the first under test, and a factor."""
+
+    methods: tuple[str, ...] = ()
+    factor: float = 1.0
+
+
+class Scene(NamedTuple):
+    """Where the bodies are drawn: the entity of each, and the sphere around all [m]."""
+
+    entities: dict[str, str]
+    imu: str
+    center: Array
+    radius: float
+
+
+class ReviewWriter:
+    """Streams a run into an .rrd with an embedded, paused blueprint.
+
+    Parameters
+    ----------
+    path : path
+        Of the .rrd; overwritten.
+    model : StandModel
+    run_id : str
+        The recording's id: the viewer takes two files with one id for one recording.
+    title : str
+    duration_s, rate_hz : float, int
+        Decide up front how many samples share a row, see Notes.
+    phases : sequence of Phase
+    w_ie_enu : (3,)
+        Earth rate [rad/s].
+    properties : mapping
+        Shown with the recording: seed, versions, hashes.
+
+    Raises
+    ------
+    StandError
+        `path` cannot be written.
+
+    Notes
+    -----
+    Up to 200 000 samples each sample is a row; beyond, each bin gives two rows with every
+    column's minimum and maximum, so that spikes survive. Poses follow at 50 Hz at most, and
+    only where a joint, the specific force or the rate has changed. Nothing depends on the
+    length of the blocks.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        model: StandModel,
+        run_id: str,
+        title: str,
+        duration_s: float,
+        rate_hz: int,
+        phases: Sequence[Phase],
+        w_ie_enu: ArrayLike,
+        properties: Mapping[str, str | int | float],
+    ) -> None:
+        n = round(duration_s * rate_hz)
+        w_ie = owned(w_ie_enu, "w_ie_enu", (3,))
+        self._model, self._duration_s, self._w_ie = model, duration_s, float(np.linalg.norm(w_ie))
+        self._scene = _scene(model)
+        self._samples = Thinned(WIDTH, bin_length(n, ROW_BUDGET), BLOCK_ROWS)
+        step = max(-(-rate_hz // POSE_HZ), -(-n // POSE_BUDGET), 1)
+        self._moved = Moved(step, POSE_QUANTA)
+        self._poses = Thinned(len(POSE_QUANTA), 1, BLOCK_ROWS // 4)
+        self._open = True
+        # Sent first, so that even a file cut short by a crash opens as a finished screen.
+        self._stream = _open_stream(path, run_id, _blueprint(self._scene, duration_s, Estimate()))
+        self._stream.send_recording_name(title)
+        self._stream.send_property("run", rr.AnyValues(**dict[str, Any](properties)))
+        self._send_scene(w_ie)
+        self._send_phases(phases)
+
+    def write(self, truth: TruthBlock, imu: ImuBlock) -> None:
+        """Take the next samples.
+
+        Parameters
+        ----------
+        truth : TruthBlock, n rows
+        imu : ImuBlock, n rows
+            At the same times.
+        """
+        if not np.array_equal(truth.t_ns, imu.t_ns):
+            raise ValueError("truth and imu must have the same t_ns")
+        for block in self._samples.add(truth.t_ns, _samples(truth, imu)):
+            self._send_samples(block)
+        poses = np.hstack([truth.joints, truth.w_ib_b, truth.f_b])
+        for block in self._poses.add(*self._moved.add(truth.t_ns, poses)):
+            self._send_poses(block)
+
+    def event(self, t_ns: int, level: str, text: str) -> None:
+        """Add a line to the event log; `level` is 'INFO', 'WARN' or 'ERROR'."""
+        self._send_events([t_ns], [level], [text])
+
+    def angles(self, curves: Sequence[AngleCurves]) -> None:
+        """Add what the estimators found, once, after the last samples.
+
+        The first method is the one under test: its +-3 sigma and its axes in 3D are shown.
+
+        Parameters
+        ----------
+        curves : sequence of AngleCurves
+            One per method and dwell, in any order.
+        """
+        methods = tuple(dict.fromkeys(curve.method for curve in curves))
+        if not methods:
+            return
+        for method, color in zip(methods, _cycled(METHOD_COLORS), strict=False):
+            own = sorted((c for c in curves if c.method == method), key=lambda c: int(c.t_ns[0]))
+            self._send_curves(own, color, width=2.0 if method == methods[0] else 1.2)
+        tested = [curve for curve in curves if curve.method == methods[0]]
+        factor = _exaggeration(tested)
+        self._send_sigmas(tested)
+        self._send_estimate(tested, factor)
+        layout = _blueprint(self._scene, self._duration_s, Estimate(methods, factor))
+        self._stream.send_blueprint(layout)
+
+    def documents(self, report: str, config: str) -> None:
+        """Fill the tabs Report and Config.
+
+        Parameters
+        ----------
+        report : str
+            Markdown. No subscripts, superscript minus or emoji: they stop the headless viewer.
+        config : str
+            Markdown.
+        """
+        for entity, text in (("report", report), ("config", config)):
+            self._log(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+
+    def close(self) -> None:
+        """Write what is buffered and finish the file; a second call does nothing."""
+        if not self._open:
+            return
+        for block in self._samples.rest():
+            self._send_samples(block)
+        for block in self._poses.rest():
+            self._send_poses(block)
+        self._stream.flush()
+        self._stream.disconnect()
+        self._open = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _log(self, entity: str, *parts: Any) -> None:
+        self._stream.log(entity, *parts, static=True, strict=True)
+
+    def _send(self, entity: str, t_ns: IntArray, columns: Iterable[Any]) -> None:
+        time = rr.TimeColumn(TIMELINE, duration=t_ns.astype("timedelta64[ns]"))
+        self._stream.send_columns(entity, indexes=[time], columns=columns, strict=True)
+
+    def _send_samples(self, block: Rows) -> None:
+        t_ns, values = block
+        first = 0
+        for channel in CHANNELS:
+            last = first + len(channel.names)
+            # A copy: rerun writes later, from another thread, when the buffer is in use again.
+            self._send(
+                channel.entity, t_ns, rr.Scalars.columns(scalars=values[:, first:last].copy())
+            )
+            first = last
+
+    def _send_poses(self, block: Rows) -> None:
+        t_ns, values = block
+        joints, w, f = np.split(values, [len(JOINTS), len(JOINTS) + 3], axis=1)
+        for body in self._model.bodies:
+            if body.joint is not None:
+                angle = joints[:, JOINTS.index(body.joint.name)]
+                self._send(self._scene.entities[body.name], t_ns, _hinge_columns(body, angle))
+        length = 0.4 * self._scene.radius
+        arrows = {"w": _rate_arrow(w, self._w_ie), "f": f / G0}
+        for name, arrow in arrows.items():
+            columns = rr.Arrows3D.columns(vectors=(arrow * length).astype(np.float32))
+            self._send(f"{self._scene.imu}/{name}", t_ns, columns)
+
+    def _send_events(
+        self, t_ns: Sequence[int], levels: Sequence[str], texts: Sequence[str]
+    ) -> None:
+        columns = rr.TextLog.columns(text=list(texts), level=list(levels))
+        self._send("events", np.array(t_ns, dtype=np.int64), columns)
+
+    def _send_phases(self, phases: Sequence[Phase]) -> None:
+        if not phases:
+            return
+        states = [(phase.t_from_ns, _state(phase)) for phase in phases]
+        followed = {phase.t_from_ns for phase in phases}
+        states += [(phase.t_to_ns, "") for phase in phases if phase.t_to_ns not in followed]
+        times, values = zip(*sorted(states), strict=True)
+        self._send("phase", np.array(times), rr.StateChange.columns(state=list(values)))
+        named = {_state(phase): phase for phase in phases}
+        style = rr.StateConfiguration(
+            values=list(named),
+            labels=[phase.label for phase in named.values()],
+            colors=[KIND_COLORS.get(phase.kind, GREY) for phase in named.values()],
+        )
+        self._log("phase", style)
+        self._send_events(
+            [phase.t_from_ns for phase in phases],
+            ["INFO"] * len(phases),
+            [f"{phase.kind}: {phase.label}" for phase in phases],
+        )
+
+    def _send_scene(self, w_ie: Array) -> None:
+        scene = self._scene
+        self._log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+        for body in self._model.bodies:
+            entity = scene.entities[body.name]
+            if body.joint is None:
+                self._log(entity, _transform(body.position, body.rotation))
+            for kind, solids in _solids(body.geoms):
+                self._log(f"{entity}/solids/{kind}", solids)
+        self._log(scene.imu, _transform(self._model.imu_position, self._model.imu_rotation))
+        self._send_arrow_styles(w_ie)
+        for channel in CHANNELS:
+            self._log(channel.entity, _lines(channel.names, channel.colors, width=1.2))
+
+    def _send_arrow_styles(self, w_ie: Array) -> None:
+        scene, thin = self._scene, 0.006 * self._scene.radius
+        axes = rr.Arrows3D(
+            vectors=np.eye(3) * 0.35 * scene.radius, colors=XYZ, radii=thin, labels=list(AXES)
+        )
+        self._log(f"{scene.imu}/truth", axes)
+        for name, color, label in (("f", PINK, "f"), ("w", YELLOW, "ω")):
+            style = rr.Arrows3D.from_fields(colors=[color], radii=[1.5 * thin], labels=[label])
+            self._log(f"{scene.imu}/{name}", style)
+        vectors = [[0.0, 0.0, -1.0], w_ie / max(self._w_ie, 1e-12), [0.0, 1.0, 0.0]]
+        corner = scene.center + scene.radius * np.array([-0.75, 0.45, 0.1])
+        world = rr.Arrows3D(
+            origins=[corner] * 3,
+            vectors=np.array(vectors) * 0.3 * scene.radius,
+            colors=[WHITE, YELLOW, RED],
+            radii=1.5 * thin,
+            labels=["g", "Ω Earth", "N"],
+        )
+        self._log("world/reference", world)
+
+    def _send_curves(self, curves: Sequence[AngleCurves], color: Color, width: float) -> None:
+        """One method's errors, a series per angle, and its angles, all in one entity."""
+        method = curves[0].method
+        for k, angle in enumerate(ANGLES):
+            t_ns, rows = _with_gaps((c.t_ns, c.errors[:, k : k + 1] / DEG) for c in curves)
+            entity = f"angles/{angle}/{_part(method)}"
+            self._log(entity, _lines([method], [color], width))
+            self._send(entity, t_ns, rr.Scalars.columns(scalars=rows))
+        t_ns, rows = _with_gaps((c.t_ns, c.angles / DEG) for c in curves)
+        entity = f"angles/values/{_part(method)}"
+        names = [f"{angle} {method}" for angle in ANGLES]
+        self._log(entity, _lines(names, XYZ if width > 1.5 else XYZ_PALE, width))
+        self._send(entity, t_ns, rr.Scalars.columns(scalars=rows))
+
+    def _send_sigmas(self, curves: Sequence[AngleCurves]) -> None:
+        if not any(curve.sigmas.any() for curve in curves):
+            return
+        for k, angle in enumerate(ANGLES):
+            parts = ((c.t_ns, c.sigmas[:, k : k + 1] * [3.0, -3.0] / DEG) for c in curves)
+            t_ns, rows = _with_gaps(parts)
+            self._log(f"angles/{angle}/sigma", _lines(["+3σ", "-3σ"], [GREY, GREY], 1.2))
+            self._send(f"angles/{angle}/sigma", t_ns, rr.Scalars.columns(scalars=rows))
+
+    def _send_estimate(self, curves: Sequence[AngleCurves], factor: float) -> None:
+        """Axes turned by the exaggerated error, shown during the dwells only."""
+        entity = f"{self._scene.imu}/estimate"
+        total = sum(len(curve.t_ns) for curve in curves)
+        step = -(-total // ESTIMATE_BUDGET)
+        style = rr.Arrows3D.from_fields(colors=XYZ_PALE, radii=[0.005 * self._scene.radius])
+        self._log(entity, style)
+        for curve in curves:
+            vectors = (
+                _turned_axes(curve.error_rotations[::step], factor) * 0.35 * self._scene.radius
+            )
+            self._send(entity, curve.t_ns[::step], rr.Arrows3D.columns(vectors=vectors))
+        ends = np.array([curve.t_ns[-1] + 1 for curve in curves])
+        hidden = rr.Arrows3D.columns(vectors=np.empty((0, 3))).partition([0] * len(curves))
+        self._send(entity, ends, hidden)
+
+
+def _open_stream(
+    path: str | os.PathLike[str], run_id: str, layout: rrb.Blueprint
+) -> rr.RecordingStream:
+    """A stream into a file, its first content the layout."""
+    target = Path(path)
+    stream = rr.RecordingStream("imu_test_stand", recording_id=run_id, send_properties=False)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    try:
+        target.open("wb").close()
+        stream.save(target, default_blueprint=layout)
+    except OSError as error:
+        raise StandError(f"{target}: cannot be written: {error.strerror}") from error
+    return stream
+
+
+def _samples(truth: TruthBlock, imu: ImuBlock) -> Array:
+    """The columns of `CHANNELS`, in their units."""
+    return np.hstack(
+        [
+            truth.joints / DEG,
+            imu.f_b,
+            imu.w_ib_b / DEG,
+            (imu.f_b - truth.f_b) / (1e-3 * G0),
+            (imu.w_ib_b - truth.w_ib_b) / DEG_PER_HOUR,
+        ]
+    )
+
+
+def _state(phase: Phase) -> str:
+    """A state's name: with its kind, since a dwell and a move may bear one label."""
+    return f"{phase.kind} {phase.label}"
+
+
+def _part(name: str) -> str:
+    return rr.escape_entity_path_part(name)
+
+
+def _cycled(colors: Sequence[Color]) -> Iterator[Color]:
+    while True:
+        yield from colors
+
+
+def _lines(names: Sequence[str], colors: Sequence[Color], width: float) -> rr.SeriesLines:
+    """Style of a plot's series; the default aggregation would average spikes away."""
+    return rr.SeriesLines(
+        names=list(names),
+        colors=list(colors),
+        widths=[width] * len(names),
+        aggregation_policy=AggregationPolicy.MinMax,
+    )
+
+
+def _with_gaps(parts: Iterable[Rows]) -> Rows:
+    """Rows of several dwells, thinned, each closed by a row of NaN that breaks the line."""
+    dwells = list(parts)
+    m = bin_length(sum(len(t_ns) for t_ns, _ in dwells), CURVE_BUDGET)
+    times, rows = [], []
+    for t_ns, values in dwells:
+        thin_t, thin = min_max_bins(t_ns, values, m)
+        times += [thin_t, thin_t[-1:] + 1]
+        rows += [thin, np.full((1, values.shape[1]), np.nan)]
+    return np.concatenate(times), np.concatenate(rows)
+
+
+def _exaggeration(curves: Sequence[AngleCurves]) -> float:
+    """The power of ten that shows a dwell's usual final error as 2 to 20 degrees."""
+    final = np.median([np.linalg.norm(curve.error_rotations[-1]) for curve in curves])
+    return float(10.0 ** np.clip(np.floor(np.log10(20.0 * DEG / max(final, 1e-9))), 0.0, 6.0))
+
+
+def _turned_axes(error_rotations: Array, factor: float) -> Array:
+    """Unit axes (m, 3, 3), one per row, turned by `factor` times the error, at most 60 degrees."""
+    turns = error_rotations * factor
+    norms = np.linalg.norm(turns, axis=1, keepdims=True)
+    turns *= np.minimum(1.0, 60.0 * DEG / np.maximum(norms, 1e-12))
+    return Rotation.from_rotvec(turns).as_matrix().transpose(0, 2, 1)
+
+
+def _rate_arrow(w: Array, w_ie: float) -> Array:
+    """Rates on a log scale: 0.25 long at Earth rate, as much longer per factor of 100."""
+    size = np.linalg.norm(w, axis=1, keepdims=True)
+    tiny = max(w_ie, 1e-12) / 100.0
+    length = 0.125 * np.log10(np.maximum(size / tiny, 1.0))
+    return w / np.maximum(size, 1e-15) * length
+
+
+def _hinge_columns(body: Body, angle: Array) -> Any:
+    assert body.joint is not None
+    turned = Rotation.from_quat(body.rotation) * Rotation.from_rotvec(
+        angle[:, None] * body.joint.axis
+    )
+    place = np.tile(body.position, (len(angle), 1))
+    return rr.Transform3D.columns(translation=place, quaternion=turned.as_quat())
+
+
+def _matrix(rotation: Array) -> Array:
+    return Rotation.from_quat(rotation).as_matrix()
+
+
+def _transform(position: Array, rotation: Array) -> rr.Transform3D:
+    return rr.Transform3D(translation=position, quaternion=rr.Quaternion(xyzw=rotation))
+
+
+def _solids(geoms: Sequence[Geom]) -> Iterator[tuple[str, Any]]:
+    """Each kind's solids as one batch; planes are left out: the view draws its own floor."""
+    for kind, draw in _DRAWN.items():
+        same = [geom for geom in geoms if geom.kind == kind]
+        if same:
+            yield kind, draw(*(np.array([getattr(geom, a) for geom in same]) for a in _DRAWN_BY))
+
+
+_DRAWN_BY = ("size", "position", "rotation", "rgba")
+
+
+def _boxes(size: Array, position: Array, rotation: Array, rgba: Array) -> rr.Boxes3D:
+    return rr.Boxes3D(half_sizes=size, centers=position, **_looks(rotation, rgba))
+
+
+def _cylinders(size: Array, position: Array, rotation: Array, rgba: Array) -> rr.Cylinders3D:
+    return rr.Cylinders3D(
+        radii=size[:, 0], lengths=2.0 * size[:, 1], centers=position, **_looks(rotation, rgba)
+    )
+
+
+def _capsules(size: Array, position: Array, rotation: Array, rgba: Array) -> rr.Capsules3D:
+    # Rerun's capsule begins at its origin, ours is centred.
+    start = position - size[:, 1:2] * _matrix(rotation)[:, :, 2]
+    return rr.Capsules3D(
+        radii=size[:, 0], lengths=2.0 * size[:, 1], translations=start, **_looks(rotation, rgba)
+    )
+
+
+def _spheres(size: Array, position: Array, rotation: Array, rgba: Array) -> rr.Ellipsoids3D:
+    return rr.Ellipsoids3D(radii=size[:, 0], centers=position, **_looks(rotation, rgba))
+
+
+_DRAWN = {"box": _boxes, "cylinder": _cylinders, "capsule": _capsules, "sphere": _spheres}
+
+
+def _looks(rotation: Array, rgba: Array) -> dict[str, Any]:
+    return {
+        "quaternions": rotation,
+        "colors": np.rint(rgba * 255.0).astype(np.uint8),
+        "fill_mode": "solid",
+    }
+
+
+def _scene(model: StandModel) -> Scene:
+    """Entities of the bodies, and the sphere around their solids at zero angles."""
+    entities: dict[str, str] = {}
+    poses: dict[str, tuple[Array, Array]] = {}
+    balls = []
+    for i, body in enumerate(model.bodies):
+        place, turn = poses.get(body.parent, (np.zeros(3), np.eye(3)))
+        place, turn = place + turn @ body.position, turn @ _matrix(body.rotation)
+        poses[body.name] = place, turn
+        entities[body.name] = f"{entities[body.parent]}/{_part(body.name)}" if i else "world"
+        balls += [place + turn @ geom.position for geom in body.geoms if geom.kind != "plane"]
+    spread = np.array(balls) if balls else np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    center = (spread.min(axis=0) + spread.max(axis=0)) / 2.0
+    radius = float(np.linalg.norm(spread - center, axis=1).max()) or 1.0
+    return Scene(entities, f"{entities[model.imu_body]}/imu", center, radius)
+
+
+def _blueprint(scene: Scene, duration_s: float, estimate: Estimate) -> rrb.Blueprint:
+    """The whole screen: the stand and the texts left, everything over time right."""
+    left = rrb.Vertical(_stand_view(scene, estimate), _texts(), row_shares=[3, 2])
+    return rrb.Blueprint(
+        rrb.Horizontal(left, _plots(duration_s, estimate), column_shares=[2, 3]),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="paused"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _stand_view(scene: Scene, estimate: Estimate) -> rrb.Spatial3DView:
+    title = "Stand, true axes"
+    if estimate.methods:
+        title += f"; pale: {estimate.methods[0]} estimate, error x{estimate.factor:,.0f}"
+    look = scene.center
+    return rrb.Spatial3DView(
+        origin="world",
+        name=title,
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=look + scene.radius * np.array([1.35, -1.5, 0.9]),
+            look_target=look,
+            eye_up=(0.0, 0.0, 1.0),
+        ),
+        line_grid=rrb.LineGrid3D(visible=True, spacing=0.25),
+        background=[*BACKGROUND],
+    )
+
+
+def _texts() -> rrb.Tabs:
+    return rrb.Tabs(
+        rrb.TextDocumentView(origin="report", name="Report"),
+        rrb.TextLogView(origin="events", name="Events"),
+        rrb.TextDocumentView(origin="config", name="Config"),
+        active_tab=0,
+    )
+
+
+def _plots(duration_s: float, estimate: Estimate) -> rrb.Vertical:
+    joints, accel, gyro, *residuals = (
+        _plot(channel.entity, channel.title, duration_s) for channel in CHANNELS
+    )
+    rows = [joints, accel, gyro, rrb.Tabs(*residuals, active_tab=0)]
+    phase = rrb.StateTimelineView(origin="phase", name="Phase", time_view=_axis(duration_s))
+    rows = [phase, *rows, *([_angle_plots(duration_s, estimate)] if estimate.methods else [])]
+    return rrb.Vertical(*rows, row_shares=[3, 4, 4, 4, 4, 12][: len(rows)])
+
+
+def _angle_plots(duration_s: float, estimate: Estimate) -> rrb.Tabs:
+    versus = " vs ".join(estimate.methods)
+    errors = [
+        _plot(f"angles/{angle}", f"{angle.capitalize()} error [deg], {versus}", duration_s)
+        for angle in ANGLES
+    ]
+    values = _plot("angles/values", f"Angles [deg], {versus}", duration_s)
+    return rrb.Tabs(rrb.Vertical(*errors, name="Angle errors"), values, active_tab=0)
+
+
+def _plot(origin: str, title: str, duration_s: float) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=title,
+        axis_x=_axis(duration_s),
+        plot_legend=rrb.Corner2D.RightTop,
+    )
+
+
+def _axis(duration_s: float) -> rrb.TimeAxis:
+    """The one time axis of all plots, at first the whole run."""
+    edges = [rr.TimeRangeBoundary.absolute(seconds=t) for t in (0.0, duration_s)]
+    return rrb.TimeAxis(
+        link=LinkAxis.LinkToGlobal, view_range=rr.TimeRange(start=edges[0], end=edges[1])
+    )
