@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from alignment.arrays import Array, set_owned
 
-JOINTS = ("base_roll", "base_pitch", "base_yaw", "outer", "middle", "inner")
+JOINTS: tuple[str, ...] = ("base_roll", "base_pitch", "base_yaw", "outer", "middle", "inner")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,148 @@
+"""Procedures: a turntable test as data. One TOML file each, units in the key names.
+
+A procedure is a site, limits for its moves, what to estimate, and steps: `dwell` (stand still)
+and `move` (to joint angles or to an instrument attitude).
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from alignment import ESTIMATORS, Options, Site
+from alignment.angles import Sequence, SequenceRule
+from alignment.units import DEG
+from stand import catalogue
+from stand.errors import StandError
+from stand.physics.description import JOINTS
+
+Positive = Annotated[float, Field(gt=0)]
+AngleDeg = Annotated[float, Field(ge=-36000, le=36000)]
+LONGEST_STEP = 30 * 86400.0  # s
+
+
+class SiteEntry(catalogue.Entry):
+    """Where the stand is; WGS 84 normal gravity unless `gravity_m_s2` is given."""
+
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
+    height_m: Annotated[float, Field(ge=-1000, le=10000)] = 0.0
+    gravity_m_s2: Annotated[float, Field(gt=9, lt=10.5)] | None = None
+
+    def site(self) -> Site:
+        """The same in SI."""
+        return Site(self.latitude_deg * DEG, self.height_m, self.gravity_m_s2)
+
+
+class EstimateEntry(catalogue.Entry):
+    """What to estimate from every dwell, in order of the report."""
+
+    methods: tuple[str, ...]
+    offset_window_s: Positive = 10.0
+    sequences: Literal["regular", "published"] = "regular"
+
+    @field_validator("methods")
+    @classmethod
+    def _known(cls, methods: tuple[str, ...]) -> tuple[str, ...]:
+        for method in methods:
+            if method not in ESTIMATORS:
+                raise ValueError(f"{method!r}: must be one of {', '.join(ESTIMATORS)}")
+        return methods
+
+    def options(self) -> Options:
+        """The same as the estimators take it."""
+        return Options(self.offset_window_s, SequenceRule(self.sequences))
+
+
+class LimitsEntry(catalogue.Entry):
+    """Limits of a move, for every axis that moves; never beyond the table's own."""
+
+    rate_deg_s: Positive | None = None
+    acceleration_deg_s2: Positive | None = None
+    jerk_deg_s3: Positive | None = None
+
+
+class AttitudeEntry(catalogue.Entry):
+    """An instrument attitude: turns from north-up-east, by `sequence` (methods.md section 0)."""
+
+    roll: AngleDeg = 0.0
+    yaw: AngleDeg = 0.0
+    pitch: AngleDeg = 0.0
+    sequence: Sequence = Sequence.YAW_PITCH_ROLL
+
+
+class Dwell(catalogue.Entry):
+    """Stand still."""
+
+    kind: Literal["dwell"]
+    label: Annotated[str, Field(min_length=1)]
+    duration_s: Annotated[float, Field(gt=0, le=LONGEST_STEP)]
+
+
+class Move(LimitsEntry):
+    """Go to joint angles (axes not named stay), or turn the gimbals to an attitude."""
+
+    kind: Literal["move"]
+    label: Annotated[str, Field(min_length=1)]
+    joints_deg: dict[str, AngleDeg] | None = None
+    attitude_deg: AttitudeEntry | None = None
+
+    @model_validator(mode="after")
+    def _one_target(self) -> "Move":
+        if (self.joints_deg is None) == (self.attitude_deg is None):
+            raise ValueError("must have either joints_deg or attitude_deg")
+        for name in self.joints_deg or {}:
+            if name not in JOINTS:
+                raise ValueError(f"joints_deg, {name}: must be one of {', '.join(JOINTS)}")
+        return self
+
+
+Step = Annotated[Dwell | Move, Field(discriminator="kind")]
+
+
+class ProcedureEntry(catalogue.Entry):
+    """A procedure as its TOML file says it."""
+
+    title: str
+    description: str = ""
+    table: str = "laboratory"
+    site: SiteEntry
+    estimate: EstimateEntry
+    move_limits: LimitsEntry = LimitsEntry()
+    step: Annotated[tuple[Step, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _dwells(self) -> "ProcedureEntry":
+        counts = Counter(s.label for s in self.step if isinstance(s, Dwell))
+        for label, count in counts.items():
+            if count > 1:
+                raise ValueError(f'label "{label}": {count} dwells have it, must be unique')
+        if not counts:
+            raise ValueError("step: no dwell, so nothing to estimate from")
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Procedure:
+    """A checked procedure with its id and source text."""
+
+    id: str
+    name: str
+    text: str
+    entry: ProcedureEntry
+
+    def fault(self, step: int, key: str, value: object, allowed: str) -> StandError:
+        """An error about one step: file, step, key, value, what is allowed."""
+        label = self.entry.step[step].label
+        return StandError(f'{self.name}: step {step + 1} "{label}", {key} = {value}: {allowed}')
+
+
+def load_procedure(name: str) -> Procedure:
+    """A procedure by catalogue id or path; `StandError` where it is not right."""
+    return procedure_from(catalogue.find("procedures", "procedure", name))
+
+
+def procedure_from(source: catalogue.Source) -> Procedure:
+    """Check a procedure's text."""
+    entry = catalogue.parse(source, ProcedureEntry)
+    return Procedure(source.id, source.name, source.text, entry)
