@@ -1,6 +1,7 @@
 """The stand's MJCF: loaded from the package's own files, checked, and read as plain data."""
 
-# pyright: reportAttributeAccessIssue=false  (mujoco fills its namespace from C, unseen by pyright)
+# mujoco fills its namespace from C, unseen by pyright.
+# pyright: reportAttributeAccessIssue=false
 
 import copy
 import hashlib
