@@ -128,24 +128,25 @@ class Container:
         parts = [part for part in parts if len(part.log_time)]
         if not parts:
             return
-        data, offsets = _interleaved(parts, self._numbered(parts))
+        starts, end = _starts(parts)
+        data = self._laid_out(parts, starts, end).data
         first = min(int(part.log_time[0]) for part in parts)
         last = max(int(part.log_time[-1]) for part in parts)
         record = Chunk(
             "zstd", self._compressor.compress(data), last, first, zlib.crc32(data), len(data)
         )
-        start = self._position
+        position = self._position
         self._write(_records([record]))
-        size = self._position - start
-        index_offsets = self._message_indexes(parts, offsets)
+        size = self._position - position
+        index_offsets = self._message_indexes(parts, starts)
         self._index.chunks.append(
             ChunkIndex(
                 chunk_length=size,
-                chunk_start_offset=start,
+                chunk_start_offset=position,
                 compression=record.compression,
                 compressed_size=len(record.data),
                 message_end_time=last,
-                message_index_length=self._position - start - size,
+                message_index_length=self._position - position - size,
                 message_index_offsets=index_offsets,
                 message_start_time=first,
                 uncompressed_size=len(data),
@@ -172,15 +173,16 @@ class Container:
         self._position += len(data)
         self._crc = zlib.crc32(data, self._crc)
 
-    def _numbered(self, parts: Sequence[Part]) -> list[Bytes]:
-        """The parts as message records, counted on from the topics' earlier messages."""
-        rows = []
-        for part in parts:
+    def _laid_out(self, parts: Sequence[Part], starts: Sequence[IntArray], end: int) -> Bytes:
+        """The chunk's records; sequence numbers go on from the topics' earlier messages."""
+        data = np.empty(end, np.uint8)
+        for part, places in zip(parts, starts, strict=True):
             channel = part.topic + 1
             count = self._index.counts.get(channel, 0)
-            rows.append(_message_records(part, channel, count))
-            self._index.counts[channel] = count + len(part.log_time)
-        return rows
+            _scatter(data, places, _heads(part, channel, count))
+            _scatter(data, places + MESSAGE_HEAD.itemsize, part.payload)
+            self._index.counts[channel] = count + len(places)
+        return data
 
     def _message_indexes(
         self, parts: Sequence[Part], offsets: Sequence[IntArray]
@@ -250,35 +252,35 @@ def _records(records: Iterable[McapRecord]) -> bytes:
     return builder.end()
 
 
-def _message_records(part: Part, channel: int, sequence: int) -> Bytes:
-    """The part's messages with their record heads, (n, head + length)."""
+def _heads(part: Part, channel: int, sequence: int) -> Bytes:
+    """The heads of the part's message records, (n, 31)."""
     n, length = part.payload.shape
-    rows = np.empty((n, MESSAGE_HEAD.itemsize + length), np.uint8)
-    head = rows[:, : MESSAGE_HEAD.itemsize].view(MESSAGE_HEAD)[:, 0]
+    head = np.empty(n, MESSAGE_HEAD)
     head["opcode"] = Opcode.MESSAGE
-    head["size"] = rows.shape[1] - OPCODE_AND_SIZE
+    head["size"] = MESSAGE_HEAD.itemsize - OPCODE_AND_SIZE + length
     head["channel"] = channel
     head["sequence"] = np.arange(sequence, sequence + n)
     head["log_time"] = part.log_time
     head["publish_time"] = part.log_time
-    rows[:, MESSAGE_HEAD.itemsize :] = part.payload
-    return rows
+    return head.view(np.uint8).reshape(n, MESSAGE_HEAD.itemsize)
 
 
-def _interleaved(parts: Sequence[Part], rows: Sequence[Bytes]) -> tuple[bytes, list[IntArray]]:
-    """All rows by log time (stable), and where each part's rows went."""
+def _starts(parts: Sequence[Part]) -> tuple[list[IntArray], int]:
+    """Where each message record begins when all are put in order of time (stable); the end."""
+    counts = [len(part.log_time) for part in parts]
     times = np.concatenate([part.log_time for part in parts])
-    sizes = np.repeat([r.shape[1] for r in rows], [len(r) for r in rows])
+    sizes = np.repeat([MESSAGE_HEAD.itemsize + part.payload.shape[1] for part in parts], counts)
     order = np.argsort(times, kind="stable")
-    offsets = np.empty(len(times), np.int64)
-    offsets[order] = np.cumsum(sizes[order]) - sizes[order]
-    split = np.split(offsets, np.cumsum([len(r) for r in rows])[:-1])
-    out = np.empty(int(sizes.sum()), np.uint8)
-    for starts, matrix in zip(split, rows, strict=True):
-        size = matrix.shape[1]
-        windows = np.lib.stride_tricks.sliding_window_view(out, size, writeable=True)
-        windows[starts] = matrix
-    return out.tobytes(), split
+    ends = np.cumsum(sizes[order])
+    starts = np.empty(len(times), np.int64)
+    starts[order] = ends - sizes[order]
+    return np.split(starts, np.cumsum(counts)[:-1]), int(ends[-1])
+
+
+def _scatter(out: Bytes, starts: IntArray, rows: Bytes) -> None:
+    """Put each row of bytes at its place in `out`."""
+    windows = np.lib.stride_tricks.sliding_window_view(out, rows.shape[1], writeable=True)
+    windows[starts] = rows
 
 
 def _message_index(channel: int, pairs: NDArray[Any]) -> bytes:

@@ -208,15 +208,15 @@ def _chunk_data(content: bytes) -> bytes:
 def _segment(data: bytes, found: Directory) -> Segment:
     """Finds the messages; the loop does no more than step from record to record."""
     places = []
-    at = 0
-    while at < len(data):
-        opcode, size = _HEAD.unpack_from(data, at)
-        if opcode == Opcode.MESSAGE:
+    at, end, head_at, message = 0, len(data), _HEAD.unpack_from, int(Opcode.MESSAGE)
+    while at < end:
+        opcode, size = head_at(data, at)
+        if opcode == message:
             places.append(at)
         elif opcode in _DEFINITIONS:
             found.add(opcode, data[at + OPCODE_AND_SIZE : at + OPCODE_AND_SIZE + size])
         at += OPCODE_AND_SIZE + size
-    if at > len(data):
+    if at > end:
         raise StandError("damaged: a record reaches past the end of its chunk")
     return _located(np.frombuffer(data, np.uint8), np.array(places, np.int64))
 
