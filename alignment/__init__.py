@@ -34,13 +34,15 @@ __all__ = [
 class Method:
     """An estimator as the lists show it.
 
-    `needs_latitude`: whether ``site.latitude`` must be known. `tracks` gives the attitude over
+    `needs_latitude`: whether ``site.latitude`` must be known; `needs_offset`: whether each dwell
+    must hold the offset window and be at a nominal attitude. `tracks` gives the attitude over
     time of one dwell, for curves; None where there is nothing to see.
     """
 
     title: str
     source: str
     needs_latitude: bool
+    needs_offset: bool
     estimate: Callable[[Sequence[Dwell], Site, Options], list[AttitudeEstimate]]
     tracks: Callable[[Dwell, Site, Options], list[AttitudeTrack]] | None = None
 
@@ -50,6 +52,7 @@ ESTIMATORS = {
         "Levelling and horizontal rates after zero-offset removal, no integration",
         "[S0] autonomous initial orientation, six-position test",
         True,
+        True,
         six_position,
         six_position_tracks,
     ),
@@ -57,12 +60,14 @@ ESTIMATORS = {
         "Runge-Kutta integration of offset-corrected gyros from the nominal attitude",
         "[S0] the rival of the six-position method",
         True,
+        True,
         rk4,
         rk4_tracks,
     ),
     "triad": Method(
         "Gyrocompassing from mean rate and specific force; estimates latitude too",
         "[S4] analytic gyrocompassing, full-vector form",
+        False,
         False,
         triad,
     ),

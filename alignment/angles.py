@@ -79,9 +79,8 @@ def angles_from_C_nb(sequence: Sequence, C_nb: Rotation) -> Array:
     return np.stack([roll, yaw, pitch], axis=-1)
 
 
-def is_singular(sequence: Sequence, C_nb: Rotation) -> bool:
-    """Whether the middle turn is within 0.5 deg of +-90 deg."""
-    angles = angles_from_C_nb(sequence, C_nb)
+def is_singular(sequence: Sequence, angles: Array) -> bool:
+    """Whether the middle turn of roll, yaw, pitch (3,) [rad] is within 0.5 deg of +-90 deg."""
     middle = angles[2] if sequence is Sequence.YAW_PITCH_ROLL else angles[0]
     return bool(abs(middle) > np.pi / 2 - SINGULAR)
 
@@ -103,12 +102,12 @@ def wrapped(angle: ArrayLike) -> Array:
     return (np.asarray(angle, dtype=float) + np.pi) % (2 * np.pi) - np.pi
 
 
-def tilt_and_heading_axes(sequence: Sequence, roll: float, yaw: float, pitch: float) -> Array:
+def angle_jacobian(sequence: Sequence, roll: float, yaw: float, pitch: float) -> Array:
     """Jacobian (3, 3) from a small rotation about n [rad] to (roll, yaw, pitch) [rad].
 
-    `d(roll, yaw, pitch) = J eta`, where the estimate is ``exp(eta x) C_nb``. Its columns of the
-    inverse are the axes of the turns, in NED: yaw turns about up, the second turn about its own
-    axis after yaw, the third after both. Singular where the sequence is.
+    ``d(roll, yaw, pitch) = J eta``, where the estimate is ``exp(eta x) C_nb``. The columns of
+    its inverse are the axes of the three turns in NED: up for yaw, the second turn's axis after
+    yaw, the third's after both. Singular where the sequence is.
     """
     yawed = C_N_NUE * Rotation.from_euler("Y", yaw)
     if sequence is Sequence.YAW_PITCH_ROLL:

@@ -7,12 +7,23 @@ from scipy.spatial.transform import Rotation
 
 from alignment.angles import (
     Sequence,
+    angle_jacobian,
     angles_from_C_nb,
     heading_from_C_nb,
     is_singular,
-    tilt_and_heading_axes,
 )
 from alignment.arrays import Array, owned, set_owned
+
+
+def angle_sigmas(sequence: Sequence, angles: Array, covariance: Array) -> Array | None:
+    """Standard deviations (3,) of roll, yaw, pitch from a covariance about n [rad^2].
+
+    None at the sequence's singularity, where the angles cannot be told apart.
+    """
+    if is_singular(sequence, angles):
+        return None
+    J = angle_jacobian(sequence, *angles)
+    return np.sqrt(np.diag(J @ covariance @ J.T))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,16 +80,16 @@ class AttitudeEstimate:
     @property
     def singular(self) -> bool:
         """Whether roll, yaw and pitch cannot be told apart by this sequence here."""
-        return self.C_nb is not None and is_singular(self.sequence, self.C_nb)
+        angles = self.angles
+        return angles is not None and is_singular(self.sequence, angles)
 
     @property
     def sigmas(self) -> Array | None:
         """Standard deviations of roll, yaw, pitch [rad], (3,); None where there are none."""
         angles = self.angles
-        if angles is None or self.covariance is None or self.singular:
+        if angles is None or self.covariance is None:
             return None
-        J = tilt_and_heading_axes(self.sequence, *angles)
-        return np.sqrt(np.diag(J @ self.covariance @ J.T))
+        return angle_sigmas(self.sequence, angles, self.covariance)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -29,10 +29,10 @@ from stand.samples import ImuBlock, TruthBlock
 
 
 class Stated(catalogue.Entry):
-    """A value as a data sheet states it."""
+    """A value as a data sheet states it; `unspecified`: the source does not say which kind."""
 
     value: Annotated[float, Field(ge=0)]
-    kind: Literal["typical", "1 sigma", "maximum", "assumed"]
+    kind: Literal["typical", "1 sigma", "maximum", "unspecified", "assumed"]
     source: Annotated[str, Field(min_length=1)]
 
 

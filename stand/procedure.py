@@ -121,6 +121,18 @@ class ProcedureEntry(catalogue.Entry):
             raise ValueError("step: no dwell, so nothing to estimate from")
         return self
 
+    @model_validator(mode="after")
+    def _long_enough(self) -> "ProcedureEntry":
+        window = self.estimate.offset_window_s
+        needed = any(ESTIMATORS[m].needs_offset for m in self.estimate.methods)
+        for index, step in enumerate(self.step if needed else ()):
+            if isinstance(step, Dwell) and step.duration_s < window:
+                raise ValueError(
+                    f'step {index + 1} "{step.label}", duration_s = {step.duration_s:g}: '
+                    f"must be at least offset_window_s = {window:g}"
+                )
+        return self
+
 
 @dataclass(frozen=True, slots=True)
 class Procedure:

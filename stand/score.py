@@ -1,0 +1,185 @@
+"""Estimates set against what was true and what was nominal, and their JSON form."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
+from alignment.angles import angles_from_C_nb, heading_from_C_nb, wrapped
+from alignment.arrays import Array
+from alignment.units import DEG
+
+# [S0], methods.md section 1: n-1 deviations over six positions [deg], roll, yaw, pitch
+PUBLISHED = {
+    "six-position": (0.009105, 0.006733, 0.017117),
+    "rk4": (0.213968, 0.222806, 0.385168),
+}
+ANGLES = ("roll", "yaw", "pitch")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truths:
+    """What is known about a dwell apart from the readings: None where nobody knows.
+
+    `C_nb` the true attitude, `nominal` what the table was told, `latitude` [rad].
+    """
+
+    C_nb: Rotation | None = None
+    nominal: Rotation | None = None
+    latitude: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Score:
+    """An estimate with its errors.
+
+    `error`, `error_nominal` (3,): roll, yaw, pitch [rad], estimate minus truth (nominal), read
+    by the estimate's own sequence and wrapped; `heading_error`, `latitude_error` [rad]. None
+    where there is nothing to compare.
+    """
+
+    estimate: AttitudeEstimate
+    error: Array | None
+    error_nominal: Array | None
+    heading_error: float | None
+    latitude_error: float | None
+
+
+def score(estimate: AttitudeEstimate, truths: Truths) -> Score:
+    """Set one estimate against what is known."""
+    latitude_error = None
+    if estimate.latitude is not None and truths.latitude is not None:
+        latitude_error = estimate.latitude - truths.latitude
+    return Score(
+        estimate,
+        angle_error(estimate, truths.C_nb),
+        angle_error(estimate, truths.nominal),
+        _heading_error(estimate, truths.C_nb),
+        latitude_error,
+    )
+
+
+def angle_error(estimate: AttitudeEstimate, reference: Rotation | None) -> Array | None:
+    """Roll, yaw, pitch [rad] of the estimate minus those of `reference`, wrapped."""
+    if reference is None or estimate.angles is None:
+        return None
+    return wrapped(estimate.angles - angles_from_C_nb(estimate.sequence, reference))
+
+
+def _heading_error(estimate: AttitudeEstimate, truth: Rotation | None) -> float | None:
+    if truth is None or estimate.heading is None:
+        return None
+    true_heading = heading_from_C_nb(truth)
+    return None if true_heading is None else float(wrapped(estimate.heading - true_heading))
+
+
+def evaluate(
+    dwells: Sequence[Dwell],
+    truths: Sequence[Truths],
+    site: Site,
+    options: Options,
+    methods: Sequence[str],
+) -> list[Score]:
+    """Run the methods over the dwells and score every estimate.
+
+    An estimate belongs to the dwell of its label; one from several dwells has no true attitude.
+    """
+    known = {dwell.label: truth for dwell, truth in zip(dwells, truths, strict=True)}
+    several = Truths(latitude=truths[0].latitude if truths else None)
+    return [
+        score(estimate, known.get(estimate.label, several))
+        for method in methods
+        for estimate in ESTIMATORS[method].estimate(dwells, site, options)
+    ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spread:
+    """Errors of one method over its positions: `sigma` about their mean (n - 1), `rms` about 0.
+
+    Both (3,): roll, yaw, pitch [rad]; `count` positions; `reference` 'truth' or 'nominal'.
+    """
+
+    method: str
+    window: str
+    reference: str
+    count: int
+    sigma: Array
+    rms: Array
+
+
+def spreads(scores: Sequence[Score]) -> list[Spread]:
+    """Per method and window, over two positions or more, against truth and against nominal."""
+    found = []
+    for (method, window), group in groupby(
+        scores, lambda s: (s.estimate.method, s.estimate.window)
+    ):
+        members = list(group)
+        for reference, key in (("truth", "error"), ("nominal", "error_nominal")):
+            errors = [e for s in members if (e := getattr(s, key)) is not None]
+            if len(errors) >= 2:
+                found.append(_spread(method, window, reference, np.array(errors)))
+    return found
+
+
+def _spread(method: str, window: str, reference: str, errors: Array) -> Spread:
+    sigma = errors.std(axis=0, ddof=1)
+    rms = np.sqrt((errors**2).mean(axis=0))
+    return Spread(method, window, reference, len(errors), sigma, rms)
+
+
+def by_method(scores: Sequence[Score]) -> list[Score]:
+    """The same scores, ordered so that each method's windows stand together."""
+    methods = list(dict.fromkeys(s.estimate.method for s in scores))
+    windows = list(dict.fromkeys(s.estimate.window for s in scores))
+    return sorted(
+        scores,
+        key=lambda s: (methods.index(s.estimate.method), windows.index(s.estimate.window)),
+    )
+
+
+def score_to_json(scored: Score) -> dict[str, object]:
+    """One estimate for machines: degrees, absent where there is no value."""
+    e = scored.estimate
+    entry: dict[str, object] = {"method": e.method, "label": e.label}
+    if e.window:
+        entry["window"] = e.window
+    entry |= {"t_from_s": e.t_from, "t_to_s": e.t_to, "sequence": e.sequence.value}
+    entry["heading_deg"] = None if e.heading is None else e.heading / DEG
+    entry |= _named("", e.angles)
+    entry["singular"] = e.singular
+    if e.latitude is not None:
+        entry["latitude_deg"] = e.latitude / DEG
+    entry |= _named("sigma_", e.sigmas)
+    if e.sigmas is not None and e.heading is not None and e.covariance is not None:
+        entry["sigma_heading_deg"] = float(np.sqrt(e.covariance[2, 2])) / DEG
+    if e.latitude_sigma is not None:
+        entry["sigma_latitude_deg"] = e.latitude_sigma / DEG
+    entry |= _named("error_", scored.error)
+    if scored.heading_error is not None:
+        entry["error_heading_deg"] = scored.heading_error / DEG
+    if scored.latitude_error is not None:
+        entry["error_latitude_deg"] = scored.latitude_error / DEG
+    entry |= _named("error_nominal_", scored.error_nominal)
+    entry["flags"] = list(e.flags)
+    return entry
+
+
+def _named(prefix: str, angles: Array | None) -> dict[str, object]:
+    if angles is None:
+        return {}
+    return {f"{prefix}{n}_deg": float(a) / DEG for n, a in zip(ANGLES, angles, strict=True)}
+
+
+def spread_to_json(spread: Spread) -> dict[str, object]:
+    """One row of deviations for machines, in degrees."""
+    entry: dict[str, object] = {
+        "method": spread.method,
+        "window": spread.window,
+        "reference": spread.reference,
+        "positions": spread.count,
+    }
+    return entry | _named("sigma_", spread.sigma) | _named("rms_", spread.rms)
