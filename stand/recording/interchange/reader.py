@@ -1,6 +1,7 @@
 """Reading IMU logs from MCAP files, our own and foreign ones."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -166,16 +167,23 @@ def _columns(
     """The topic's frame_id and the named columns of all its messages, checked."""
     frame = ""
     parts: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
-    try:
-        for frame_here, batch in _batches(file, found, _channel_ids(found, topic)):
-            frame = frame or frame_here
-            for name in names:
-                parts[name].append(getattr(batch, name))
+    for frame_here, batch in _batches(file, found, topic):
+        frame = frame or frame_here
+        for name in names:
+            parts[name].append(getattr(batch, name))
+    with _told_of(topic):
         columns = {name: _joined(parts[name]) for name in names}
         _check(columns)
+    return frame, columns
+
+
+@contextmanager
+def _told_of(topic: str) -> Iterator[None]:
+    """Faults of the messages, not of the file, are told with their topic."""
+    try:
+        yield
     except StandError as error:
         raise StandError(f"{topic}: {error}") from error
-    return frame, columns
 
 
 def _channel_ids(found: Directory, topic: str) -> list[int]:
@@ -186,16 +194,17 @@ def _channel_ids(found: Directory, topic: str) -> list[int]:
     return [channel.id for channel in channels]
 
 
-def _batches(
-    file: BinaryIO, found: Directory, channel_ids: Sequence[int]
-) -> Iterator[tuple[str, ImuBatch]]:
+def _batches(file: BinaryIO, found: Directory, topic: str) -> Iterator[tuple[str, ImuBatch]]:
     """Decoded messages with the frame_id of their first, chunk by chunk."""
+    with _told_of(topic):
+        channel_ids = _channel_ids(found, topic)
     count = 0
     for segment in segments(file, found):
         rows = np.isin(segment.channel, channel_ids)
         start, size = segment.start[rows], segment.size[rows]
         if len(start):
-            batch = decode_imu(segment.data, start, size, first=count)
+            with _told_of(topic):
+                batch = decode_imu(segment.data, start, size, first=count)
             yield frame_id(segment.data, int(start[0])), batch
             count += len(start)
 

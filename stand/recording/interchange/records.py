@@ -94,7 +94,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     except StandError as error:
         raise StandError(f"{path}: {error}") from error
     except _DAMAGE as error:
-        raise StandError(f"{path}: damaged: {error or 'a record is too short'}") from error
+        raise StandError(f"{path}: damaged: {str(error) or 'a record is too short'}") from error
 
 
 # What the mcap package and the decompressors raise on bytes that make no sense.
