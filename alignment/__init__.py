@@ -36,11 +36,13 @@ class Method:
 
     `needs_latitude`: whether ``site.latitude`` must be known; `needs_offset`: whether each dwell
     must hold the offset window and be at a nominal attitude. `tracks` gives the attitude over
-    time of one dwell, for curves; None where there is nothing to see.
+    time of one dwell, for curves; None where there is nothing to see. `note` says what a reader of
+    its numbers must know.
     """
 
     title: str
     source: str
+    note: str
     needs_latitude: bool
     needs_offset: bool
     estimate: Callable[[Sequence[Dwell], Site, Options], list[AttitudeEstimate]]
@@ -51,6 +53,7 @@ ESTIMATORS = {
     "six-position": Method(
         "Levelling and horizontal rates after zero-offset removal, no integration",
         "[S0] autonomous initial orientation, six-position test",
+        "± predicted from the scatter of block means, the zero offset's own noise included",
         True,
         True,
         six_position,
@@ -59,6 +62,7 @@ ESTIMATORS = {
     "rk4": Method(
         "Runge-Kutta integration of offset-corrected gyros from the nominal attitude",
         "[S0] the rival of the six-position method",
+        "drift at the end of the dwell; ± predicted from the angle random walk seen in the data",
         True,
         True,
         rk4,
@@ -67,6 +71,7 @@ ESTIMATORS = {
     "triad": Method(
         "Gyrocompassing from mean rate and specific force; estimates latitude too",
         "[S4] analytic gyrocompassing, full-vector form",
+        "± is noise alone: constant biases come through, b/g in tilt, b/(W cos lat) in heading",
         False,
         False,
         triad,

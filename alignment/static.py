@@ -186,7 +186,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
 def heading_doubt(covariance: Array) -> tuple[str, ...]:
     """A flag when heading is too unsure for first-order theory (sigma above 8 deg)."""
     sigma = float(np.degrees(np.sqrt(covariance[2, 2])))
-    return (f"heading sigma {sigma:.0f} deg: beyond first order",) if sigma > 8.0 else ()
+    return ("heading sigma above 8 deg: beyond first order",) if sigma > 8.0 else ()
 
 
 def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrack]:

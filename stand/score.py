@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -114,10 +113,7 @@ class Spread:
 def spreads(scores: Sequence[Score]) -> list[Spread]:
     """Per method and window, over two positions or more, against truth and against nominal."""
     found = []
-    for (method, window), group in groupby(
-        scores, lambda s: (s.estimate.method, s.estimate.window)
-    ):
-        members = list(group)
+    for (method, window), members in by_method(scores):
         for reference, key in (("truth", "error"), ("nominal", "error_nominal")):
             errors = [e for s in members if (e := getattr(s, key)) is not None]
             if len(errors) >= 2:
@@ -131,14 +127,12 @@ def _spread(method: str, window: str, reference: str, errors: Array) -> Spread:
     return Spread(method, window, reference, len(errors), sigma, rms)
 
 
-def by_method(scores: Sequence[Score]) -> list[Score]:
-    """The same scores, ordered so that each method's windows stand together."""
-    methods = list(dict.fromkeys(s.estimate.method for s in scores))
-    windows = list(dict.fromkeys(s.estimate.window for s in scores))
-    return sorted(
-        scores,
-        key=lambda s: (methods.index(s.estimate.method), windows.index(s.estimate.window)),
-    )
+def by_method(scores: Sequence[Score]) -> list[tuple[tuple[str, str], list[Score]]]:
+    """The scores of each (method, window), in order of first appearance."""
+    groups: dict[tuple[str, str], list[Score]] = {}
+    for s in scores:
+        groups.setdefault((s.estimate.method, s.estimate.window), []).append(s)
+    return list(groups.items())
 
 
 def score_to_json(scored: Score) -> dict[str, object]:

@@ -1,5 +1,6 @@
 """A run from procedure to result: plan, truth, readings, recording, estimates, scores."""
 
+import hashlib
 import json
 import os
 import platform
@@ -237,7 +238,7 @@ class _Run:
         return ReviewWriter(
             self.folder / "run.rrd",
             model=self.stand,
-            run_id=run_id(settings),
+            run_id=self._unique_id(),
             title=f"{settings.procedure.entry.title}: {settings.imu.title}, seed {settings.seed}",
             duration_s=self.plan.motion.duration,
             rate_hz=settings.rate_hz,
@@ -245,6 +246,11 @@ class _Run:
             w_ie_enu=C_NW.inv().apply(settings.site.w_ie_n),
             properties=self._metadata()[RUN],
         )
+
+    def _unique_id(self) -> str:
+        """Viewers merge recordings of one id: rate, site and presets must tell apart too."""
+        digest = hashlib.sha256(json.dumps(self._metadata(), sort_keys=True).encode())
+        return f"{run_id(self.settings)}_{digest.hexdigest()[:8]}"
 
     def _metadata(self) -> dict[str, dict[str, str]]:
         s = self.settings

@@ -129,13 +129,13 @@ class Truth:
         ValueError
             A value that is not finite (MuJoCo itself would not say so).
         """
+        if not np.isfinite(joints.sum() + rates.sum() + accelerations.sum()):
+            raise _not_finite(joints, rates, accelerations)
         n = len(joints)
         raw = np.empty((n, sum(size for _, size in _SENSORS)))
         for first in range(0, n, ROWS):
             part = slice(first, min(first + ROWS, n))
             raw[part] = self._evaluate(joints[part], rates[part], accelerations[part])
-        if not np.isfinite(raw).all():
-            raise _not_finite(joints, rates, accelerations)
         coriolis = _cross(raw[:, 9:12], raw[:, 6:9])
         coriolis *= 2
         return Instants(
@@ -225,7 +225,7 @@ def _not_finite(joints: Array, rates: Array, accelerations: Array) -> ValueError
         if not np.isfinite(values).all():
             row, axis = np.argwhere(~np.isfinite(values))[0]
             return ValueError(f"{name} of joint {JOINTS[axis]}: not finite at row {row}")
-    return ValueError("the sensors overflow: joint motion too large")
+    return ValueError("joint motion: too large")
 
 
 def _simpson(values: Array, ends: Array, starts: IntArray) -> Array:

@@ -164,7 +164,8 @@ def _stamps(path: Path, t: Array) -> tuple[IntArray, int]:
     if len(back):
         k = int(back[0]) + 1
         raise StandError(
-            f"{path}: row {k + 1}, column t = {t[k]:.9g} s: must be above {t[k - 1]:.9g} s before it"
+            f"{path}: row {k + 1}, column t = {t[k]:.9g} s: must be above the row before, "
+            f"{t[k - 1]:.9g} s"
         )
     if t[0] >= YEAR_1990 and t[-1] < YEAR_2100:
         whole = int(t[0])

@@ -1,0 +1,478 @@
+"""The `stand` command: the only module that talks to a person.
+
+Heavy imports (MuJoCo, SciPy, rerun) wait inside the commands, so that `--help` answers at once.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import AbstractContextManager, nullcontext
+from enum import StrEnum
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stand import __version__
+from stand.errors import StandError, unknown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from alignment import Options, Site
+    from stand.procedure import SiteEntry
+    from stand.session import RunResult
+
+app = typer.Typer(
+    name="stand",
+    help="Virtual IMU test stand: rehearse a turntable test, record it, align from readings.\n\n"
+    "Start with: stand run six-position",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+class SamplingChoice(StrEnum):
+    """See `stand.physics.truth.Sampling`."""
+
+    mean = "mean"
+    instant = "instant"
+
+
+class RuleChoice(StrEnum):
+    """See `alignment.angles.SequenceRule`."""
+
+    regular = "regular"
+    published = "published"
+
+
+class Catalogue(StrEnum):
+    """What `stand list` can list."""
+
+    procedures = "procedures"
+    imus = "imus"
+    tables = "tables"
+    methods = "methods"
+
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for machines, no tables.")]
+LatitudeOption = Annotated[
+    float | None, typer.Option(metavar="DEG", help="Geodetic latitude; else the file's own.")
+]
+HeightOption = Annotated[
+    float | None, typer.Option(metavar="M", help="Height above the ellipsoid; else the file's own.")
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
+RuleOption = Annotated[
+    RuleChoice | None,
+    typer.Option(
+        help="Which order of turns each position is read by: 'regular' is never singular in the "
+        "six positions, 'published' is as printed in the source."
+    ),
+]
+
+
+def main() -> None:
+    """Entry point: known faults become one line and exit code 2."""
+    sys.exit(guarded(lambda: app(standalone_mode=False)))
+
+
+def guarded(command: Callable[[], Any]) -> int:
+    """Run a command; exit code 0, 2 for bad input, 130 when interrupted."""
+    try:
+        code = command()
+    except typer.TyperException as error:
+        message = error.format_message()
+        return _complain(message) if message else 2  # no arguments: the help was shown
+    except typer.Abort:
+        return _complain("interrupted: nothing was written", 130)
+    except KeyboardInterrupt:
+        return _complain("interrupted: nothing was written", 130)
+    except typer.Exit as stop:
+        return stop.exit_code
+    except StandError as error:
+        return _complain(str(error))
+    except Exception as error:
+        if type(error).__module__ != "alignment.errors":  # imported only where it was raised
+            raise
+        return _complain(str(error))
+    return code if isinstance(code, int) else 0
+
+
+def _complain(message: str, code: int = 2) -> int:
+    print(f"stand: {' '.join(message.split())}", file=sys.stderr)
+    return code
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"stand {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def run(
+    procedure: Annotated[
+        str, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
+    ],
+    imu: Annotated[
+        str, typer.Option(metavar="ID", help="Unit (stand list imus) or a TOML file.")
+    ] = "stim300",
+    table: Annotated[
+        str | None, typer.Option(metavar="ID", help="Table (stand list tables) or a TOML file.")
+    ] = None,
+    latitude: LatitudeOption = None,
+    height: HeightOption = None,
+    rate: Annotated[int, typer.Option(metavar="HZ", help="Sample rate, 1 to 10000 Hz.")] = 200,
+    sampling: Annotated[
+        SamplingChoice,
+        typer.Option(help="A sample is the mean over its interval, or the instant at its end."),
+    ] = SamplingChoice.mean,
+    sequences: RuleOption = None,
+    seed: Annotated[int, typer.Option(metavar="N", help="Same seed, same bytes.")] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Default: recordings/PROCEDURE_IMU_seedN."),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Simulate a procedure on the stand, record it, estimate, and score against the truth.
+
+    Leaves run.mcap (every sample, ROS 2), run.rrd (review: stand view DIR) and result.json.
+
+    Example: stand run six-position --imu ring-laser --latitude 51.08 --seed 3
+    """
+    from stand.imu import load_imu
+    from stand.physics.truth import Sampling
+    from stand.procedure import load_procedure
+    from stand.session import Settings, refuse_existing, result_json, run_id
+    from stand.session import run as run_session
+    from stand.table import load_table
+
+    loaded = load_procedure(procedure)
+    settings = Settings(
+        loaded,
+        load_imu(imu),
+        load_table(table or loaded.entry.table),
+        _site(loaded.entry.site, latitude, height),
+        _options(loaded.entry.estimate.options(), sequences),
+        rate,
+        Sampling(sampling.value),
+        seed,
+    )
+    folder = out or Path("recordings") / run_id(settings)
+    refuse_existing(folder, force)
+    with _progress(f"{settings.procedure.id}, {settings.imu.id}", as_json) as report:
+        result = run_session(settings, folder, force, report)
+    if as_json:
+        _print_json(result_json(result) | {"out": str(folder)})
+    else:
+        _show_run(result)
+
+
+def _show_run(result: RunResult) -> None:
+    from stand.report.console import console, show
+    from stand.report.document import ANGLE_NOTE, score_tables
+
+    out = console()
+    s = result.settings
+    out.print(
+        f"[bold]{s.procedure.entry.title}[/bold]: {s.imu.title}, seed {s.seed}, "
+        f"{result.samples} samples at {s.rate_hz} Hz ({s.sampling.value})\n"
+    )
+    show(out, score_tables(result.scores))
+    out.print(ANGLE_NOTE, style="dim")
+    out.print(f"\nRecorded in [bold]{result.out}[/bold]: run.mcap, run.rrd, result.json")
+    out.print(f"Review it: stand view {result.out}", soft_wrap=True)
+
+
+@app.command()
+def align(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help="MCAP files with sensor_msgs/msg/Imu, or folders of stand run."),
+    ],
+    method: Annotated[
+        str | None,
+        typer.Option(metavar="ID", help="stand list methods; else the recording's own, or triad."),
+    ] = None,
+    latitude: LatitudeOption = None,
+    height: HeightOption = None,
+    t_from: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Use readings from here ...")
+    ] = None,
+    t_to: Annotated[float | None, typer.Option("--to", metavar="S", help="... to here.")] = None,
+    topic: Annotated[
+        str | None, typer.Option(help="Which IMU topic, where there are several.")
+    ] = None,
+    sequences: RuleOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Estimate the attitude from recordings: ours, or any MCAP with an IMU at rest.
+
+    Several recordings are several dwells of one unit: positions with opposite verticals also
+    give a latitude free of that axis's bias.
+
+    Example: stand align up.mcap down.mcap --method triad
+    """
+    from alignment import ESTIMATORS
+    from alignment.units import DEG
+    from stand.log import load_log
+    from stand.score import evaluate, score_to_json, spread_to_json, spreads
+
+    if method is not None and method not in ESTIMATORS:
+        raise unknown("method", method, ESTIMATORS)
+    with _working("reading", as_json):
+        logs = [load_log(_file_in(p, "run.mcap"), topic, t_from, t_to) for p in recordings]
+    first = logs[0]
+    methods = [method] if method else first.methods
+    site = _with(first.site, latitude, height)
+    options = _options(first.options, sequences)
+    dwells = [d for log in logs for d in log.dwells]
+    truths = [t for log in logs for t in log.truths]
+    _check_labels([d.label for d in dwells])
+    for name in methods:
+        if ESTIMATORS[name].needs_latitude and site.latitude is None:
+            raise StandError(
+                f"{recordings[0]}: method {name} needs the latitude: give --latitude DEG"
+            )
+    with _working("estimating", as_json):
+        scores = evaluate(dwells, truths, site, options, methods)
+    if not as_json:
+        _show_scores(scores)
+        return
+    _print_json(
+        {
+            "recordings": [log.path for log in logs],
+            "topic": first.topic,
+            "latitude_deg": None if site.latitude is None else site.latitude / DEG,
+            "estimates": [score_to_json(s) for s in scores],
+            "spreads": [spread_to_json(s) for s in spreads(scores)],
+        }
+    )
+
+
+def _show_scores(scores: Sequence[Any]) -> None:
+    from stand.report.console import console, show
+    from stand.report.document import ANGLE_NOTE, score_tables
+
+    out = console()
+    show(out, score_tables(scores))
+    out.print(ANGLE_NOTE, style="dim")
+
+
+def _check_labels(labels: Sequence[str]) -> None:
+    for label in labels:
+        if labels.count(label) > 1:
+            raise StandError(f"two dwells are called {label!r}: give each recording its own name")
+
+
+@app.command("import")
+def import_log(
+    file: Annotated[Path, typer.Argument(help="A foreign log.")],
+    columns: Annotated[
+        str,
+        typer.Option(help="The file's columns in order, out of t,gx,gy,gz,ax,ay,az; - skips one."),
+    ],
+    gyro_unit: Annotated[str, typer.Option(help="deg/s, rad/s or deg/h.")],
+    accel_unit: Annotated[str, typer.Option(help="m/s^2, g or mg.")],
+    out: Annotated[Path, typer.Option(metavar="X.mcap", help="The recording to write.")],
+    time_unit: Annotated[str, typer.Option(help="s, ms, us or ns.")] = "s",
+    file_format: Annotated[
+        str | None,
+        typer.Option(
+            "--format", help="csv, or f8le (rows of little-endian float64); else by ending."
+        ),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Bring a foreign log into an MCAP that stand align and every ROS 2 tool reads.
+
+    Example: stand import log.csv --columns t,gx,gy,gz,ax,ay,az --gyro-unit deg/s
+    --accel-unit m/s^2 --out log.mcap
+    """
+    from stand.log import RUN
+    from stand.recording.foreign import load_foreign
+    from stand.recording.interchange.writer import write_imu_log
+
+    if out.exists() and not force:
+        raise StandError(f"--out {out}: exists; --force replaces it")
+    if out.is_dir() or out.resolve() == file.resolve():
+        raise StandError(f"--out {out}: must be a new file")
+    with _working("importing", as_json):
+        log = load_foreign(file, columns, gyro_unit, accel_unit, time_unit, file_format)
+        record = {
+            "source": file.name,
+            "columns": columns,
+            "gyro_unit": gyro_unit,
+            "accel_unit": accel_unit,
+            "time_unit": time_unit,
+            "epoch_ns": str(log.epoch_ns),
+            "stand_version": __version__,
+        }
+        beside = out.with_name(f".{out.name}.partial")
+        try:
+            write_imu_log(
+                beside,
+                t_ns=log.t_ns,
+                w_ib_b=log.w_ib_b,
+                f_b=log.f_b,
+                epoch_ns=log.epoch_ns,
+                metadata={RUN: record},
+            )
+            beside.replace(out)
+        finally:
+            beside.unlink(missing_ok=True)
+    _show_import(out, log, as_json)
+
+
+def _show_import(out: Path, log: Any, as_json: bool) -> None:
+    import numpy as np
+
+    from alignment.units import DEG_PER_HOUR
+
+    steps = np.diff(log.t_ns) * 1e-9
+    rate = np.linalg.norm(log.w_ib_b.mean(axis=0)) / DEG_PER_HOUR
+    force = np.linalg.norm(log.f_b.mean(axis=0))
+    facts: dict[str, Any] = {
+        "out": str(out),
+        "samples": len(log.t_ns),
+        "t_from_s": float(log.t_ns[0] * 1e-9),
+        "t_to_s": float(log.t_ns[-1] * 1e-9),
+        "rate_hz": float(1 / steps.mean()),
+        "longest_gap_s": float(steps.max()),
+        "mean_rate_deg_h": float(rate),
+        "mean_force_m_s2": float(force),
+    }
+    if as_json:
+        _print_json(facts)
+        return
+    print(
+        f"{out}: {facts['samples']} samples from {facts['t_from_s']:.3f} to "
+        f"{facts['t_to_s']:.3f} s, {facts['rate_hz']:.4g} Hz (longest step "
+        f"{facts['longest_gap_s'] * 1e3:.3g} ms)\n"
+        f"mean rate {rate:.4g} deg/h (Earth: 15.04), mean specific force {force:.5f} m/s^2\n"
+        f"Align it: stand align {out}"
+    )
+
+
+@app.command("list")
+def list_entries(
+    what: Annotated[Catalogue, typer.Argument(help="procedures, imus, tables or methods.")],
+    as_json: JsonOption = False,
+) -> None:
+    """List the catalogue: what can be run, simulated, estimated."""
+    from stand.report.listing import listing
+
+    entries = listing(what.value)
+    if as_json:
+        _print_json(entries)
+        return
+    from stand.report.console import console, show
+    from stand.report.document import TableData
+
+    columns = tuple(entries[0])
+    rows = tuple(tuple(str(entry[c]) for c in columns) for entry in entries)
+    show(console(), [TableData(f"{what.value}", columns, rows)])
+
+
+@app.command()
+def view(
+    recording: Annotated[Path, typer.Argument(help="Folder of stand run, an .rrd or an .mcap.")],
+) -> None:
+    """Open a recording in the rerun viewer."""
+    from stand.recording.viewer import view as open_viewer
+
+    open_viewer(_file_in(recording, "run.rrd"))
+
+
+def _file_in(path: Path, name: str) -> Path:
+    return path / name if path.is_dir() else path
+
+
+def _site(entry: SiteEntry, latitude: float | None, height: float | None) -> Site:
+    return _with(entry.site(), latitude, height)
+
+
+def _with(site: Site, latitude: float | None, height: float | None) -> Site:
+    """The site with what the command line says instead."""
+    from dataclasses import replace
+
+    from alignment.units import DEG
+
+    if latitude is not None:
+        if not abs(latitude) <= 90:
+            raise StandError(f"--latitude {latitude:g}: must be -90 to 90 deg")
+        site = replace(site, latitude=latitude * DEG)
+    if height is not None:
+        if not (isfinite(height) and -1000 <= height <= 10000):
+            raise StandError(f"--height {height:g}: must be -1000 to 10000 m")
+        site = replace(site, height=height)
+    return site
+
+
+def _options(options: Options, sequences: RuleChoice | None) -> Options:
+    from dataclasses import replace
+
+    from alignment.angles import SequenceRule
+
+    return options if sequences is None else replace(options, rule=SequenceRule(sequences.value))
+
+
+def _print_json(value: Any) -> None:
+    print(json.dumps(value, indent=1, allow_nan=False))
+
+
+class _Bar:
+    """A progress bar on stderr, drawn only for a person."""
+
+    def __init__(self, title: str) -> None:
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        from stand.report.console import console
+
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.percentage:3.0f} %"),
+            TimeRemainingColumn(),
+            console=console(stderr=True),
+            transient=True,
+        )
+        self._task = self._progress.add_task(title, total=1.0)
+
+    def __enter__(self) -> Callable[[float], None]:
+        self._progress.start()
+        return lambda done: self._progress.update(self._task, completed=done)
+
+    def __exit__(self, *exc: object) -> None:
+        self._progress.stop()
+
+
+def _progress(title: str, quiet: bool) -> AbstractContextManager[Callable[[float], None]]:
+    if quiet or not sys.stderr.isatty():
+        return nullcontext(lambda done: None)
+    return _Bar(title)
+
+
+def _working(what: str, quiet: bool) -> AbstractContextManager[Any]:
+    if quiet or not sys.stderr.isatty():
+        return nullcontext()
+    from stand.report.console import console
+
+    return console(stderr=True).status(what)

@@ -1,0 +1,173 @@
+"""The verdict of a run as tables: plain data first, then markdown; a terminal has its own view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from alignment import ESTIMATORS
+from alignment.arrays import Array
+from alignment.units import DEG
+from stand.score import PUBLISHED, Score, Spread, by_method, spreads
+
+if TYPE_CHECKING:
+    from stand.session import RunResult
+
+WINDOWS = {
+    "": "",
+    "same": ", same window",
+    "fresh": ", fresh window",
+    "pair": ", opposed pairs",
+}
+ANGLE_NOTE = (
+    "Yaw is positive from north to west: heading = -yaw. A vertical X1 has no heading; there yaw "
+    "is the turn about up of the sequence yaw-roll-pitch (y-r-p), elsewhere of yaw-pitch-roll "
+    "(y-p-r)."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TableData:
+    """A table of text: `rows` of one cell per column, then `footers` set apart from them."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    footers: tuple[tuple[str, ...], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def number(value: float) -> str:
+    """A signed number of degrees: four decimals, or its power of ten where those show nothing."""
+    if value == 0:
+        return "0"
+    if abs(value) < 5e-4:
+        return f"{value:+.1e}"
+    return f"{value:+.4f}" if abs(value) < 10 else f"{value:+.2f}"
+
+
+def angle(value: float) -> str:
+    """An angle with four decimals and no negative zero."""
+    return f"{round(value, 4) + 0.0:.4f}"
+
+
+def score_tables(scores: Sequence[Score]) -> list[TableData]:
+    """One table per method and window: angles, errors with predicted sigma, deviations."""
+    rows = spreads(scores)
+    tables = []
+    for (method, window), members in by_method(scores):
+        own = [s for s in rows if (s.method, s.window) == (method, window)]
+        tables.append(_pair_table(members) if window == "pair" else _table(members, own))
+    return tables
+
+
+def _table(scores: Sequence[Score], deviations: Sequence[Spread]) -> TableData:
+    first = scores[0].estimate
+    scored = any(s.error is not None for s in scores)
+    latitude = any(s.estimate.latitude is not None for s in scores)
+    columns = ["position", "turns", "roll", "yaw", "pitch"]
+    columns += [f"{'error' if scored else 'sigma'} {a}" for a in ("roll", "yaw", "pitch")]
+    columns += ["latitude"] if latitude else []
+    title = f"{first.method}{WINDOWS[first.window]} [deg]: {ESTIMATORS[first.method].title}"
+    return TableData(
+        title,
+        tuple(columns),
+        tuple(_row(s, scored, latitude) for s in scores),
+        tuple(_footers(first.method, deviations, len(columns))),
+        tuple(_notes(scores)),
+    )
+
+
+def _row(scored: Score, with_error: bool, latitude: bool) -> tuple[str, ...]:
+    e = scored.estimate
+    assert e.angles is not None
+    turns = "singular" if e.singular else "-".join(word[0] for word in e.sequence.value.split("-"))
+    cells = [e.label, turns, *(angle(a / DEG) for a in e.angles)]
+    for i in range(3):
+        sigma = "" if e.sigmas is None else f"± {e.sigmas[i] / DEG:.1g}"
+        error = "" if scored.error is None else number(scored.error[i] / DEG)
+        cells.append(f"{error} {sigma}".strip() if with_error else sigma)
+    return (*cells, _latitude(scored)) if latitude else tuple(cells)
+
+
+def _latitude(scored: Score) -> str:
+    e = scored.estimate
+    if e.latitude is None:
+        return ""
+    sigma = "" if e.latitude_sigma is None else f" ± {e.latitude_sigma / DEG:.1g}"
+    return f"{e.latitude / DEG:.3f}{sigma}"
+
+
+def _pair_table(scores: Sequence[Score]) -> TableData:
+    rows = tuple((s.estimate.label, _latitude(s)) for s in scores)
+    title = f"{scores[0].estimate.method}{WINDOWS['pair']} [deg]"
+    return TableData(title, ("positions", "latitude"), rows, notes=tuple(_notes(scores)))
+
+
+def _footers(method: str, deviations: Sequence[Spread], width: int) -> list[tuple[str, ...]]:
+    def footer(name: str, values: Array) -> tuple[str, ...]:
+        cells = (name, "", "", "", "", *(f"{v:.3g}" for v in values))
+        return cells + ("",) * (width - len(cells))
+
+    rows = []
+    truth = next((d for d in deviations if d.reference == "truth"), None)
+    nominal = next((d for d in deviations if d.reference == "nominal"), None)
+    if truth is not None:
+        rows.append(footer("sigma (n-1)", truth.sigma / DEG))
+        rows.append(footer("RMS", truth.rms / DEG))
+    if nominal is not None:
+        rows.append(footer("RMS to nominal", nominal.rms / DEG))
+    if rows and method in PUBLISHED:
+        rows.append(footer("published sigma", np.array(PUBLISHED[method])))
+    return rows
+
+
+def _notes(scores: Sequence[Score]) -> list[str]:
+    """The method's own note, then each flag once with the positions it stands for."""
+    found: dict[str, list[str]] = {}
+    for s in scores:
+        for flag in s.estimate.flags:
+            found.setdefault(flag, []).append(s.estimate.label)
+    note = ESTIMATORS[scores[0].estimate.method].note
+    return [note] + [
+        flag if len(labels) == len(scores) else f"{', '.join(labels)}: {flag}"
+        for flag, labels in found.items()
+    ]
+
+
+def markdown(table: TableData) -> str:
+    """The table as GitHub markdown."""
+    lines = [f"### {table.title}", "", _line(table.columns)]
+    lines.append("|---" + "|---:" * (len(table.columns) - 1) + "|")
+    lines += [_line(row) for row in table.rows]
+    lines += [_line(tuple(f"*{c}*" if c else "" for c in row)) for row in table.footers]
+    return "\n".join([*lines, "", *(f"- {note}" for note in table.notes), ""])
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def report_document(result: RunResult) -> str:
+    """The report shown beside a recording."""
+    s = result.settings
+    head = [
+        f"# {s.procedure.entry.title}",
+        "",
+        f"{s.imu.title}, seed {s.seed}; {result.plan.motion.duration:g} s at {s.rate_hz} Hz "
+        f"({s.sampling.value} samples), latitude {(s.site.latitude or 0.0) / DEG:g} deg, "
+        f"g = {s.site.gravity:.7f} m/s2.",
+        "",
+    ]
+    body = [markdown(table) for table in score_tables(result.scores)]
+    return "\n".join([*head, *body, ANGLE_NOTE, ""])
+
+
+def config_document(result: RunResult) -> str:
+    """The files that made the run."""
+    s = result.settings
+    parts = (("Procedure", s.procedure), ("IMU", s.imu), ("Table", s.table))
+    return "\n".join(f"## {name}: {part.id}\n\n```toml\n{part.text}```\n" for name, part in parts)
