@@ -24,6 +24,7 @@ from stand.errors import StandError
 from stand.physics.description import JOINTS, Body, Joint, StandModel
 from stand.recording.interchange import (
     EPOCH_NS,
+    ImuLog,
     McapWriter,
     cdr,
     read_imu,
@@ -406,6 +407,16 @@ def test_logs_are_read_only(run):
                 values[0] = 0
 
 
+def test_logs_copy_what_others_hold():
+    t_ns, w = np.array([1, 2]), np.arange(6.0).reshape(2, 3)
+    log = ImuLog("", "/imu", "imu", t_ns, w, [[1, 2, 3], [4, 5, 6]], {})  # pyright: ignore
+    w[0, 0] = 9.0
+    assert log.w_ib_b[0, 0] == 0.0
+    np.testing.assert_array_equal(log.f_b, [[1, 2, 3], [4, 5, 6]])
+    with pytest.raises(ValueError, match="f_b: shape"):
+        ImuLog("", "/imu", "imu", t_ns, w, w.T, {})
+
+
 def test_imported_log_comes_back(tmp_path):
     path = tmp_path / "log.mcap"
     _, imu = blocks(2500)
@@ -723,13 +734,17 @@ def test_unwritable_path_and_unknown_hinge(tmp_path):
         writer(tmp_path / "run.mcap", model=odd)
 
 
-def test_log_times_must_increase(tmp_path):
-    _, imu = blocks(3)
-    with pytest.raises(StandError, match=r"log.mcap: times must increase"):
-        write_imu_log(
-            tmp_path / "log.mcap",
-            t_ns=imu.t_ns[::-1],
-            w_ib_b=imu.w_ib_b,
-            f_b=imu.f_b,
-            metadata={},
-        )
+@pytest.mark.parametrize(
+    ("times", "match"),
+    [
+        ([3, 2, 1], r"log.mcap: times must increase$"),
+        ([1, 2, 2], r"log.mcap: times must increase$"),
+        ([-1, 2, 3], r"log.mcap: times must lie between 1970 and 2038"),
+        ([1, 2, 2**31 * S], r"log.mcap: times must lie between 1970 and 2038"),
+    ],
+)
+def test_times_of_an_imported_log(tmp_path, times, match):
+    path, zero = tmp_path / "log.mcap", np.zeros((3, 3))
+    with pytest.raises(StandError, match=match):
+        write_imu_log(path, t_ns=np.array(times), w_ib_b=zero, f_b=zero, epoch_ns=0, metadata={})
+    assert not path.exists()

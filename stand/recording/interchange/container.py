@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import zstandard
@@ -87,6 +87,8 @@ class _Index:
 
 class Container:
     """An MCAP file being written; every chunk reaches the operating system as it is written.
+
+    As a context manager it finishes the file, or abandons it after an exception.
 
     Raises
     ------
@@ -167,6 +169,15 @@ class Container:
     def abandon(self) -> None:
         """Close the file as it is: whole chunks, no summary, no footer."""
         self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self.finish()
+        else:
+            self.abandon()
 
     def _write(self, data: bytes) -> None:
         self._file.write(data)

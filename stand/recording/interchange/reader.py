@@ -166,15 +166,45 @@ def _columns(
 ) -> tuple[str, dict[str, NDArray[Any]]]:
     """The topic's frame_id and the named columns of all its messages, checked."""
     frame = ""
-    parts: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+    growing: dict[str, _Growing] = {}
     for frame_here, batch in _batches(file, found, topic):
         frame = frame or frame_here
         for name in names:
-            parts[name].append(getattr(batch, name))
+            values = getattr(batch, name)
+            growing.setdefault(name, _Growing(values)).extend(values)
     with _told_of(topic):
-        columns = {name: _joined(parts[name]) for name in names}
+        if not growing:
+            raise StandError("has no messages")
+        columns = {name: growing[name].whole() for name in names}
         _check(columns)
     return frame, columns
+
+
+class _Growing:
+    """An array that grows at its end in place.
+
+    Joining a list of parts would hold the log twice: the parts' memory does not come back.
+    """
+
+    def __init__(self, like: NDArray[Any]) -> None:
+        self._values = np.empty((0, *like.shape[1:]), like.dtype)
+        self._end = 0
+
+    def extend(self, part: NDArray[Any]) -> None:
+        start, self._end = self._end, self._end + len(part)
+        if self._end > len(self._values):
+            self._resize(self._end + self._end // 8)
+        self._values[start : self._end] = part
+
+    def whole(self) -> NDArray[Any]:
+        """The array at its length, read-only."""
+        self._resize(self._end)
+        self._values.flags.writeable = False
+        return self._values
+
+    def _resize(self, rows: int) -> None:
+        # No view of the array leaves this class before `whole`, so nothing can dangle.
+        self._values.resize((rows, *self._values.shape[1:]), refcheck=False)
 
 
 @contextmanager
@@ -209,16 +239,6 @@ def _batches(file: BinaryIO, found: Directory, topic: str) -> Iterator[tuple[str
             count += len(start)
 
 
-def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
-    """One read-only array; gives the parts' memory back, so that no log is held twice."""
-    if not parts:
-        raise StandError("has no messages")
-    whole = np.concatenate(parts)
-    parts.clear()
-    whole.flags.writeable = False
-    return whole
-
-
 def _check(columns: Mapping[str, NDArray[Any]]) -> None:
     for name, values in columns.items():
         odd = np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))
@@ -240,6 +260,17 @@ def _own(log: ImuLog | TruthLog, **shapes: tuple[int, ...]) -> None:
     for name, shape in shapes.items():
         values = getattr(log, name)
         kind = np.int64 if name == "t_ns" else np.float64
-        done = values.base is None and not values.flags.writeable and values.dtype == kind
-        if not (done and values.shape == (len(log.t_ns), *shape)):
-            object.__setattr__(log, name, owned(values, name, (len(log.t_ns), *shape), kind))
+        shape = (len(log.t_ns), *shape)
+        if not _is_owned(values, shape, kind):
+            object.__setattr__(log, name, owned(values, name, shape, kind))
+
+
+def _is_owned(values: object, shape: tuple[int, ...], dtype: type) -> bool:
+    """Whether it is already what `owned` would make of it."""
+    return (
+        isinstance(values, np.ndarray)
+        and values.base is None
+        and not values.flags.writeable
+        and values.dtype == dtype
+        and values.shape == shape
+    )

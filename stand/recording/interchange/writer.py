@@ -23,6 +23,7 @@ EPOCH_NS = 1_767_225_600 * cdr.NS_PER_S
 IMU_TOPIC = "/imu/data"
 TRUTH_TOPIC = "/imu/truth"
 _CHUNK_NS = cdr.NS_PER_S
+_LAST_NS = 2**31 * cdr.NS_PER_S  # seconds of a stamp are int32
 
 # rosbag2's form; durability 1 keeps the last message for late subscribers, 2 does not.
 _QOS = """- history: 1
@@ -260,18 +261,19 @@ def write_imu_log(
     Raises
     ------
     StandError
-        The file cannot be created, or the times do not increase.
+        The file cannot be created; the times do not increase, or do not fit into a stamp.
     """
     if (np.diff(t_ns) <= 0).any():
         raise StandError(f"{path}: times must increase")
-    container = Container(path, _TOPICS[:1])
-    for name, values in metadata.items():
-        container.metadata(name, values)
-    for rows in _seconds(t_ns):
-        stamps = epoch_ns + t_ns[rows]
-        messages = cdr.imu_messages(stamps, w_ib_b[rows], f_b[rows], frame_id=frame_id)
-        container.chunk([Part(0, stamps, messages)])
-    container.finish()
+    stamps = epoch_ns + t_ns
+    if len(stamps) and not 0 <= stamps[0] <= stamps[-1] < _LAST_NS:
+        raise StandError(f"{path}: times must lie between 1970 and 2038, as ROS stamps do")
+    with Container(path, _TOPICS[:1]) as container:
+        for name, values in metadata.items():
+            container.metadata(name, values)
+        for rows in _seconds(t_ns):
+            messages = cdr.imu_messages(stamps[rows], w_ib_b[rows], f_b[rows], frame_id=frame_id)
+            container.chunk([Part(_IMU, stamps[rows], messages)])
 
 
 def _seconds(t_ns: IntArray) -> list[slice]:
