@@ -83,8 +83,8 @@ def load_log(path: Path, topic: str | None, t_from: float | None, t_to: float | 
     """
     imu = read_imu(path, topic)
     run = imu.metadata.get(RUN, {})
-    origin = int(run.get("epoch_ns", imu.t_ns[0]))
-    t = (imu.t_ns - origin) * 1e-9
+    origin = int(run["epoch_ns"]) if "epoch_ns" in run else int(imu.t_ns[0])
+    t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
     t.flags.writeable = False
     try:
         readings = ImuReadings(t, imu.w_ib_b, imu.f_b)

@@ -35,6 +35,8 @@ POSE_HZ = 50
 POSE_BUDGET = 100_000
 CURVE_BUDGET = 20_000
 ESTIMATE_BUDGET = 5_000
+AXIS_LENGTH = 0.35
+"""Of the axes at the instrument, in radii of the stand."""
 
 DEG = np.pi / 180.0
 DEG_PER_HOUR = DEG / 3600.0
@@ -53,6 +55,10 @@ KIND_COLORS = {"dwell": (38, 110, 170), "move": (190, 120, 30)}
 BACKGROUND = (24, 26, 30)
 
 
+LINKED = rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
+SHARED_VIEW = "5c0dca6a-e63f-9cf7-f657-2602590474cc"
+
+
 class Channel(NamedTuple):
     """One plot of streamed samples: its entity, its columns with their colours, its title."""
 
@@ -64,7 +70,8 @@ class Channel(NamedTuple):
 
 AXES = ("X1", "Y1", "Z1")
 CHANNELS = (
-    Channel("stand/joints", JOINTS, (GREY, PINK, YELLOW, SKY, ORANGE, GREEN), "Joint angles [deg]"),
+    Channel("stand/base", JOINTS[:3], (SKY, ORANGE, GREEN), "Base angles [deg]"),
+    Channel("stand/table", JOINTS[3:], (SKY, ORANGE, GREEN), "Table angles [deg]"),
     Channel("imu/accel", AXES, XYZ, "Specific force of the IMU [m/s²]"),
     Channel("imu/gyro", AXES, XYZ, "Angular rate of the IMU [deg/s]"),
     Channel("residual/accel", AXES, XYZ, "Accelerometers minus truth [mg]"),
@@ -77,11 +84,22 @@ WIDTH = sum(len(channel.names) for channel in CHANNELS)
 POSE_QUANTA = np.repeat([1e-5, 1e-6, 1e-3], [len(JOINTS), 3, 3])
 
 
-class Estimate(NamedTuple):
-    """What the screen shows of the estimates: the methods, the first under test, and a factor."""
+class Layout(rrb.Blueprint):
+    """A blueprint whose one time axis shows the whole run at first.
 
-    methods: tuple[str, ...] = ()
-    factor: float = 1.0
+    Linked views share the range of a hidden view of a fixed id, for which rerun has no call; what
+    a linked view is given itself is ignored, and without a range it shows a minute.
+    """
+
+    duration_s: float
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        super()._log_to_stream(stream)
+        # Room for the legends beside the curves.
+        ends = (-0.01 * self.duration_s, 1.1 * self.duration_s)
+        edges = [rr.TimeRangeBoundary.absolute(seconds=t) for t in ends]
+        whole = rr.TimeRange(start=edges[0], end=edges[1])
+        stream.log(f"view/{SHARED_VIEW}/TimeAxis", rrb.TimeAxis(view_range=whole))
 
 
 class Scene(NamedTuple):
@@ -91,6 +109,21 @@ class Scene(NamedTuple):
     imu: str
     center: Array
     radius: float
+
+
+class Screen(NamedTuple):
+    """What the layout is made for.
+
+    `ranges` are the extremes of each plot by its entity, `limits` what its axis shows if that is
+    less; of `methods` the first is under test, its error shown times `factor` in 3D.
+    """
+
+    scene: Scene
+    duration_s: float
+    ranges: dict[str, tuple[float, float]]
+    limits: dict[str, tuple[float, float]]
+    methods: tuple[str, ...] = ()
+    factor: float = 1.0
 
 
 class ReviewWriter:
@@ -140,15 +173,15 @@ class ReviewWriter:
     ) -> None:
         n = round(duration_s * rate_hz)
         w_ie = owned(w_ie_enu, "w_ie_enu", (3,))
-        self._model, self._duration_s, self._w_ie = model, duration_s, float(np.linalg.norm(w_ie))
-        self._scene = _scene(model)
+        self._model, self._scene, self._w_ie = model, _scene(model), float(np.linalg.norm(w_ie))
+        self._screen = Screen(self._scene, duration_s, {}, {})
         self._samples = Thinned(WIDTH, bin_length(n, ROW_BUDGET), BLOCK_ROWS)
         step = max(-(-rate_hz // POSE_HZ), -(-n // POSE_BUDGET), 1)
         self._moved = Moved(step, POSE_QUANTA)
         self._poses = Thinned(len(POSE_QUANTA), 1, BLOCK_ROWS // 4)
         self._open = True
         # Sent first, so that even a file cut short by a crash opens as a finished screen.
-        self._stream = _open_stream(path, run_id, _blueprint(self._scene, duration_s, Estimate()))
+        self._stream = _open_stream(path, run_id, _blueprint(self._screen))
         self._stream.send_recording_name(title)
         self._stream.send_property("run", rr.AnyValues(**dict[str, Any](properties)))
         self._send_scene(w_ie)
@@ -188,15 +221,15 @@ class ReviewWriter:
         methods = tuple(dict.fromkeys(curve.method for curve in curves))
         if not methods:
             return
-        for method, color in zip(methods, _cycled(METHOD_COLORS), strict=False):
+        for rank, method in enumerate(methods):
             own = sorted((c for c in curves if c.method == method), key=lambda c: int(c.t_ns[0]))
-            self._send_curves(own, color, width=2.0 if method == methods[0] else 1.2)
+            self._send_curves(own, rank)
         tested = [curve for curve in curves if curve.method == methods[0]]
         factor = _exaggeration(tested)
         self._send_sigmas(tested)
         self._send_estimate(tested, factor)
-        layout = _blueprint(self._scene, self._duration_s, Estimate(methods, factor))
-        self._stream.send_blueprint(layout)
+        self._limit_errors(tested)
+        self._screen = self._screen._replace(methods=methods, factor=factor)
 
     def documents(self, report: str, config: str) -> None:
         """Fill the tabs Report and Config.
@@ -219,6 +252,7 @@ class ReviewWriter:
             self._send_samples(block)
         for block in self._poses.rest():
             self._send_poses(block)
+        self._stream.send_blueprint(_blueprint(self._screen))
         self._stream.flush()
         self._stream.disconnect()
         self._open = False
@@ -247,9 +281,9 @@ class ReviewWriter:
         for channel in CHANNELS:
             last = first + len(channel.names)
             # A copy: rerun writes later, from another thread, when the buffer is in use again.
-            self._send(
-                channel.entity, t_ns, rr.Scalars.columns(scalars=values[:, first:last].copy())
-            )
+            rows = values[:, first:last].copy()
+            self._send(channel.entity, t_ns, rr.Scalars.columns(scalars=rows))
+            self._extend_range(channel.entity, rows)
             first = last
 
     def _send_poses(self, block: Rows) -> None:
@@ -259,7 +293,7 @@ class ReviewWriter:
             if body.joint is not None:
                 angle = joints[:, JOINTS.index(body.joint.name)]
                 self._send(self._scene.entities[body.name], t_ns, _hinge_columns(body, angle))
-        length = 0.4 * self._scene.radius
+        length = 0.6 * self._scene.radius
         arrows = {"w": _rate_arrow(w, self._w_ie), "f": f / G0}
         for name, arrow in arrows.items():
             columns = rr.Arrows3D.columns(vectors=(arrow * length).astype(np.float32))
@@ -307,59 +341,83 @@ class ReviewWriter:
             self._log(channel.entity, _lines(channel.names, channel.colors, width=1.2))
 
     def _send_arrow_styles(self, w_ie: Array) -> None:
-        scene, thin = self._scene, 0.006 * self._scene.radius
+        scene, thin = self._scene, 0.005 * self._scene.radius
         axes = rr.Arrows3D(
-            vectors=np.eye(3) * 0.35 * scene.radius, colors=XYZ, radii=thin, labels=list(AXES)
+            vectors=np.eye(3) * AXIS_LENGTH * scene.radius,
+            colors=XYZ,
+            radii=1.6 * thin,
+            labels=list(AXES),
         )
         self._log(f"{scene.imu}/truth", axes)
         for name, color, label in (("f", PINK, "f"), ("w", YELLOW, "ω")):
-            style = rr.Arrows3D.from_fields(colors=[color], radii=[1.5 * thin], labels=[label])
+            style = rr.Arrows3D.from_fields(colors=[color], radii=[thin], labels=[label])
             self._log(f"{scene.imu}/{name}", style)
-        vectors = [[0.0, 0.0, -1.0], w_ie / max(self._w_ie, 1e-12), [0.0, 1.0, 0.0]]
-        corner = scene.center + scene.radius * np.array([-0.75, 0.45, 0.1])
+        corner = scene.center + scene.radius * np.array([-0.95, -0.8, 0.25])
+        directions = np.array([[0.0, 0.0, -1.0], w_ie / max(self._w_ie, 1e-12), [0.0, 1.0, 0.0]])
         world = rr.Arrows3D(
             origins=[corner] * 3,
-            vectors=np.array(vectors) * 0.3 * scene.radius,
+            vectors=directions * 0.35 * scene.radius,
             colors=[WHITE, YELLOW, RED],
-            radii=1.5 * thin,
-            labels=["g", "Ω Earth", "N"],
+            radii=1.6 * thin,
+            labels=["g", "Earth rate", "N"],
         )
         self._log("world/reference", world)
 
-    def _send_curves(self, curves: Sequence[AngleCurves], color: Color, width: float) -> None:
-        """One method's errors, a series per angle, and its angles, all in one entity."""
-        method = curves[0].method
+    def _send_curves(self, curves: Sequence[AngleCurves], rank: int) -> None:
+        """One method's errors, an entity per angle, and its angles, all in one entity.
+
+        The rank in the entity's name keeps the method under test first in the legends.
+        """
+        method, width = curves[0].method, 1.2 if rank else 2.0
+        color = METHOD_COLORS[rank % len(METHOD_COLORS)]
         for k, angle in enumerate(ANGLES):
-            t_ns, rows = _with_gaps((c.t_ns, c.errors[:, k : k + 1] / DEG) for c in curves)
-            entity = f"angles/{angle}/{_part(method)}"
-            self._log(entity, _lines([method], [color], width))
-            self._send(entity, t_ns, rr.Scalars.columns(scalars=rows))
-        t_ns, rows = _with_gaps((c.t_ns, c.angles / DEG) for c in curves)
-        entity = f"angles/values/{_part(method)}"
+            rows = _with_gaps((c.t_ns, c.errors[:, k : k + 1] / DEG) for c in curves)
+            self._send_lines(
+                f"angles/{angle}/{rank}_{_part(method)}", rows, [method], [color], width
+            )
+        rows = _with_gaps((c.t_ns, c.angles / DEG) for c in curves)
         names = [f"{angle} {method}" for angle in ANGLES]
-        self._log(entity, _lines(names, XYZ if width > 1.5 else XYZ_PALE, width))
-        self._send(entity, t_ns, rr.Scalars.columns(scalars=rows))
+        colors = XYZ_PALE if rank else XYZ
+        self._send_lines(f"angles/values/{rank}_{_part(method)}", rows, names, colors, width)
+
+    def _send_lines(
+        self, entity: str, rows: Rows, names: Sequence[str], colors: Sequence[Color], width: float
+    ) -> None:
+        self._log(entity, _lines(names, colors, width))
+        self._send(entity, rows[0], rr.Scalars.columns(scalars=rows[1]))
+        self._extend_range(entity.rsplit("/", 1)[0], rows[1])
+
+    def _extend_range(self, plot: str, rows: Array) -> None:
+        ranges = self._screen.ranges
+        low, high = ranges.get(plot, (np.inf, -np.inf))
+        ranges[plot] = min(low, float(np.nanmin(rows))), max(high, float(np.nanmax(rows)))
+
+    def _limit_errors(self, tested: Sequence[AngleCurves]) -> None:
+        """Keep the method under test in sight where a rival drifts away."""
+        for k, angle in enumerate(ANGLES):
+            own = [np.maximum(np.abs(c.errors[:, k]), 3.0 * c.sigmas[:, k]) for c in tested]
+            limit = float(6.0 * np.percentile(np.concatenate(own), 90.0) / DEG)
+            if 0.0 < limit < np.abs(self._screen.ranges[f"angles/{angle}"]).max():
+                self._screen.limits[f"angles/{angle}"] = -limit, limit
 
     def _send_sigmas(self, curves: Sequence[AngleCurves]) -> None:
         if not any(curve.sigmas.any() for curve in curves):
             return
         for k, angle in enumerate(ANGLES):
             parts = ((c.t_ns, c.sigmas[:, k : k + 1] * [3.0, -3.0] / DEG) for c in curves)
-            t_ns, rows = _with_gaps(parts)
-            self._log(f"angles/{angle}/sigma", _lines(["+3σ", "-3σ"], [GREY, GREY], 1.2))
-            self._send(f"angles/{angle}/sigma", t_ns, rr.Scalars.columns(scalars=rows))
+            rows = _with_gaps(parts)
+            # One name for both lines makes one entry of the legend.
+            self._send_lines(f"angles/{angle}/sigma", rows, ["±3σ"] * 2, [GREY] * 2, 1.2)
 
     def _send_estimate(self, curves: Sequence[AngleCurves], factor: float) -> None:
         """Axes turned by the exaggerated error, shown during the dwells only."""
         entity = f"{self._scene.imu}/estimate"
         total = sum(len(curve.t_ns) for curve in curves)
-        step = -(-total // ESTIMATE_BUDGET)
+        step, length = -(-total // ESTIMATE_BUDGET), AXIS_LENGTH * self._scene.radius
         style = rr.Arrows3D.from_fields(colors=XYZ_PALE, radii=[0.005 * self._scene.radius])
         self._log(entity, style)
         for curve in curves:
-            vectors = (
-                _turned_axes(curve.error_rotations[::step], factor) * 0.35 * self._scene.radius
-            )
+            vectors = _turned_axes(curve.error_rotations[::step], factor) * length
             self._send(entity, curve.t_ns[::step], rr.Arrows3D.columns(vectors=vectors))
         ends = np.array([curve.t_ns[-1] + 1 for curve in curves])
         hidden = rr.Arrows3D.columns(vectors=np.empty((0, 3))).partition([0] * len(curves))
@@ -402,11 +460,6 @@ def _state(phase: Phase) -> str:
 
 def _part(name: str) -> str:
     return rr.escape_entity_path_part(name)
-
-
-def _cycled(colors: Sequence[Color]) -> Iterator[Color]:
-    while True:
-        yield from colors
 
 
 def _lines(names: Sequence[str], colors: Sequence[Color], width: float) -> rr.SeriesLines:
@@ -531,33 +584,36 @@ def _scene(model: StandModel) -> Scene:
     return Scene(entities, f"{entities[model.imu_body]}/imu", center, radius)
 
 
-def _blueprint(scene: Scene, duration_s: float, estimate: Estimate) -> rrb.Blueprint:
+def _blueprint(screen: Screen) -> rrb.Blueprint:
     """The whole screen: the stand and the texts left, everything over time right."""
-    left = rrb.Vertical(_stand_view(scene, estimate), _texts(), row_shares=[3, 2])
-    return rrb.Blueprint(
-        rrb.Horizontal(left, _plots(duration_s, estimate), column_shares=[2, 3]),
+    left = rrb.Vertical(_stand_view(screen), _texts(), row_shares=[3, 2])
+    layout = Layout(
+        rrb.Horizontal(left, _plots(screen), column_shares=[2, 3]),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="paused"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_views=False,
         auto_layout=False,
     )
+    layout.duration_s = screen.duration_s
+    return layout
 
 
-def _stand_view(scene: Scene, estimate: Estimate) -> rrb.Spatial3DView:
+def _stand_view(screen: Screen) -> rrb.Spatial3DView:
     title = "Stand, true axes"
-    if estimate.methods:
-        title += f"; pale: {estimate.methods[0]} estimate, error x{estimate.factor:,.0f}"
-    look = scene.center
+    if screen.methods:
+        title += f"; pale: {screen.methods[0]} estimate, error x{screen.factor:,.0f}"
+    look = screen.scene.center
+    eye = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=look + screen.scene.radius * np.array([1.6, -1.8, 1.0]),
+        look_target=look,
+        eye_up=(0.0, 0.0, 1.0),
+    )
     return rrb.Spatial3DView(
         origin="world",
         name=title,
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=look + scene.radius * np.array([1.35, -1.5, 0.9]),
-            look_target=look,
-            eye_up=(0.0, 0.0, 1.0),
-        ),
+        eye_controls=eye,
         line_grid=rrb.LineGrid3D(visible=True, spacing=0.25),
         background=[*BACKGROUND],
     )
@@ -572,38 +628,29 @@ def _texts() -> rrb.Tabs:
     )
 
 
-def _plots(duration_s: float, estimate: Estimate) -> rrb.Vertical:
-    joints, accel, gyro, *residuals = (
-        _plot(channel.entity, channel.title, duration_s) for channel in CHANNELS
-    )
-    rows = [joints, accel, gyro, rrb.Tabs(*residuals, active_tab=0)]
-    phase = rrb.StateTimelineView(origin="phase", name="Phase", time_view=_axis(duration_s))
-    rows = [phase, *rows, *([_angle_plots(duration_s, estimate)] if estimate.methods else [])]
-    return rrb.Vertical(*rows, row_shares=[3, 4, 4, 4, 4, 12][: len(rows)])
-
-
-def _angle_plots(duration_s: float, estimate: Estimate) -> rrb.Tabs:
-    versus = " vs ".join(estimate.methods)
-    errors = [
-        _plot(f"angles/{angle}", f"{angle.capitalize()} error [deg], {versus}", duration_s)
-        for angle in ANGLES
+def _plots(screen: Screen) -> rrb.Vertical:
+    base, table, accel, gyro, *residuals = (_plot(screen, c.entity, c.title) for c in CHANNELS)
+    versus = " vs ".join(screen.methods)
+    shown = ANGLES if screen.methods else ()
+    values = [_plot(screen, "angles/values", f"Estimated angles [deg], {versus}")] if shown else []
+    rows = [
+        rrb.StateTimelineView(origin="phase", name="Phase", time_view=LINKED),
+        rrb.Tabs(table, base, *values, active_tab=0),
+        accel,
+        gyro,
+        rrb.Tabs(*residuals, active_tab=0),
+        *(_plot(screen, f"angles/{k}", f"{k.capitalize()} error [deg], {versus}") for k in shown),
     ]
-    values = _plot("angles/values", f"Angles [deg], {versus}", duration_s)
-    return rrb.Tabs(rrb.Vertical(*errors, name="Angle errors"), values, active_tab=0)
+    return rrb.Vertical(*rows, row_shares=[0.1 * len(rows)] + [1.0] * (len(rows) - 1))
 
 
-def _plot(origin: str, title: str, duration_s: float) -> rrb.TimeSeriesView:
+def _plot(screen: Screen, origin: str, title: str) -> rrb.TimeSeriesView:
+    """A plot that tells its range in the title: low plots have room for few axis labels."""
+    low, high = screen.ranges.get(origin, (0.0, 0.0))
     return rrb.TimeSeriesView(
         origin=origin,
-        name=title,
-        axis_x=_axis(duration_s),
+        name=f"{title}, {low:.3g} to {high:.3g}" if origin in screen.ranges else title,
+        axis_x=LINKED,
+        axis_y=rrb.ScalarAxis(range=screen.limits.get(origin)),
         plot_legend=rrb.Corner2D.RightTop,
-    )
-
-
-def _axis(duration_s: float) -> rrb.TimeAxis:
-    """The one time axis of all plots, at first the whole run."""
-    edges = [rr.TimeRangeBoundary.absolute(seconds=t) for t in (0.0, duration_s)]
-    return rrb.TimeAxis(
-        link=LinkAxis.LinkToGlobal, view_range=rr.TimeRange(start=edges[0], end=edges[1])
     )

@@ -49,6 +49,11 @@ def number(value: float) -> str:
     return f"{value:+.4f}" if abs(value) < 10 else f"{value:+.2f}"
 
 
+def sigma_text(value: float) -> str:
+    """A standard deviation with one significant digit, tens written out."""
+    return f"± {value:.0f}" if value >= 10 else f"± {value:.1g}"
+
+
 def angle(value: float) -> str:
     """An angle with four decimals and no negative zero."""
     return f"{round(value, 4) + 0.0:.4f}"
@@ -68,7 +73,7 @@ def _table(scores: Sequence[Score], deviations: Sequence[Spread]) -> TableData:
     first = scores[0].estimate
     scored = any(s.error is not None for s in scores)
     latitude = any(s.estimate.latitude is not None for s in scores)
-    columns = ["position", "turns", "roll", "yaw", "pitch"]
+    columns = ["position", "turns", "roll", "yaw", "pitch"] + ([] if scored else ["heading"])
     columns += [f"{'error' if scored else 'sigma'} {a}" for a in ("roll", "yaw", "pitch")]
     columns += ["latitude"] if latitude else []
     title = f"{first.method}{WINDOWS[first.window]} [deg]: {ESTIMATORS[first.method].title}"
@@ -86,8 +91,10 @@ def _row(scored: Score, with_error: bool, latitude: bool) -> tuple[str, ...]:
     assert e.angles is not None
     turns = "singular" if e.singular else "-".join(word[0] for word in e.sequence.value.split("-"))
     cells = [e.label, turns, *(angle(a / DEG) for a in e.angles)]
+    if not with_error:
+        cells.append("none" if e.heading is None else angle(e.heading / DEG))
     for i in range(3):
-        sigma = "" if e.sigmas is None else f"± {e.sigmas[i] / DEG:.1g}"
+        sigma = "" if e.sigmas is None else sigma_text(e.sigmas[i] / DEG)
         error = "" if scored.error is None else number(scored.error[i] / DEG)
         cells.append(f"{error} {sigma}".strip() if with_error else sigma)
     return (*cells, _latitude(scored)) if latitude else tuple(cells)
@@ -97,8 +104,8 @@ def _latitude(scored: Score) -> str:
     e = scored.estimate
     if e.latitude is None:
         return ""
-    sigma = "" if e.latitude_sigma is None else f" ± {e.latitude_sigma / DEG:.1g}"
-    return f"{e.latitude / DEG:.3f}{sigma}"
+    sigma = "" if e.latitude_sigma is None else sigma_text(e.latitude_sigma / DEG)
+    return f"{e.latitude / DEG:.3f} {sigma}".rstrip()
 
 
 def _pair_table(scores: Sequence[Score]) -> TableData:
