@@ -1,0 +1,81 @@
+"""The stand's geometry as plain rotation matrices: an oracle that shares no code with the stand.
+
+World axes east, north, up. Numbers below are read off the drawing (models/turntable.xml), not
+computed: base axes cross at (0, 0, 0.60), gimbal axes at (0, 0, 1.28), the instrument's point
+lies (0.04, 0.06, 0.05) from there when every joint is at zero.
+"""
+
+import numpy as np
+
+EARTH_RATE = 7.292115e-5
+BASE = np.array([0.0, 0.0, 0.60])
+CROSSING = np.array([0.0, 0.0, 1.28])
+LEVER = np.array([0.04, 0.06, 0.05])
+ZERO = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # columns X1 = north, Y1 = up, Z1 = east
+
+EAST, NORTH, UP = np.eye(3)
+AXES = (NORTH, EAST, UP, UP, EAST, NORTH)  # base roll, pitch, yaw, outer, middle, inner
+
+
+def skew(v):
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0, -x], [-y, x, 0]])
+
+
+def turn(axis, angle):
+    """Rodrigues' formula; `angle` (n,) gives (n, 3, 3)."""
+    K = skew(axis)
+    s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.eye(3) + s * K + (1 - c) * (K @ K)
+
+
+def pose(q):
+    """Attitude C_wb (n, 3, 3) and place (n, 3) of the instrument at joint angles (n, 6)."""
+    R = [turn(axis, q[:, i]) for i, axis in enumerate(AXES)]
+    base = R[0] @ R[1] @ R[2]
+    gimbals = R[3] @ R[4] @ R[5]
+    place = BASE + np.einsum("nij,nj->ni", base, CROSSING - BASE + gimbals @ LEVER)
+    return base @ gimbals @ ZERO, place
+
+
+def sensors(q, v, a, latitude, gravity):
+    """Angular rate and specific force in b (n, 3), by differentiating the chain in closed form.
+
+    The place is r = BASE + B (CROSSING - BASE + G LEVER): its velocity and acceleration follow
+    from the rates and angular accelerations of B and G with the product rule, written out.
+    """
+    B, w_B, dw_B = _group(q[:, :3], v[:, :3], a[:, :3], AXES[:3])
+    G, w_G, dw_G = _group(q[:, 3:], v[:, 3:], a[:, 3:], AXES[3:])
+    arm = G @ LEVER
+    d_arm = np.cross(w_G, arm)
+    dd_arm = np.cross(dw_G, arm) + np.cross(w_G, d_arm)
+    s = CROSSING - BASE + arm
+
+    def to_world(x):
+        return np.einsum("nij,nj->ni", B, x)
+
+    velocity = np.cross(w_B, to_world(s)) + to_world(d_arm)
+    acceleration = (
+        np.cross(dw_B, to_world(s))
+        + np.cross(w_B, np.cross(w_B, to_world(s)))
+        + 2 * np.cross(w_B, to_world(d_arm))
+        + to_world(dd_arm)
+    )
+    earth = EARTH_RATE * np.array([0.0, np.cos(latitude), np.sin(latitude)])
+    rate = w_B + to_world(w_G) + earth
+    force = acceleration + 2 * np.cross(earth, velocity) + gravity * UP
+    C_wb = B @ G @ ZERO
+    return np.einsum("nji,nj->ni", C_wb, rate), np.einsum("nji,nj->ni", C_wb, force)
+
+
+def _group(q, v, a, axes):
+    """Rotation, rate and angular acceleration of three hinges in series, in their base's axes."""
+    n = len(q)
+    R = np.broadcast_to(np.eye(3), (n, 3, 3))
+    w, dw = np.zeros((n, 3)), np.zeros((n, 3))
+    for i, axis in enumerate(axes):
+        along = R @ axis
+        dw = dw + a[:, i : i + 1] * along + v[:, i : i + 1] * np.cross(w, along)
+        w = w + v[:, i : i + 1] * along
+        R = R @ turn(axis, q[:, i])
+    return R, w, dw
