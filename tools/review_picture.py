@@ -71,6 +71,7 @@ def pictures(
             moment = np.timedelta64(round(second * 1e9), "ns")
             viewer.set_time(TIMELINE, duration=moment, play_state="paused")
             name.write_bytes(_settled(viewer))
+        _show_all_tabs(viewer)
         return names, viewer.get_state()
 
 
@@ -132,6 +133,19 @@ def _loaded(viewer: ViewerClient) -> None:
         if time.monotonic() > deadline:
             raise StandError(f"the recording was not read within {SETTLE_LIMIT_S:g} s")
         time.sleep(0.1)
+
+
+def _show_all_tabs(viewer: ViewerClient) -> None:
+    """Turn through the tabs: a view reports nothing before it was shown."""
+    recording = viewer.get_state().active_recording
+    layout = viewer.get_blueprint().blueprint
+    boxes = [entry.get("ContainerBlueprint", {}) for entry in layout.values()]
+    tabs = [box for box in boxes if box.get("container_kind") == "Tabs"]
+    for k in range(1, max((len(box["contents"]) for box in tabs), default=0)):
+        for box in tabs:
+            box["active_tab"] = box["contents"][min(k, len(box["contents"]) - 1)]
+        viewer.set_blueprint(layout, store_id=recording)
+        _settled(viewer, same=2)
 
 
 def _settled(viewer: ViewerClient, gap_s: float = 0.3, same: int = 3) -> bytes:

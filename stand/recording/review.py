@@ -180,10 +180,12 @@ class ReviewWriter:
         self._moved = Moved(step, POSE_QUANTA)
         self._poses = Thinned(len(POSE_QUANTA), 1, BLOCK_ROWS // 4)
         self._open = True
+        self._angles: dict[str, float] = {}
         # Sent first, so that even a file cut short by a crash opens as a finished screen.
         self._stream = _open_stream(path, run_id, _blueprint(self._screen))
         self._stream.send_recording_name(title)
-        self._stream.send_property("run", rr.AnyValues(**dict[str, Any](properties)))
+        if properties:
+            self._stream.send_property("run", rr.AnyValues(**dict[str, Any](properties)))
         self._send_scene(w_ie)
         self._send_phases(phases)
 
@@ -218,6 +220,7 @@ class ReviewWriter:
         curves : sequence of AngleCurves
             One per method and dwell, in any order.
         """
+        curves = [curve for curve in curves if len(curve.t_ns)]
         methods = tuple(dict.fromkeys(curve.method for curve in curves))
         if not methods:
             return
@@ -291,13 +294,20 @@ class ReviewWriter:
         joints, w, f = np.split(values, [len(JOINTS), len(JOINTS) + 3], axis=1)
         for body in self._model.bodies:
             if body.joint is not None:
-                angle = joints[:, JOINTS.index(body.joint.name)]
-                self._send(self._scene.entities[body.name], t_ns, _hinge_columns(body, angle))
+                self._send_hinge(body, t_ns, joints[:, JOINTS.index(body.joint.name)])
         length = 0.6 * self._scene.radius
         arrows = {"w": _rate_arrow(w, self._w_ie), "f": f / G0}
         for name, arrow in arrows.items():
             columns = rr.Arrows3D.columns(vectors=(arrow * length).astype(np.float32))
             self._send(f"{self._scene.imu}/{name}", t_ns, columns)
+
+    def _send_hinge(self, body: Body, t_ns: IntArray, angle: Array) -> None:
+        """The body's pose where its own joint has moved; most stand still most of the time."""
+        moved = np.diff(angle, prepend=self._angles.get(body.name, np.nan)) != 0.0
+        self._angles[body.name] = angle[-1]
+        if moved.any():
+            columns = _hinge_columns(body, angle[moved])
+            self._send(self._scene.entities[body.name], t_ns[moved], columns)
 
     def _send_events(
         self, t_ns: Sequence[int], levels: Sequence[str], texts: Sequence[str]
@@ -430,6 +440,8 @@ def _open_stream(
     """A stream into a file, its first content the layout."""
     target = Path(path)
     stream = rr.RecordingStream("imu_test_stand", recording_id=run_id, send_properties=False)
+    if not rr.is_enabled(stream):
+        raise StandError("rerun is switched off: unset the environment variable RERUN")
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     try:
@@ -647,10 +659,11 @@ def _plots(screen: Screen) -> rrb.Vertical:
 def _plot(screen: Screen, origin: str, title: str) -> rrb.TimeSeriesView:
     """A plot that tells its range in the title: low plots have room for few axis labels."""
     low, high = screen.ranges.get(origin, (0.0, 0.0))
+    limits = screen.limits.get(origin)
     return rrb.TimeSeriesView(
         origin=origin,
         name=f"{title}, {low:.3g} to {high:.3g}" if origin in screen.ranges else title,
         axis_x=LINKED,
-        axis_y=rrb.ScalarAxis(range=screen.limits.get(origin)),
+        axis_y=rrb.ScalarAxis(range=limits) if limits else None,
         plot_legend=rrb.Corner2D.RightTop,
     )
