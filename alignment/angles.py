@@ -10,7 +10,7 @@ Source: methods.md section 0. Estimators work on ``C_nb``; angles are only a vie
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
@@ -65,7 +65,7 @@ def angles_from_C_nb(sequence: Sequence, C_nb: Rotation) -> Array:
     """Roll, yaw, pitch [rad] of one attitude (3,) or of many (n, 3).
 
     Yaw and the last turn lie in (-pi, pi], the middle turn in [-pi/2, pi/2]. At the sequence's
-    singularity only the sum or difference of the outer turns means anything (`is_singular`).
+    singularity only the sum or difference of the outer turns means anything (`near_singular`).
     """
     R = (C_N_NUE.inv() * C_nb).as_matrix()
     if sequence is Sequence.YAW_PITCH_ROLL:
@@ -79,10 +79,10 @@ def angles_from_C_nb(sequence: Sequence, C_nb: Rotation) -> Array:
     return np.stack([roll, yaw, pitch], axis=-1)
 
 
-def is_singular(sequence: Sequence, angles: Array) -> bool:
-    """Whether the middle turn of roll, yaw, pitch (3,) [rad] is within 0.5 deg of +-90 deg."""
-    middle = angles[2] if sequence is Sequence.YAW_PITCH_ROLL else angles[0]
-    return bool(abs(middle) > np.pi / 2 - SINGULAR)
+def near_singular(sequence: Sequence, angles: Array) -> NDArray[np.bool_]:
+    """Whether the middle turn of roll, yaw, pitch (..., 3) [rad] is within 0.5 deg of +-90 deg."""
+    middle = angles[..., 2] if sequence is Sequence.YAW_PITCH_ROLL else angles[..., 0]
+    return np.asarray(np.abs(middle) > np.pi / 2 - SINGULAR)
 
 
 def heading_from_C_nb(C_nb: Rotation) -> float | None:
@@ -102,19 +102,21 @@ def wrapped(angle: ArrayLike) -> Array:
     return (np.asarray(angle, dtype=float) + np.pi) % (2 * np.pi) - np.pi
 
 
-def angle_jacobian(sequence: Sequence, roll: float, yaw: float, pitch: float) -> Array:
-    """Jacobian (3, 3) from a small rotation about n [rad] to (roll, yaw, pitch) [rad].
+def angle_jacobian(sequence: Sequence, roll: ArrayLike, yaw: ArrayLike, pitch: ArrayLike) -> Array:
+    """Jacobian (..., 3, 3) from a small rotation about n [rad] to (roll, yaw, pitch) [rad].
 
     ``d(roll, yaw, pitch) = J eta``, where the estimate is ``exp(eta x) C_nb``. The columns of
     its inverse are the axes of the three turns in NED: up for yaw, the second turn's axis after
     yaw, the third's after both. Singular where the sequence is.
     """
-    yawed = C_N_NUE * Rotation.from_euler("Y", yaw)
+    roll, yaw, pitch = np.broadcast_arrays(roll, yaw, pitch)
+    s, c, zero = np.sin(yaw), np.cos(yaw), np.zeros(np.shape(yaw))
     if sequence is Sequence.YAW_PITCH_ROLL:
-        pitch_axis = yawed.apply([0, 0, 1])
-        roll_axis = (yawed * Rotation.from_euler("Z", pitch)).apply([1, 0, 0])
+        pitch_axis = [s, c, zero]
+        roll_axis = [c * np.cos(pitch), -s * np.cos(pitch), -np.sin(pitch)]
     else:
-        roll_axis = yawed.apply([1, 0, 0])
-        pitch_axis = (yawed * Rotation.from_euler("X", roll)).apply([0, 0, 1])
-    up = np.array([0.0, 0.0, -1.0])
-    return np.linalg.inv(np.stack([roll_axis, up, pitch_axis], axis=1))
+        roll_axis = [c, -s, zero]
+        pitch_axis = [s * np.cos(roll), c * np.cos(roll), np.sin(roll)]
+    columns = np.array([roll_axis, [zero, zero, zero - 1], pitch_axis])
+    axes: Array = np.moveaxis(columns, (0, 1), (-1, -2)).astype(np.float64)
+    return np.linalg.inv(axes)

@@ -10,20 +10,23 @@ from alignment.angles import (
     angle_jacobian,
     angles_from_C_nb,
     heading_from_C_nb,
-    is_singular,
+    near_singular,
 )
 from alignment.arrays import Array, owned, set_owned
 
 
-def angle_sigmas(sequence: Sequence, angles: Array, covariance: Array) -> Array | None:
-    """Standard deviations (3,) of roll, yaw, pitch from a covariance about n [rad^2].
+def angle_sigmas(sequence: Sequence, angles: Array, covariance: Array) -> Array:
+    """Standard deviations (..., 3) of roll, yaw, pitch [rad] (..., 3) from covariances about n.
 
-    None at the sequence's singularity, where the angles cannot be told apart.
+    `covariance` is (..., 3, 3) [rad^2]. NaN at the sequence's singularity, where the angles
+    cannot be told apart.
     """
-    if is_singular(sequence, angles):
-        return None
-    J = angle_jacobian(sequence, *angles)
-    return np.sqrt(np.diag(J @ covariance @ J.T))
+    singular = near_singular(sequence, angles)
+    regular = np.where(singular[..., None], 0.0, angles)
+    J = angle_jacobian(sequence, *np.moveaxis(regular, -1, 0))
+    variances = np.einsum("...ij,...jk,...ik->...i", J, covariance, J)
+    sigmas: Array = np.where(singular[..., None], np.nan, np.sqrt(variances))
+    return sigmas
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,13 +84,13 @@ class AttitudeEstimate:
     def singular(self) -> bool:
         """Whether roll, yaw and pitch cannot be told apart by this sequence here."""
         angles = self.angles
-        return angles is not None and is_singular(self.sequence, angles)
+        return angles is not None and bool(near_singular(self.sequence, angles))
 
     @property
     def sigmas(self) -> Array | None:
         """Standard deviations of roll, yaw, pitch [rad], (3,); None where there are none."""
         angles = self.angles
-        if angles is None or self.covariance is None:
+        if angles is None or self.covariance is None or self.singular:
             return None
         return angle_sigmas(self.sequence, angles, self.covariance)
 

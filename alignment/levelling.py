@@ -8,12 +8,12 @@ from alignment.angles import C_N_NUE, Sequence
 from alignment.arrays import Array
 
 
-def level(f_b: ArrayLike, sequence: Sequence) -> tuple[float, float]:
+def level(f_b: ArrayLike, sequence: Sequence) -> tuple[Array, Array]:
     """Roll and pitch [rad] from specific force at rest.
 
     Parameters
     ----------
-    f_b : (3,)
+    f_b : (..., 3)
         Specific force, any unit.
     sequence : Sequence
         Order of turns the angles belong to.
@@ -24,30 +24,30 @@ def level(f_b: ArrayLike, sequence: Sequence) -> tuple[float, float]:
     ``up_b = (sin th cos ph, cos th cos ph, -sin ph)`` (methods.md section 0).
     Leading errors: accelerometer bias across gravity over g, b/g.
     """
-    fx, fy, fz = np.asarray(f_b, dtype=float)
+    fx, fy, fz = np.moveaxis(np.asarray(f_b, dtype=float), -1, 0)
     if sequence is Sequence.YAW_PITCH_ROLL:
-        return float(np.arctan2(-fz, fy)), float(np.arctan2(fx, np.hypot(fy, fz)))
-    return float(np.arctan2(-fz, np.hypot(fx, fy))), float(np.arctan2(fx, fy))
+        return np.arctan2(-fz, fy), np.arctan2(fx, np.hypot(fy, fz))
+    return np.arctan2(-fz, np.hypot(fx, fy)), np.arctan2(fx, fy)
 
 
-def levelled(sequence: Sequence, roll: float, pitch: float) -> Rotation:
+def levelled(sequence: Sequence, roll: ArrayLike, pitch: ArrayLike) -> Rotation:
     """Rotation from b to the levelled frame: NUE turned by yaw alone."""
     if sequence is Sequence.YAW_PITCH_ROLL:
-        return Rotation.from_euler("ZX", [pitch, roll])
-    return Rotation.from_euler("XZ", [roll, pitch])
+        return Rotation.from_euler("ZX", np.stack([pitch, roll], axis=-1))
+    return Rotation.from_euler("XZ", np.stack([roll, pitch], axis=-1))
 
 
 def attitude_from_means(w_ib_b: ArrayLike, f_b: ArrayLike, sequence: Sequence) -> Rotation:
-    """``C_nb`` from mean rate (3,) and mean specific force (3,) at rest, without integration.
+    """``C_nb`` from mean rate and mean specific force (..., 3) at rest, without integration.
 
     Levels by `level`, turns the rates into the horizontal plane and reads
     ``psi = atan2(w_Z, w_X)`` there ([S0] step 6). Any common factor of either vector cancels.
     """
     roll, pitch = level(f_b, sequence)
     to_levelled = levelled(sequence, roll, pitch)
-    w_levelled = to_levelled.apply(np.asarray(w_ib_b, dtype=float))
-    yaw = np.arctan2(w_levelled[2], w_levelled[0])
-    return C_N_NUE * Rotation.from_euler("Y", yaw) * to_levelled
+    w_levelled = to_levelled.apply(np.array(w_ib_b, dtype=float))
+    yaw = np.arctan2(w_levelled[..., 2], w_levelled[..., 0])
+    return C_N_NUE * Rotation.from_euler("Y", yaw[..., None]) * to_levelled
 
 
 def attitude_sensitivity(w_horizontal: float, w_up: float, gravity: float) -> Array:

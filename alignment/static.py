@@ -207,21 +207,16 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
         w = _means_up_to(readings.w_ib_b, ends) - offset.values[:3]
         f = _means_up_to(readings.f_b, ends) - offset.values[3:]
         sequence = options.rule.sequence_for(f[-1])
-        attitudes = [attitude_from_means(a, b, sequence) for a, b in zip(w, f, strict=True)]
         whole = np.concatenate([mean_variance(readings.w_ib_b), mean_variance(readings.f_b)])
-        covariance = [
-            attitude_covariance(nominal, whole * len(readings) / end + extra, G) for end in ends
-        ]
-        if window == "same":  # the mean of a window that ends at the offset's is a bridge
-            covariance = [
-                c * (1 - e / len(readings)) for c, e in zip(covariance, ends, strict=True)
-            ]
+        part = ends / len(readings)
+        growth = 1 / part - 1 if window == "same" else 1 / part  # "same" ends at its own offset
+        covariance = [attitude_covariance(nominal, whole * g + extra, G) for g in growth]
         tracks.append(
             AttitudeTrack(
                 f"{METHOD} {window}",
                 dwell.label,
                 readings.t[ends - 1],
-                Rotation.concatenate(attitudes),
+                attitude_from_means(w, f, sequence),
                 sequence,
                 np.array(covariance),
             )

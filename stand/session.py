@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, Dwell, Options, Site
 from alignment.angles import angles_from_C_nb, wrapped
-from alignment.arrays import Array
 from alignment.estimate import AttitudeTrack, angle_sigmas
 from alignment.units import DEG
 from stand import __version__
@@ -41,6 +40,7 @@ from stand.score import Score, Spread, Truths, evaluate, score_to_json, spread_t
 from stand.table import Table
 
 HIGHEST_RATE_HZ = 10_000
+BLOCK = 1000  # samples, or a second of them if that is more: a chunk of the recording
 QUEUE = 4  # blocks that may wait for a writer: bounds the memory
 INFO = 20  # rcl_interfaces/msg/Log
 
@@ -200,8 +200,8 @@ class _Run:
         collector = DwellCollector(self.plan.dwells, settings.rate_hz)
         total = sample_count(self.plan.motion.duration, settings.rate_hz)
         waiting: list[Future[None]] = []
-        done = 0
-        for block in truth.blocks(self.plan.motion, settings.rate_hz, settings.sampling):
+        done, block_s = 0, max(1.0, BLOCK / settings.rate_hz)
+        for block in truth.blocks(self.plan.motion, settings.rate_hz, settings.sampling, block_s):
             reported = self.imu.report(block)
             waiting.append(background.submit(_write_review, review, block, reported))
             mcap.write(block, reported)
@@ -327,16 +327,9 @@ def curves(track: AttitudeTrack, C_nb: Rotation) -> AngleCurves:
         np.round(track.t * 1e9).astype(np.int64),
         angles,
         wrapped(angles - true_angles),
-        _sigmas(track, angles),
+        np.nan_to_num(angle_sigmas(track.sequence, angles, track.covariance)),
         (C_nb.inv() * track.C_nb).as_rotvec(),
     )
-
-
-def _sigmas(track: AttitudeTrack, angles: Array) -> Array:
-    rows = [
-        angle_sigmas(track.sequence, a, c) for a, c in zip(angles, track.covariance, strict=True)
-    ]
-    return np.array([np.zeros(3) if row is None else row for row in rows])
 
 
 def run_id(settings: Settings) -> str:

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray
+from alignment.integration import multiply
 from stand.errors import unknown
 from stand.physics.description import JOINTS, Body, StandModel
 from stand.recording.urdf import IMU_FRAME
@@ -65,9 +65,11 @@ def moving_frames(bodies: tuple[Body, ...], angles: Array) -> Frames:
 
 
 def _turned(body: Body, angle: Array) -> Array:
+    """Quaternions (n, 4) of the body at hinge angles (n,), straight from the half angles."""
     assert body.joint is not None
-    turn = Rotation.from_rotvec(angle[:, None] * body.joint.axis)
-    return (Rotation.from_quat(body.rotation) * turn).as_quat()
+    half = angle[:, None] / 2
+    turn = np.hstack([np.sin(half) * body.joint.axis, np.cos(half)])
+    return multiply(body.rotation, turn)
 
 
 def tf_rows(t_ns: IntArray, previous_ns: int | None) -> IntArray:
