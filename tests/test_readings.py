@@ -1,0 +1,129 @@
+"""Readings: owned, ordered, and never a sample that mixes in what lay outside."""
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from alignment.errors import TooShort
+from alignment.readings import Dwell, ImuReadings
+
+FIXED = settings(derandomize=True, deadline=None, max_examples=200, phases=[Phase.generate])
+EDGE = 1.01e-6  # s: stamps are rounded to 1 ns, a stamp within 1 us of an edge is on it
+
+
+def numbered(t):
+    """Readings whose rows tell which sample they are."""
+    n = len(t)
+    w = np.arange(3.0 * n).reshape(n, 3)
+    return ImuReadings(np.asarray(t, dtype=float), w, -w[:, ::-1])
+
+
+def test_readings_own_their_arrays():
+    t, w, f = np.array([0.0, 1.0]), np.array([[1.0, 2, 3], [4, 5, 6]]), np.ones((2, 3))
+    readings = ImuReadings(t, w, f)
+    t[:], w[:], f[:] = 9, 9, 9
+    np.testing.assert_array_equal(readings.t, [0, 1])
+    np.testing.assert_array_equal(readings.w_ib_b, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(readings.f_b, np.ones((2, 3)))
+    for array in (readings.t, readings.w_ib_b, readings.f_b):
+        assert not array.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("t", "rows", "message"),
+    [
+        ([0.0, 1.0, 1.0], 3, "t: sample 2 at 1.000000000 s does not come after 1.000000000 s"),
+        ([0.0, 2.0, 1.0], 3, "t: sample 2 at 1.000000000 s does not come after 2.000000000 s"),
+        ([0.0, 1.0, np.nan], 3, "t: not finite at index (2,)"),
+        ([0.0, 1.0, 2.0], 2, "w_ib_b: shape (2, 3), must be (3, 3)"),
+    ],
+)
+def test_bad_readings_are_refused(t, rows, message):
+    values = np.arange(3.0 * rows).reshape(rows, 3)
+    with pytest.raises(ValueError) as caught:
+        ImuReadings(np.array(t), values, values)
+    assert str(caught.value) == message
+
+
+def test_interval_is_the_mean_of_the_stamps_differences():
+    assert numbered([0.0, 0.4, 1.0, 1.9, 2.0]).interval == 0.5
+    with pytest.raises(TooShort, match="1 samples: at least 2 are needed"):
+        _ = numbered([3.0]).interval
+
+
+def test_between_by_hand():
+    readings = numbered(np.arange(1, 11) / 10)  # intervals (0, 0.1], (0.1, 0.2], ...
+    part = readings.between(0.2, 0.5)
+    np.testing.assert_allclose(part.t, [0.3, 0.4, 0.5], rtol=0, atol=1e-16)
+    np.testing.assert_array_equal(part.w_ib_b, np.arange(6.0, 15.0).reshape(3, 3))
+    np.testing.assert_array_equal(part.f_b, -np.arange(6.0, 15.0).reshape(3, 3)[:, ::-1])
+    np.testing.assert_allclose(readings.between(0.21, 0.49).t, [0.4], rtol=0, atol=1e-16)
+    assert len(readings.between(0.21, 0.35)) == 0
+    assert len(readings.between(0.0, 1.0)) == 10
+    assert len(readings.between(-5.0, 5.0)) == 10
+    assert len(readings.between(0.5, 0.2)) == 0
+
+
+rates = st.sampled_from([10.0, 64.0, 100.0, 200.0, 1000.0])
+
+
+@FIXED
+@given(rates, st.integers(2, 400), st.floats(0, 1e5), st.floats(-1, 3), st.floats(-1, 3))
+def test_no_sample_of_an_even_log_sticks_out(rate, n, start, t_from, t_to):
+    t = start + np.arange(n) / rate
+    part = numbered(t).between(start + t_from, start + t_to)
+    # Stamps near 1e5 s round at 1.5e-11 s.
+    assert np.all(part.t - 1 / rate >= start + t_from - EDGE - 1e-10)
+    assert np.all(part.t <= start + t_to + EDGE)
+    inside = (t - 1 / rate >= start + t_from + EDGE) & (t <= start + t_to - EDGE)
+    assert len(part) >= inside.sum()  # and none that fits is left out
+
+
+def test_between_adjoining_windows_neither_lose_nor_share_a_sample():
+    readings = numbered(np.round(np.arange(1, 4001) / 200, 9))
+    a, b = readings.between(0.0, 10.0), readings.between(10.0, 20.0)
+    np.testing.assert_array_equal(np.concatenate([a.t, b.t]), readings.t)
+    np.testing.assert_array_equal(np.concatenate([a.w_ib_b, b.w_ib_b]), readings.w_ib_b)
+
+
+GAPS = pytest.mark.xfail(
+    strict=True, reason="ImuReadings.between takes the mean interval for each sample's own"
+)
+
+
+@GAPS
+def test_a_sample_after_a_gap_is_left_out():
+    # The sample at 5 s is the mean from 2 s on, so it does not belong to [3, 7].
+    np.testing.assert_array_equal(numbered([0, 1, 2, 5, 6, 7]).between(3, 7).t, [6, 7])
+
+
+@GAPS
+@FIXED
+@given(st.integers(0, 2**32 - 1), st.floats(0.1, 1.5), st.floats(1.5, 3))
+def test_no_sample_of_a_jittering_log_sticks_out(seed, t_from, t_to):
+    steps = np.random.default_rng(seed).uniform(0.5e-2, 1.5e-2, size=320)
+    t = np.cumsum(steps)
+    part = numbered(t).between(t_from, t_to)
+    begins = t[np.searchsorted(t, part.t) - 1]
+    assert np.all(begins >= t_from - EDGE)
+    assert np.all(part.t <= t_to + EDGE)
+
+
+def test_a_dwells_window_counts_from_its_start():
+    readings = numbered(np.arange(1, 101) / 10)
+    dwell = Dwell("Y1 up", 2.0, 8.0, readings)
+    np.testing.assert_allclose(dwell.window().t[[0, -1]], [2.1, 8.0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(dwell.window(1.0, 3.0).t[[0, -1]], [3.1, 5.0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(dwell.window(1.0, 99.0).t[-1], 8.0, rtol=0, atol=1e-15)
+    assert len(dwell.window(0.0, 2.0)) == 20
+
+
+def test_a_window_with_fewer_than_two_samples_is_refused():
+    dwell = Dwell("Z1 down", 2.0, 8.0, numbered(np.arange(1, 101) / 10))
+    message = "Z1 down: 1 samples between 7.900 and 8.000 s, at least 2 are needed"
+    with pytest.raises(TooShort) as caught:
+        dwell.window(5.9)
+    assert str(caught.value) == message
+    with pytest.raises(TooShort, match="0 samples"):
+        dwell.window(7.0)
