@@ -9,18 +9,32 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from stand.errors import StandError, unknown
 
+LONGEST_SHOWN = 60  # characters of a wrong value
+STEP_KINDS = "'dwell', 'move'"
+
 
 class Entry(BaseModel):
-    """Base of everything read from TOML: no unknown keys, no NaN or infinity, immutable."""
+    """Base of everything read from TOML: no unknown keys, no NaN or infinity, immutable.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    Strict: text or a boolean is not taken for a number.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, data: object) -> object:
+        for key in data if isinstance(data, dict) else ():
+            if key not in cls.model_fields:
+                raise ValueError(str(unknown("key", key, cls.model_fields)))
+        return data
 
 
 EntryT = TypeVar("EntryT", bound=Entry)
@@ -76,19 +90,32 @@ def parse(source: Source, model: type[EntryT]) -> EntryT:
     """
     try:
         data = tomllib.loads(source.text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # syntax; thousands of digits or brackets
         raise StandError(f"{source.name}: not valid TOML: {error}") from error
     try:
-        return model.model_validate(data)
+        return model.model_validate(_tuples(data))
     except ValidationError as error:
         raise StandError(_one_line(source.name, data, error.errors())) from error
+
+
+def _tuples(value: Any) -> Any:
+    """The same with tuples for TOML's arrays: strict checks take no list for a tuple."""
+    if isinstance(value, dict):
+        return {key: _tuples(v) for key, v in value.items()}
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
 def _one_line(name: str, data: dict, errors: Sequence[ErrorDetails]) -> str:
     first = errors[0]
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
     place = _place(data, first["loc"])
-    return f"{name}: {place}{_message(first)}{more}"
+    if first["type"].startswith("union_tag"):
+        place += ", kind"
+    if "tag" in (context := first.get("ctx", {})):
+        place += f" = {_shown(context['tag'])}"
+    elif first["type"] not in ("missing", "value_error", "union_tag_not_found"):
+        place += f" = {_shown(first['input'])}"
+    return ": ".join(part for part in (name, place, _allowed(first)) if part) + more
 
 
 def _place(data: object, loc: Sequence[int | str]) -> str:
@@ -106,21 +133,29 @@ def _place(data: object, loc: Sequence[int | str]) -> str:
         else:
             parts.append(str(key))
             here = here.get(key) if isinstance(here, dict) else None
-    return ", ".join(parts) + ": " if parts else ""
+    return ", ".join(parts)
 
 
-def _message(error: ErrorDetails) -> str:
-    kind, given = error["type"], error.get("input")
+def _shown(value: object) -> str:
+    if isinstance(value, dict | tuple):
+        return "a table" if isinstance(value, dict) else "an array"
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of thousands of digits
+        return type(value).__name__
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+def _allowed(error: ErrorDetails) -> str:
+    """What pydantic says should be, in the words of TOML."""
     context = error.get("ctx", {})
-    if kind == "missing":
+    if error["type"] == "missing":
         return "required, but missing"
-    if kind == "extra_forbidden":
-        return f"unknown key (value {given!r})"
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        known = context.get("expected_tags", "'dwell', 'move'")
-        tag = context.get("tag")
-        return f"kind = {tag!r}: must be one of {known}" if tag else f"kind: required, {known}"
-    if kind == "value_error":
+    if error["type"].startswith("union_tag"):
+        return f"must be one of {context.get('expected_tags', STEP_KINDS)}"
+    if error["type"] == "value_error":
         return str(context.get("error", error["msg"]))
-    shown = given if not isinstance(given, dict | list) else type(given).__name__
-    return f"{shown!r}: {error['msg'][0].lower()}{error['msg'][1:]}"
+    text = error["msg"].removesuffix(" or object to extract fields from")
+    for theirs, ours in (("Input should", "must"), ("dictionary", "table"), ("tuple", "array")):
+        text = text.replace(theirs, ours)
+    return text

@@ -29,7 +29,6 @@ app = typer.Typer(
     name="stand",
     help="Virtual IMU test stand: rehearse a turntable test, record it, align from readings.\n\n"
     "Start with: stand run six-position",
-    no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -86,8 +85,7 @@ def guarded(command: Callable[[], Any]) -> int:
     try:
         code = command()
     except typer.TyperException as error:
-        message = error.format_message()
-        return _complain(message) if message else 2  # no arguments: the help was shown
+        return _complain(error.format_message())
     except typer.Abort:
         return _complain("interrupted: nothing was written", 130)
     except KeyboardInterrupt:
@@ -96,6 +94,11 @@ def guarded(command: Callable[[], Any]) -> int:
         return stop.exit_code
     except StandError as error:
         return _complain(str(error))
+    except OSError as error:  # a full disk, a folder without permission
+        named = f"{error.filename}: " if error.filename else ""
+        return _complain(f"{named}{error.strerror or error}")
+    except MemoryError as error:
+        return _complain(f"not enough memory: {error}")
     except Exception as error:
         if type(error).__module__ != "alignment.errors":  # imported only where it was raised
             raise
@@ -114,13 +117,15 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _root(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    pass
+    if context.invoked_subcommand is None:
+        print(context.get_help())
 
 
 @app.command()
@@ -158,7 +163,7 @@ def run(
     """
     from stand.imu import load_imu
     from stand.physics.truth import Sampling
-    from stand.procedure import load_procedure
+    from stand.procedure import load_procedure, table_of
     from stand.session import Settings, refuse_existing, result_json, run_id
     from stand.session import run as run_session
     from stand.table import load_table
@@ -167,14 +172,14 @@ def run(
     settings = Settings(
         loaded,
         load_imu(imu),
-        load_table(table or loaded.entry.table),
+        load_table(table) if table else table_of(loaded),
         _site(loaded.entry.site, latitude, height),
         _options(loaded.entry.estimate.options(), sequences),
         rate,
         Sampling(sampling.value),
         seed,
     )
-    folder = out or Path("recordings") / run_id(settings)
+    folder = _folder(out) if out else Path("recordings") / run_id(settings)
     refuse_existing(folder, force)
     with _progress(f"{settings.procedure.id}, {settings.imu.id}", as_json) as report:
         result = run_session(settings, folder, force, report)
@@ -184,20 +189,30 @@ def run(
         _show_run(result)
 
 
+def _folder(out: Path) -> Path:
+    """Where to record; a link is followed, so that --force replaces what it leads to."""
+    if out.name in ("", ".."):
+        raise StandError(f"--out {out}: must name a folder of its own")
+    return out.resolve() if out.is_symlink() else out
+
+
 def _show_run(result: RunResult) -> None:
+    from rich.markup import escape
+
     from stand.report.console import console, show
     from stand.report.document import ANGLE_NOTE, score_tables
 
     out = console()
     s = result.settings
     out.print(
-        f"[bold]{s.procedure.entry.title}[/bold]: {s.imu.title}, seed {s.seed}, "
+        f"[bold]{escape(s.procedure.entry.title)}[/bold]: {escape(s.imu.title)}, seed {s.seed}, "
         f"{result.samples} samples at {s.rate_hz} Hz ({s.sampling.value})\n"
     )
     show(out, score_tables(result.scores))
     out.print(ANGLE_NOTE, style="dim")
-    out.print(f"\nRecorded in [bold]{result.out}[/bold]: run.mcap, run.rrd, result.json")
-    out.print(f"Review it: stand view {result.out}", soft_wrap=True)
+    where = escape(str(result.out))
+    out.print(f"\nRecorded in [bold]{where}[/bold]: run.mcap, run.rrd, result.json", soft_wrap=True)
+    out.print(f"Review it: stand view {where}", soft_wrap=True)
 
 
 @app.command()
@@ -314,6 +329,8 @@ def import_log(
         raise StandError(f"--out {out}: exists; --force replaces it")
     if out.is_dir() or out.resolve() == file.resolve():
         raise StandError(f"--out {out}: must be a new file")
+    if not out.parent.is_dir():
+        raise StandError(f"--out {out}: no folder {out.parent}")
     with _working("importing", as_json):
         log = load_foreign(file, columns, gyro_unit, accel_unit, time_unit, file_format)
         record = {
@@ -387,7 +404,7 @@ def list_entries(
     from stand.report.document import TableData
 
     columns = tuple(entries[0])
-    rows = tuple(tuple(str(entry[c]) for c in columns) for entry in entries)
+    rows = tuple(tuple("" if e[c] is None else str(e[c]) for c in columns) for e in entries)
     show(console(), [TableData(f"{what.value}", columns, rows)])
 
 

@@ -5,7 +5,13 @@ from collections.abc import Iterable
 
 
 class StandError(Exception):
-    """A fault of the input, told in one line: file, field, value and what is allowed."""
+    """A fault of the input, told in one line: file, field, value and what is allowed.
+
+    Whatever the input put into `message`, line breaks and control characters become blanks.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__("".join(c if c.isprintable() else " " for c in message))
 
 
 def unknown(what: str, name: str, allowed: Iterable[str]) -> StandError:

@@ -4,22 +4,31 @@ A procedure is a site, limits for its moves, what to estimate, and steps: `dwell
 and `move` (to joint angles or to an instrument attitude).
 """
 
-from collections import Counter
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from alignment import ESTIMATORS, Options, Site
 from alignment.angles import Sequence, SequenceRule
 from alignment.units import DEG
 from stand import catalogue
-from stand.errors import StandError
+from stand.errors import StandError, unknown
 from stand.physics.description import JOINTS
+from stand.table import Table, load_table
 
 Positive = Annotated[float, Field(gt=0)]
 AngleDeg = Annotated[float, Field(ge=-36000, le=36000)]
 LONGEST_STEP = 30 * 86400.0  # s
+
+
+def _one_line_text(text: str) -> str:
+    if not text.strip() or not text.isprintable():
+        raise ValueError(f"{text!r}: must be printable text in one line")
+    return text
+
+
+Text = Annotated[str, AfterValidator(_one_line_text)]
 
 
 class SiteEntry(catalogue.Entry):
@@ -46,7 +55,9 @@ class EstimateEntry(catalogue.Entry):
     def _known(cls, methods: tuple[str, ...]) -> tuple[str, ...]:
         for method in methods:
             if method not in ESTIMATORS:
-                raise ValueError(f"{method!r}: must be one of {', '.join(ESTIMATORS)}")
+                raise ValueError(str(unknown("method", method, ESTIMATORS)))
+        if len(set(methods)) != len(methods) or not methods:
+            raise ValueError(f"must name one or more of {', '.join(ESTIMATORS)}, each once")
         return methods
 
     def options(self) -> Options:
@@ -68,14 +79,14 @@ class AttitudeEntry(catalogue.Entry):
     roll: AngleDeg = 0.0
     yaw: AngleDeg = 0.0
     pitch: AngleDeg = 0.0
-    sequence: Sequence = Sequence.YAW_PITCH_ROLL
+    sequence: Annotated[Sequence, Field(strict=False)] = Sequence.YAW_PITCH_ROLL
 
 
 class Dwell(catalogue.Entry):
     """Stand still."""
 
     kind: Literal["dwell"]
-    label: Annotated[str, Field(min_length=1)]
+    label: Text
     duration_s: Annotated[float, Field(gt=0, le=LONGEST_STEP)]
 
 
@@ -83,17 +94,18 @@ class Move(LimitsEntry):
     """Go to joint angles (axes not named stay), or turn the gimbals to an attitude."""
 
     kind: Literal["move"]
-    label: Annotated[str, Field(min_length=1)]
+    label: Text
     joints_deg: dict[str, AngleDeg] | None = None
     attitude_deg: AttitudeEntry | None = None
 
     @model_validator(mode="after")
     def _one_target(self) -> "Move":
         if (self.joints_deg is None) == (self.attitude_deg is None):
-            raise ValueError("must have either joints_deg or attitude_deg")
+            has = "neither" if self.joints_deg is None else "both"
+            raise ValueError(f"joints_deg, attitude_deg: has {has}, must have one of them")
         for name in self.joints_deg or {}:
             if name not in JOINTS:
-                raise ValueError(f"joints_deg, {name}: must be one of {', '.join(JOINTS)}")
+                raise ValueError(f"joints_deg: {unknown('joint', name, JOINTS)}")
         return self
 
 
@@ -103,22 +115,28 @@ Step = Annotated[Dwell | Move, Field(discriminator="kind")]
 class ProcedureEntry(catalogue.Entry):
     """A procedure as its TOML file says it."""
 
-    title: str
+    title: Text
     description: str = ""
     table: str = "laboratory"
     site: SiteEntry
     estimate: EstimateEntry
     move_limits: LimitsEntry = LimitsEntry()
-    step: Annotated[tuple[Step, ...], Field(min_length=1)]
+    step: tuple[Step, ...]
 
     @model_validator(mode="after")
     def _dwells(self) -> "ProcedureEntry":
-        counts = Counter(s.label for s in self.step if isinstance(s, Dwell))
-        for label, count in counts.items():
-            if count > 1:
-                raise ValueError(f'label "{label}": {count} dwells have it, must be unique')
-        if not counts:
-            raise ValueError("step: no dwell, so nothing to estimate from")
+        seen: dict[str, int] = {}
+        for number, step in enumerate(self.step, start=1):
+            if not isinstance(step, Dwell):
+                continue
+            if step.label in seen:
+                raise ValueError(
+                    f'step {number} "{step.label}", label: step {seen[step.label]} has it too, '
+                    "each dwell must have its own"
+                )
+            seen[step.label] = number
+        if not seen:
+            raise ValueError("step: no dwell to estimate from, must have at least one")
         return self
 
     @model_validator(mode="after")
@@ -152,6 +170,14 @@ class Procedure:
 def load_procedure(name: str) -> Procedure:
     """A procedure by catalogue id or path; `StandError` where it is not right."""
     return procedure_from(catalogue.find("procedures", "procedure", name))
+
+
+def table_of(procedure: Procedure) -> Table:
+    """The table the procedure asks for; `StandError` naming the procedure where there is none."""
+    try:
+        return load_table(procedure.entry.table)
+    except StandError as error:
+        raise StandError(f"{procedure.name}: table: {error}") from error
 
 
 def procedure_from(source: catalogue.Source) -> Procedure:

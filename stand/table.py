@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 from alignment.arrays import Array, set_owned
 from alignment.units import DEG
 from stand import catalogue
-from stand.errors import StandError
 from stand.physics.description import JOINTS
 
 
@@ -84,8 +83,6 @@ def load_table(name: str) -> Table:
     entry = catalogue.parse(source, TableEntry)
     axes = [entry.axis[j] for j in JOINTS]
     travels = [a.travel_deg or (-inf, inf) for a in axes]
-    if any(low > high for low, high in travels):
-        raise StandError(f"{source.name}: travel_deg: low end must come first")
     return Table(
         source.id,
         entry.title,

@@ -1,7 +1,10 @@
 """Foreign logs: text columns or raw float64, brought to SI and one time base."""
 
+import warnings
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -79,9 +82,11 @@ def load_foreign(
         raise StandError(f"{path}: {len(table)} rows of data, at least 2 are needed")
     place = {name: order.index(name) for name in COLUMNS}
     chosen = table[:, [place[name] for name in COLUMNS]]
-    _check_finite(path, chosen)
-    t_ns, epoch_ns = _stamps(path, chosen[:, 0] * scales[0])
-    return ForeignLog(t_ns, chosen[:, 1:4] * scales[1], chosen[:, 4:7] * scales[2], epoch_ns)
+    with np.errstate(over="ignore"):  # told by the check below
+        si = chosen * np.repeat(scales, [1, 3, 3])
+    _check_finite(path, chosen, si)
+    t_ns, epoch_ns = _stamps(path, si[:, 0])
+    return ForeignLog(t_ns, si[:, 1:4], si[:, 4:7], epoch_ns)
 
 
 def _columns(columns: str) -> list[str]:
@@ -115,6 +120,8 @@ def _table(path: Path, file_format: str | None, width: int) -> Array:
 
 
 def _binary(path: Path, width: int) -> Array:
+    if path.is_dir():
+        raise StandError(f"{path}: is a folder, must be a file")
     size = path.stat().st_size
     if size % (8 * width):
         raise StandError(
@@ -125,19 +132,45 @@ def _binary(path: Path, width: int) -> Array:
 
 
 def _text(path: Path, width: int) -> Array:
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with _opened(path) as file:
         first = file.readline()
     separator = next((s for s in ",;" if s in first), None)
     header = 0 if _is_numbers(first, separator) else 1
     try:
-        table = np.loadtxt(path, delimiter=separator, skiprows=header, ndmin=2, encoding="utf-8")
-    except (ValueError, UnicodeDecodeError) as error:
-        raise StandError(f"{path}: not a table of numbers: {error}") from error
+        with _opened(path) as file, warnings.catch_warnings():
+            warnings.simplefilter("error")  # a file without rows only warns
+            table = np.loadtxt(islice(file, header, None), delimiter=separator, ndmin=2)
+    except (ValueError, UserWarning) as error:
+        raise StandError(f"{path}: {_fault(path, separator, header, width)}") from error
     if table.shape[1] != width:
-        raise StandError(
-            f"{path}: {table.shape[1]} columns, but --columns names {width} (use - to skip one)"
-        )
+        raise StandError(f"{path}: {_wrong_width(table.shape[1], width)}")
     return table
+
+
+def _opened(path: Path) -> TextIO:
+    """As text; a byte order mark is dropped, and bytes of another encoding may be in a header."""
+    return path.open(encoding="utf-8-sig", errors="replace")
+
+
+def _fault(path: Path, separator: str | None, header: int, width: int) -> str:
+    """What is wrong with text that NumPy could not read: its first line that does not fit."""
+    empty = True
+    with _opened(path) as file:
+        for number, line in islice(enumerate(file, start=1), header, None):
+            fields = line.split("#")[0].strip().split(separator)
+            if not any(fields):
+                continue
+            empty = False
+            if len(fields) != width:
+                return f"line {number}: {_wrong_width(len(fields), width)}"
+            for column, field in enumerate(fields, start=1):
+                if not _is_numbers(field, separator):
+                    return f"line {number}, column {column} = {field.strip()!r}: must be a number"
+    return "no rows of data" if empty else "not a table of numbers"
+
+
+def _wrong_width(found: int, width: int) -> str:
+    return f"{found} columns, but --columns names {width} (use - to skip one)"
 
 
 def _is_numbers(line: str, separator: str | None) -> bool:
@@ -148,8 +181,8 @@ def _is_numbers(line: str, separator: str | None) -> bool:
     return True
 
 
-def _check_finite(path: Path, table: Array) -> None:
-    bad = np.argwhere(~np.isfinite(table))
+def _check_finite(path: Path, table: Array, si: Array) -> None:
+    bad = np.argwhere(~np.isfinite(si))
     if len(bad):
         row, column = bad[0]
         value = table[row, column]

@@ -25,9 +25,9 @@ def render(table: TableData) -> RenderableType:
         left = k == 0 or name in ("turns", "title", "source")
         grid.add_column(name, justify="left" if left else "right", no_wrap=k == 0)
     for k, row in enumerate(table.rows):
-        grid.add_row(*row, end_section=k == len(table.rows) - 1)
+        grid.add_row(*map(Text, row), end_section=k == len(table.rows) - 1)
     for row in table.footers:
-        grid.add_row(*row, style="dim")
+        grid.add_row(*map(Text, row), style="dim")
     notes = [Text(f"  {note}", style="dim") for note in table.notes]
     return Group(Text(table.title, style="bold cyan"), grid, *notes)
 

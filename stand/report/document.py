@@ -51,7 +51,7 @@ def number(value: float) -> str:
 
 def sigma_text(value: float) -> str:
     """A standard deviation with one significant digit, tens written out."""
-    return f"± {value:.0f}" if value >= 10 else f"± {value:.1g}"
+    return f"± {value:.0f}" if value >= 9.5 else f"± {value:.1g}"
 
 
 def angle(value: float) -> str:
@@ -155,7 +155,7 @@ def markdown(table: TableData) -> str:
 
 
 def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
 def report_document(result: RunResult) -> str:
@@ -177,4 +177,6 @@ def config_document(result: RunResult) -> str:
     """The files that made the run."""
     s = result.settings
     parts = (("Procedure", s.procedure), ("IMU", s.imu), ("Table", s.table))
-    return "\n".join(f"## {name}: {part.id}\n\n```toml\n{part.text}```\n" for name, part in parts)
+    return "\n".join(
+        f"## {name}: {part.id}\n\n```toml\n{part.text.rstrip()}\n```\n" for name, part in parts
+    )
