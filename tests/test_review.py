@@ -244,12 +244,25 @@ def test_estimated_axes_are_turned_by_the_exaggerated_error(rrd):
 
 
 @pytest.mark.parametrize(
-    ("final", "factor"), [(1e-4, 1e3), (3e-3, 1e2), (0.1, 1.0), (2.0, 1.0), (0.0, 1e6)]
+    ("error", "factor"), [(1e-4, 1e3), (3e-3, 1e2), (0.1, 1.0), (2.0, 1.0), (0.0, 1e6)]
 )
-def test_exaggeration_is_a_power_of_ten_that_shows_degrees(final, factor):
-    rows = np.array([[0.5, 0.0, 0.0], [0.0, final, 0.0]])
-    curve = AngleCurves("m", "d", [1, 2], rows, rows, rows, rows)
+def test_exaggeration_is_a_power_of_ten_that_shows_degrees(error, factor):
+    rows = np.array([[0.5, 0.0, 0.0], [0.0, error, 0.0], [0.0, 0.0, error]])
+    curve = AngleCurves("m", "d", [1, 2, 3], rows, rows, rows, rows)
     assert review._exaggeration([curve]) == factor
+
+
+def test_a_method_is_followed_by_the_one_that_takes_over_and_never_by_its_rival():
+    def curve(method, *t_ns):
+        rows = np.zeros((len(t_ns), 3))
+        return AngleCurves(method, "d", t_ns, rows, rows, rows, rows)
+
+    first = [curve("a", 20, 24), curve("a", 0, 4)]
+    after = [curve("b", 4, 9), curve("b", 24, 29)]
+    rival = [curve("rk4", 1, 9), curve("rk4", 21, 29), curve("rk4", 40, 44)]
+    relay = review._relay(first + after + rival)
+    found = [(c.method, int(c.t_ns[0])) for c in relay]
+    assert found == [("a", 0), ("b", 4), ("a", 20), ("b", 24), ("rk4", 40)]
 
 
 def test_phases_events_and_texts(rrd):
@@ -262,11 +275,11 @@ def test_phases_events_and_texts(rrd):
     assert table(rrd, "/__properties/run", "seed")[1] == [[7]]
 
 
-def test_layout_is_paused_and_names_method_rival_factor_and_range(rrd):
+def test_layout_is_paused_and_names_method_factor_and_range(rrd):
     assert blueprint_values(rrd, "TimePanelBlueprint:play_state") == [[PlayState.Paused.value]]
     names = [name for (name,) in blueprint_values(rrd, "ViewBlueprint:display_name")]
-    assert "Stand, true axes; pale: six-position estimate, error x1,000" in names
-    assert any(name.startswith("Yaw error [deg], six-position vs rk4, ") for name in names)
+    assert "Stand, true axes; pale: six-position, error x1,000" in names
+    assert any(name.startswith("Yaw error, ±3σ [deg], ") for name in names)
     assert "Table angles [deg], 0 to 90" in names
 
 

@@ -96,7 +96,7 @@ class Layout(rrb.Blueprint):
     def _log_to_stream(self, stream: rr.RecordingStream) -> None:
         super()._log_to_stream(stream)
         # Room for the legends beside the curves.
-        ends = (-0.01 * self.duration_s, 1.1 * self.duration_s)
+        ends = (-0.01 * self.duration_s, 1.14 * self.duration_s)
         edges = [rr.TimeRangeBoundary.absolute(seconds=t) for t in ends]
         whole = rr.TimeRange(start=edges[0], end=edges[1])
         stream.log(f"view/{SHARED_VIEW}/TimeAxis", rrb.TimeAxis(view_range=whole))
@@ -115,14 +115,14 @@ class Screen(NamedTuple):
     """What the layout is made for.
 
     `ranges` are the extremes of each plot by its entity, `limits` what its axis shows if that is
-    less; of `methods` the first is under test, its error shown times `factor` in 3D.
+    less; `tested` are the methods whose axes are shown in 3D, their error times `factor`.
     """
 
     scene: Scene
     duration_s: float
     ranges: dict[str, tuple[float, float]]
     limits: dict[str, tuple[float, float]]
-    methods: tuple[str, ...] = ()
+    tested: tuple[str, ...] = ()
     factor: float = 1.0
 
 
@@ -208,12 +208,14 @@ class ReviewWriter:
 
     def event(self, t_ns: int, level: str, text: str) -> None:
         """Add a line to the event log; `level` is 'INFO', 'WARN' or 'ERROR'."""
-        self._send_events([t_ns], [level], [text])
+        columns = rr.TextLog.columns(text=[text], level=[level])
+        self._send("events", np.array([t_ns], dtype=np.int64), columns)
 
     def angles(self, curves: Sequence[AngleCurves]) -> None:
         """Add what the estimators found, once, after the last samples.
 
-        The first method is the one under test: its +-3 sigma and its axes in 3D are shown.
+        The first method is under test, with those that take over from it: their +-3 sigma and
+        their axes in 3D are shown. What runs beside it at the same time is a rival.
 
         Parameters
         ----------
@@ -224,15 +226,16 @@ class ReviewWriter:
         methods = tuple(dict.fromkeys(curve.method for curve in curves))
         if not methods:
             return
-        for rank, method in enumerate(methods):
-            own = sorted((c for c in curves if c.method == method), key=lambda c: int(c.t_ns[0]))
-            self._send_curves(own, rank)
-        tested = [curve for curve in curves if curve.method == methods[0]]
+        tested = _relay(sorted(curves, key=lambda curve: methods.index(curve.method)))
         factor = _exaggeration(tested)
         self._send_sigmas(tested)
         self._send_estimate(tested, factor)
+        names = tuple(dict.fromkeys(curve.method for curve in tested))
+        for rank, method in enumerate(methods):
+            own = sorted((c for c in curves if c.method == method), key=lambda c: int(c.t_ns[0]))
+            self._send_curves(own, rank, width=2.0 if method in names else 1.2)
         self._limit_errors(tested)
-        self._screen = self._screen._replace(methods=methods, factor=factor)
+        self._screen = self._screen._replace(tested=names, factor=factor)
 
     def documents(self, report: str, config: str) -> None:
         """Fill the tabs Report and Config.
@@ -309,12 +312,6 @@ class ReviewWriter:
             columns = _hinge_columns(body, angle[moved])
             self._send(self._scene.entities[body.name], t_ns[moved], columns)
 
-    def _send_events(
-        self, t_ns: Sequence[int], levels: Sequence[str], texts: Sequence[str]
-    ) -> None:
-        columns = rr.TextLog.columns(text=list(texts), level=list(levels))
-        self._send("events", np.array(t_ns, dtype=np.int64), columns)
-
     def _send_phases(self, phases: Sequence[Phase]) -> None:
         if not phases:
             return
@@ -330,11 +327,6 @@ class ReviewWriter:
             colors=[KIND_COLORS.get(phase.kind, GREY) for phase in named.values()],
         )
         self._log("phase", style)
-        self._send_events(
-            [phase.t_from_ns for phase in phases],
-            ["INFO"] * len(phases),
-            [f"{phase.kind}: {phase.label}" for phase in phases],
-        )
 
     def _send_scene(self, w_ie: Array) -> None:
         scene = self._scene
@@ -373,12 +365,12 @@ class ReviewWriter:
         )
         self._log("world/reference", world)
 
-    def _send_curves(self, curves: Sequence[AngleCurves], rank: int) -> None:
+    def _send_curves(self, curves: Sequence[AngleCurves], rank: int, width: float) -> None:
         """One method's errors, an entity per angle, and its angles, all in one entity.
 
         The rank in the entity's name keeps the method under test first in the legends.
         """
-        method, width = curves[0].method, 1.2 if rank else 2.0
+        method = curves[0].method
         color = METHOD_COLORS[rank % len(METHOD_COLORS)]
         for k, angle in enumerate(ANGLES):
             rows = _with_gaps((c.t_ns, c.errors[:, k : k + 1] / DEG) for c in curves)
@@ -496,10 +488,21 @@ def _with_gaps(parts: Iterable[Rows]) -> Rows:
     return np.concatenate(times), np.concatenate(rows)
 
 
+def _relay(curves: Iterable[AngleCurves]) -> list[AngleCurves]:
+    """Curves that follow one another in time, the first come first served."""
+    taken: list[AngleCurves] = []
+    for curve in curves:
+        first, last = curve.t_ns[0], curve.t_ns[-1]
+        if all(last <= other.t_ns[0] or other.t_ns[-1] <= first for other in taken):
+            taken.append(curve)
+    return sorted(taken, key=lambda curve: int(curve.t_ns[0]))
+
+
 def _exaggeration(curves: Sequence[AngleCurves]) -> float:
-    """The power of ten that shows a dwell's usual final error as 2 to 20 degrees."""
-    final = np.median([np.linalg.norm(curve.error_rotations[-1]) for curve in curves])
-    return float(10.0 ** np.clip(np.floor(np.log10(20.0 * DEG / max(final, 1e-9))), 0.0, 6.0))
+    """The power of ten that shows the median error as 2 to 20 degrees, if that is more."""
+    errors = np.concatenate([np.linalg.norm(curve.error_rotations, axis=1) for curve in curves])
+    shown = 20.0 * DEG / max(float(np.median(errors)), 1e-9)
+    return float(10.0 ** np.clip(np.floor(np.log10(shown)), 0.0, 6.0))
 
 
 def _turned_axes(error_rotations: Array, factor: float) -> Array:
@@ -613,8 +616,8 @@ def _blueprint(screen: Screen) -> rrb.Blueprint:
 
 def _stand_view(screen: Screen) -> rrb.Spatial3DView:
     title = "Stand, true axes"
-    if screen.methods:
-        title += f"; pale: {screen.methods[0]} estimate, error x{screen.factor:,.0f}"
+    if screen.tested:
+        title += f"; pale: {', '.join(screen.tested)}, error x{screen.factor:,.0f}"
     look = screen.scene.center
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
@@ -642,16 +645,15 @@ def _texts() -> rrb.Tabs:
 
 def _plots(screen: Screen) -> rrb.Vertical:
     base, table, accel, gyro, *residuals = (_plot(screen, c.entity, c.title) for c in CHANNELS)
-    versus = " vs ".join(screen.methods)
-    shown = ANGLES if screen.methods else ()
-    values = [_plot(screen, "angles/values", f"Estimated angles [deg], {versus}")] if shown else []
+    shown = ANGLES if screen.tested else ()
+    values = [_plot(screen, "angles/values", "Estimated angles [deg]")] if shown else []
     rows = [
         rrb.StateTimelineView(origin="phase", name="Phase", time_view=LINKED),
         rrb.Tabs(table, base, *values, active_tab=0),
         accel,
         gyro,
         rrb.Tabs(*residuals, active_tab=0),
-        *(_plot(screen, f"angles/{k}", f"{k.capitalize()} error [deg], {versus}") for k in shown),
+        *(_plot(screen, f"angles/{k}", f"{k.capitalize()} error, ±3σ [deg]") for k in shown),
     ]
     return rrb.Vertical(*rows, row_shares=[0.1 * len(rows)] + [1.0] * (len(rows) - 1))
 

@@ -31,9 +31,11 @@ def view(path: str | os.PathLike[str], *, browser: bool = False) -> None:
     options = ["--web-viewer", "--web-viewer-port", "0"] if browser else []
     # A new viewer: an old one on the usual port may be of another version or bound elsewhere.
     command = [viewer_binary(), "--bind", LOOPBACK, "--port", "auto", *options, str(recording)]
-    done = subprocess.run(command, env=quiet_environment(), stderr=subprocess.PIPE, text=True)
+    # In a browser its messages are for the person: they hold the address.
+    heard = None if browser else subprocess.PIPE
+    done = subprocess.run(command, env=quiet_environment(), stderr=heard, text=True, check=False)
     if done.returncode > 0:
-        raise StandError(f"rerun viewer failed on {recording}: {_reason(done.stderr)}")
+        raise StandError(f"{recording}: the rerun viewer failed: {_reason(done.stderr or '')}")
 
 
 def checked_recording(path: str | os.PathLike[str]) -> Path:
@@ -70,6 +72,8 @@ def quiet_environment() -> dict[str, str]:
 
 def _reason(stderr: str) -> str:
     """The line that says what went wrong: the last with 'error', else the last."""
+    if "WAYLAND_DISPLAY" in stderr:
+        return "no screen here; open it in the browser, or copy it to a machine with a screen"
     lines = [line.strip() for line in stderr.splitlines() if line.strip()]
     telling = [line for line in lines if "error" in line.lower()] or lines
     return telling[-1] if telling else "no message"
