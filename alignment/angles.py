@@ -118,5 +118,5 @@ def angle_jacobian(sequence: Sequence, roll: ArrayLike, yaw: ArrayLike, pitch: A
         roll_axis = [c, -s, zero]
         pitch_axis = [s * np.cos(roll), c * np.cos(roll), np.sin(roll)]
     columns = np.array([roll_axis, [zero, zero, zero - 1], pitch_axis])
-    axes: Array = np.moveaxis(columns, (0, 1), (-1, -2)).astype(np.float64)
-    return np.linalg.inv(axes)
+    jacobian: Array = np.asarray(np.linalg.inv(np.moveaxis(columns, (0, 1), (-1, -2))), float)
+    return jacobian

@@ -22,22 +22,19 @@ _CHUNK = 65536  # samples integrated at once: bounds the memory of hour-long rec
 
 def multiply(p: Array, q: Array) -> Array:
     """Hamilton product of quaternions (..., 4), order x, y, z, w."""
-    px, py, pz, pw = np.moveaxis(p, -1, 0)
-    qx, qy, qz, qw = np.moveaxis(q, -1, 0)
-    return np.stack(
-        [
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-            pw * qw - px * qx - py * qy - pz * qz,
-        ],
-        axis=-1,
-    )
+    px, py, pz, pw = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
+    qx, qy, qz, qw = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    product = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    product[..., 0] = pw * qx + px * qw + py * qz - pz * qy
+    product[..., 1] = pw * qy - px * qz + py * qw + pz * qx
+    product[..., 2] = pw * qz + px * qy - py * qx + pz * qw
+    product[..., 3] = pw * qw - px * qx - py * qy - pz * qz
+    return product
 
 
 def normalised(q: Array) -> Array:
     """Quaternions (..., 4) brought to norm one: the norm correction."""
-    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return q / np.sqrt(np.einsum("...i,...i->...", q, q))[..., None]
 
 
 def prefix_product(q: Array) -> Array:

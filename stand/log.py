@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,9 +14,11 @@ from alignment.angles import SequenceRule
 from alignment.units import DEG
 from stand.errors import StandError
 from stand.physics.kinematics import C_NW
-from stand.plan import PlannedStep
 from stand.recording.interchange.reader import ImuLog, read_imu, read_truth
 from stand.score import Truths
+
+if TYPE_CHECKING:  # planning takes a while to import, and reading needs none of it
+    from stand.plan import PlannedStep
 
 RUN = "run"  # the metadata record that marks a recording of ours
 
@@ -44,7 +47,7 @@ def describe_site(site: Site) -> dict[str, str]:
     return record
 
 
-def describe_schedule(steps: Sequence[PlannedStep]) -> dict[str, str]:
+def describe_schedule(steps: "Sequence[PlannedStep]") -> dict[str, str]:
     """The metadata record of the steps as they ran; `C_nb_xyzw` is the nominal attitude."""
     entries = [
         {

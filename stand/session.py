@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -337,6 +338,7 @@ def run_id(settings: Settings) -> str:
     return f"{settings.procedure.id}_{settings.imu.id}_seed{settings.seed}"
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of all that has a say in the numbers."""
     packages = ("mujoco", "numpy", "scipy", "ruckig")

@@ -118,8 +118,8 @@ class Truth:
 
     def __init__(self, model: mujoco.MjModel, site: Site) -> None:
         self._lean = lean_model(model, site)
-        self._batch = Batch(self._lean, ROWS, nthread=1)
-        self._sensors = self._batch.bind("sensordata")
+        self.batch = Batch(self._lean, ROWS, nthread=1)
+        self._sensors = self.batch.bind("sensordata")
 
     def instants(self, joints: Array, rates: Array, accelerations: Array) -> Instants:
         """Sensors at joint angles, rates and accelerations, (n, 6) each, in radians.
@@ -144,10 +144,10 @@ class Truth:
 
     def _evaluate(self, joints: Array, rates: Array, accelerations: Array) -> Array:
         n = len(joints)
-        self._batch.qpos[:n] = joints
-        self._batch.qvel[:n] = rates
-        np.multiply(accelerations, ARMATURE, out=self._batch.qfrc_applied[:n])
-        self._batch.forward(None if n == ROWS else np.arange(n))
+        self.batch.qpos[:n] = joints
+        self.batch.qvel[:n] = rates
+        np.multiply(accelerations, ARMATURE, out=self.batch.qfrc_applied[:n])
+        self.batch.forward(None if n == ROWS else np.arange(n))
         return self._sensors[:n]
 
     def blocks(

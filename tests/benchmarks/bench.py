@@ -1,0 +1,139 @@
+"""Speed, measured: `make bench`. Prints samples/s and ratios to a reference of the same run.
+
+Nothing here is asserted: a busy machine would fail it. Each figure is the best of several
+repeats, except the whole runs, whose median is taken.
+"""
+
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from alignment import Site
+from stand.imu import Imu, load_imu
+from stand.motion import Motion
+from stand.physics.mjcf import load_model
+from stand.physics.truth import ROWS, Sampling, Truth
+from stand.plan import joined, move_piece
+from stand.report.console import console, show
+from stand.report.document import TableData
+
+HOUR = """
+title = "One hour of rest in six positions"
+[site]
+latitude_deg = 48.5
+[estimate]
+methods = ["six-position", "rk4", "triad"]
+"""
+
+
+def best(action: Callable[[], object], repeats: int = 7) -> float:
+    """Shortest time of several [s]."""
+    times = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        action()
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def moving() -> Motion:
+    """Some 20 s of moves of all six axes, without a rest."""
+    rng = np.random.default_rng(0)
+    joints, pieces = np.zeros(6), []
+    for _ in range(6):
+        target = np.radians(rng.uniform(-1, 1, 6) * [14, 14, 18, 170, 170, 170])
+        pieces.append(
+            move_piece(joints, target, *np.radians([np.full(6, x) for x in (60, 60, 240)]))
+        )
+        joints = target
+    return joined(pieces)
+
+
+def truth_rows() -> list[tuple[str, str, str]]:
+    """Truth of motion against the bare `Batch.forward` of the same model, in evaluations/s."""
+    truth, motion = Truth(load_model(), Site(0.8)), moving()
+    t = np.linspace(0, motion.duration, ROWS, endpoint=False)
+    truth.instants(*motion.joints(t))
+    batch = truth.batch
+
+    def forward() -> None:
+        for _ in range(20):
+            batch.forward()
+
+    edges = np.arange(int(motion.duration * 1000)) / 1000.0  # 1 kHz: two evaluations a sample
+    nodes = 2 * (len(edges) - 1) + 1
+    # in turns, so that a change of the machine's mood meets both
+    pairs = [(best(forward, 1), best(lambda: truth.means(motion, edges), 1)) for _ in range(15)]
+    raw = 20 * ROWS / min(p[0] for p in pairs)
+    ours = nodes / min(p[1] for p in pairs)
+    rest = Motion(np.array([0.0, 600.0]), np.zeros((4, 1, 6)))
+    dwell = best(lambda: list(truth.blocks(rest, 1000, Sampling.MEAN)), 3)
+    return [
+        ("Batch.forward, one thread", f"{raw:,.0f} evaluations/s", "1"),
+        ("truth of motion (means)", f"{ours:,.0f} evaluations/s", f"{ours / raw:.2f} of it"),
+        ("the same in samples", f"{ours / 2:,.0f} samples/s", ""),
+        ("truth of dwells", f"{600_000 / dwell:,.0f} samples/s", ""),
+    ]
+
+
+def imu_rows() -> list[tuple[str, str, str]]:
+    """The sensor model against drawing the same normals."""
+    truth = Truth(load_model(), Site(0.8))
+    rest = Motion(np.array([0.0, 100.0]), np.zeros((4, 1, 6)))
+    block = truth.block(rest, 1000, Sampling.MEAN, 0, 100_000)
+    imu = Imu(load_imu("stim300"), 0, 1000)
+    ours = len(block) / best(lambda: imu.report(block))
+    rng = np.random.default_rng(0)
+    normals = len(block) / best(lambda: rng.standard_normal((len(block), 6)))
+    return [
+        ("six normals alone", f"{normals:,.0f} samples/s", "1"),
+        ("IMU with errors", f"{ours:,.0f} samples/s", f"{ours / normals:.2f} of it"),
+    ]
+
+
+def command_rows(folder: Path) -> list[tuple[str, str, str]]:
+    """Whole commands in processes of their own, start-up included."""
+    stand = str(Path(sys.executable).with_name("stand"))
+
+    def run(*arguments: str) -> float:
+        begin = time.perf_counter()
+        subprocess.run([stand, *arguments], check=True, cwd=folder, stdout=subprocess.DEVNULL)
+        return time.perf_counter() - begin
+
+    run("--help")
+    help_time = statistics.median(run("--help") for _ in range(5))
+    test = statistics.median(run("run", "six-position", "--force") for _ in range(5))
+    hour = folder / "hour.toml"
+    steps = "".join(
+        f'[[step]]\nkind = "move"\nlabel = "to {k}"\njoints_deg = {{ outer = {10 * k} }}\n'
+        f'[[step]]\nkind = "dwell"\nlabel = "{k}"\nduration_s = 598\n'
+        for k in range(1, 7)
+    )
+    hour.write_text(HOUR + steps)
+    long = run("run", str(hour), "--rate", "1000", "--out", "hour")
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    return [
+        ("stand --help", f"{help_time:.2f} s", ""),
+        ("stand run six-position", f"{test:.2f} s", f"{384 / test:.0f} x real time"),
+        ("1 h at 1 kHz, recorded", f"{long:.1f} s", f"{3600 / long:.0f} x real time"),
+        ("its peak memory", f"{peak:.0f} MB", ""),
+    ]
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        rows = [*truth_rows(), *imu_rows(), *command_rows(Path(folder))]
+    title = f"Speed on {os.cpu_count()} cores"
+    show(console(), [TableData(title, ("what", "measured", "ratio"), tuple(rows))])
+
+
+if __name__ == "__main__":
+    main()
