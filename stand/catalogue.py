@@ -18,6 +18,12 @@ from stand.errors import StandError, unknown
 
 LONGEST_SHOWN = 60  # characters of a wrong value
 STEP_KINDS = "'dwell', 'move'"
+_SHAPES = {
+    "tuple_type": "must be an array",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+}
 
 
 class Entry(BaseModel):
@@ -155,7 +161,4 @@ def _allowed(error: ErrorDetails) -> str:
         return f"must be one of {context.get('expected_tags', STEP_KINDS)}"
     if error["type"] == "value_error":
         return str(context.get("error", error["msg"]))
-    text = error["msg"].removesuffix(" or object to extract fields from")
-    for theirs, ours in (("Input should", "must"), ("dictionary", "table"), ("tuple", "array")):
-        text = text.replace(theirs, ours)
-    return text
+    return _SHAPES.get(error["type"]) or error["msg"].replace("Input should", "must")
