@@ -1,0 +1,46 @@
+"""The README's promises: its procedure runs, its commands exist, its files are there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from stand.procedure import load_procedure
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+def test_the_procedure_in_the_readme_runs(tmp_path, stand_command):
+    (text,) = blocks("toml")
+    path = tmp_path / "two.toml"
+    path.write_text(text, encoding="utf-8")
+    assert len(load_procedure(str(path)).entry.step) == 4
+    done = stand_command("run", path, "--rate", 10, "--out", tmp_path / "run", "--json")
+    assert done.code == 0, done.err
+    estimates = done.json["estimates"]
+    assert {e["label"] for e in estimates} >= {"first", "second"}
+    second = next(e for e in estimates if e["label"] == "second" and e.get("window") == "same")
+    # the instrument's attitude is what the step asks for, whatever the tilted base
+    assert abs(second["roll_deg"]) == pytest.approx(180.0, abs=1e-6)
+    assert second["yaw_deg"] == pytest.approx(90.0, abs=1e-6)
+
+
+def test_every_command_and_option_in_the_readme_exists(stand_command):
+    commands = re.findall(r"^stand (\w+)(.*)$", "\n".join(blocks("sh")), re.MULTILINE)
+    assert len(commands) >= 8
+    for command, rest in commands:
+        help_text = stand_command(command, "--help").out
+        for option in re.findall(r"--[a-z-]+", rest.split("#")[0].split("|")[0]):
+            assert option in help_text, f"stand {command} {option}"
+
+
+def test_every_file_in_the_readme_exists():
+    for name in re.findall(r"\]\((docs/[^)]+)\)", README):
+        assert (ROOT / name).stat().st_size > 10_000, name
+    for name in re.findall(r"`((?:stand|alignment|tools)/[\w/]*)`", README):
+        assert (ROOT / name).exists(), name
