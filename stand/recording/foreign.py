@@ -193,19 +193,23 @@ def _check_finite(path: Path, table: Array, si: Array) -> None:
 
 def _stamps(path: Path, t: Array) -> tuple[IntArray, int]:
     """Nanoseconds since an epoch: Unix time's own, or a fixed one for times from anywhere else."""
-    back = np.flatnonzero(np.diff(t) <= 0)
-    if len(back):
-        k = int(back[0]) + 1
-        raise StandError(
-            f"{path}: row {k + 1}, column t = {t[k]:.9g} s: must be above the row before, "
-            f"{t[k - 1]:.9g} s"
-        )
-    if t[0] >= YEAR_1990 and t[-1] < YEAR_2100:
-        whole = int(t[0])
-        return np.round((t - whole) * 1e9).astype(np.int64), whole * 1_000_000_000
-    if t[0] < 0 or t[-1] > YEAR_2100 - EPOCH_NS * 1e-9:
+    _check_increase(path, t, np.diff(t))
+    whole = int(t[0]) if t[0] >= YEAR_1990 and t[-1] < YEAR_2100 else 0
+    if not whole and (t[0] < 0 or t[-1] > YEAR_2100 - EPOCH_NS * 1e-9):
         raise StandError(
             f"{path}: column t runs from {t[0]:.9g} to {t[-1]:.9g} s: must be seconds from 0 on, "
             "or Unix time between 1990 and 2100 (is the time unit right?)"
         )
-    return np.round(t * 1e9).astype(np.int64), EPOCH_NS
+    t_ns = np.round((t - whole) * 1e9).astype(np.int64)
+    _check_increase(path, t, np.diff(t_ns))
+    return t_ns, whole * 1_000_000_000 or EPOCH_NS
+
+
+def _check_increase(path: Path, t: Array, steps: Array | IntArray) -> None:
+    back = np.flatnonzero(steps <= 0)
+    if len(back):
+        k = int(back[0]) + 1
+        raise StandError(
+            f"{path}: row {k + 1}, column t = {t[k]:.12g} s: must be above the row before, "
+            f"{t[k - 1]:.12g} s, by a nanosecond at least"
+        )
