@@ -70,25 +70,18 @@ def test_a_users_file_is_found_by_its_path(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("load", "name", "line"),
+    ("load", "folder", "name", "near"),
     [
-        (
-            load_imu,
-            "stim30",
-            "unknown imu 'stim30': did you mean stim300? "
-            "known: adis16488, ideal, ring-laser, stim300",
-        ),
-        (
-            load_procedure,
-            "six-postion",
-            "unknown procedure 'six-postion': did you mean six-position or "
-            "six-position-published? known: six-position, six-position-published",
-        ),
-        (load_table, "nothing-like-it", "unknown table 'nothing-like-it': known: laboratory"),
+        (load_imu, "imus", "stim30", "did you mean stim300? "),
+        (load_procedure, "procedures", "six-postion", "did you mean six-position or "),
+        (load_table, "tables", "laborotory", "did you mean laboratory? "),
+        (load_table, "tables", "123456789", "known: "),
     ],
 )
-def test_unknown_ids_name_near_matches(load, name, line):
-    assert refusal(load, name) == line
+def test_unknown_ids_name_near_matches_and_all_there_are(load, folder, name, near):
+    told = refusal(load, name)
+    assert told.startswith(f"unknown {folder[:-1]} {name!r}: {near}")
+    assert told.endswith(f"known: {', '.join(catalogue.ids(folder))}")
 
 
 def test_unknown_sorts_and_offers_at_most_three():

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from alignment import ESTIMATORS
 from alignment.angles import Sequence, SequenceRule
 from stand.catalogue import Source
 from stand.errors import StandError
@@ -28,6 +29,7 @@ MOVE = """[[step]]
 kind = "move"
 label = "M"
 """
+METHODS = ", ".join(ESTIMATORS)
 JOINTS = "base_pitch, base_roll, base_yaw, inner, middle, outer"
 
 
@@ -168,15 +170,15 @@ def test_steps_keep_their_order_and_defaults():
         (
             HEAD.replace("six-position", "six-positon") + DWELL,
             "estimate, methods: unknown method 'six-positon': did you mean six-position? "
-            "known: rk4, six-position, triad",
+            f"known: {', '.join(sorted(ESTIMATORS))}",
         ),
         (
             HEAD.replace('"six-position"', "") + DWELL,
-            "estimate, methods: must name one or more of six-position, rk4, triad, each once",
+            f"estimate, methods: must name one or more of {METHODS}, each once",
         ),
         (
             HEAD.replace('"six-position"', '"triad", "triad"') + DWELL,
-            "estimate, methods: must name one or more of six-position, rk4, triad, each once",
+            f"estimate, methods: must name one or more of {METHODS}, each once",
         ),
         (
             HEAD + "offset_window_s = 0\n" + DWELL,
