@@ -1,0 +1,258 @@
+"""What every catalogue entry and every estimator owes; a new one is tested without a line here."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from alignment import ESTIMATORS, Dwell, ImuReadings, Options, Site
+from alignment.errors import NotAtRest, PoleError
+from alignment.units import DEG
+from stand import catalogue
+from stand.imu import Imu, Stated, load_imu
+from stand.physics.kinematics import attitude
+from stand.physics.mjcf import describe, load_model
+from stand.plan import plan
+from stand.procedure import Dwell as DwellStep
+from stand.procedure import load_procedure
+from stand.samples import TruthBlock
+from stand.table import load_table
+
+STAND = describe(load_model())
+LATITUDE = 48.5 * DEG
+SITE = Site(LATITUDE)
+# Earth rate and gravity in NED at 48.5 deg by hand: methods.md section 0
+W_N = np.array([9.96651, 0.0, -11.26509]) * DEG / 3600
+F_N = np.array([0.0, 0.0, -9.8093587])
+OPTIONS = Options(offset_window=10.0)
+RATE = 10  # Hz
+# five attitudes no axis of which is level or vertical, and the level one
+ATTITUDES = Rotation.from_euler(
+    "ZYX", [[0, 0, 0], [30, 20, 10], [-120, 35, 60], [200, -50, 170], [80, 5, -95]], degrees=True
+)
+
+
+# --- procedures
+
+
+@pytest.mark.parametrize("name", catalogue.ids("procedures"))
+def test_every_procedure_plans_and_names_its_dwells(name):
+    procedure = load_procedure(name)
+    assert procedure.entry.title
+    assert procedure.entry.description
+    assert procedure.text
+    planned = plan(procedure, STAND, load_table(procedure.entry.table))
+    wanted = [s for s in procedure.entry.step if isinstance(s, DwellStep)]
+    assert [d.label for d in planned.dwells] == [s.label for s in wanted]
+    assert len({d.label for d in planned.dwells}) == len(wanted)
+    for dwell, step in zip(planned.dwells, wanted, strict=True):
+        assert dwell.t_to - dwell.t_from == pytest.approx(step.duration_s, abs=1e-9)
+        there = attitude(STAND, dwell.joints)
+        assert (there.inv() * dwell.C_nb).magnitude() < 1e-14
+        middle = (dwell.t_from + dwell.t_to) / 2
+        joints, rates, accelerations = planned.motion.joints([middle])
+        assert joints[0].tolist() == dwell.joints.tolist()
+        assert not rates.any()
+        assert not accelerations.any()
+
+
+@pytest.mark.parametrize("name", catalogue.ids("procedures"))
+def test_every_procedure_gives_its_estimators_what_they_need(name):
+    entry = load_procedure(name).entry
+    for method in entry.estimate.methods:
+        if ESTIMATORS[method].needs_latitude:
+            entry.site.site().horizontal_rate()  # raises at a pole
+        if ESTIMATORS[method].needs_offset:
+            rests = [s.duration_s for s in entry.step if isinstance(s, DwellStep)]
+            assert min(rests) >= entry.estimate.offset_window_s
+
+
+# --- presets
+
+
+def stated_values(name: str) -> dict[str, Stated | None]:
+    entry = load_imu(name).entry
+    return {
+        f"{sensor}.{key}": getattr(getattr(entry, sensor), key)
+        for sensor in ("gyro", "accel")
+        for key in type(getattr(entry, sensor)).model_fields
+    }
+
+
+@pytest.mark.parametrize("name", catalogue.ids("imus"))
+def test_every_preset_states_its_values_with_kind_and_source(name):
+    spec = load_imu(name)
+    assert spec.title
+    assert spec.entry.grade
+    stated = {key: value for key, value in stated_values(name).items() if value is not None}
+    assert {"gyro.turn_on_bias_deg_h", "gyro.angle_random_walk_deg_rt_h"} <= set(stated)
+    assert {"accel.turn_on_bias_mg", "accel.velocity_random_walk_m_s_rt_h"} <= set(stated)
+    for value in stated.values():
+        assert value.kind
+        assert len(value.source) > 10  # a document or a file, not a word
+    if spec.entry.evidence == "none":
+        assert {value.kind for value in stated.values()} == {"assumed"}
+
+
+@pytest.mark.parametrize("name", catalogue.ids("imus"))
+def test_every_preset_reports_finite_samples_of_stated_size(name):
+    spec = load_imu(name)
+    n = 400
+    still = np.tile([0.0, 0, 0, 1], (n, 1))
+    w, f = np.tile(W_N, (n, 1)), np.tile(F_N, (n, 1))
+    truth = TruthBlock(
+        np.arange(1, n + 1) * 10_000_000, w, f, still, np.zeros((n, 6)), w @ np.ones((3, 6))
+    )
+    reported = Imu(spec, 3, 100).report(truth)
+    for values, perfect, triad, size in (
+        (reported.w_ib_b, w, spec.gyro, 7.3e-5),
+        (reported.f_b, f, spec.accel, 9.81),
+    ):
+        constant = triad.bias + (triad.scale + 2 * triad.misalignment) * size
+        bound = 6 * (constant + triad.noise * 10)  # 6 sigma of all terms; sqrt(100 Hz) = 10
+        assert (np.abs(values - perfect) <= bound).all()
+
+
+# --- tables
+
+
+@pytest.mark.parametrize("name", catalogue.ids("tables"))
+def test_every_table_has_limits_for_all_axes(name):
+    table = load_table(name)
+    assert table.title
+    assert table.outside(np.zeros(6)) == []
+    for limits in (table.rate, table.acceleration, table.jerk):
+        assert (limits > 0).all()
+        assert np.isfinite(limits).all()
+
+
+# --- estimators
+
+
+def rest(label: str, C_nb: Rotation, t_from: float, seconds: float = 30.0) -> Dwell:
+    """A dwell of perfect, constant readings, at its nominal attitude."""
+    n = round(seconds * RATE)
+    t = t_from + np.arange(1, n + 1) / RATE
+    C_bn = C_nb.inv()
+    w, f = np.tile(C_bn.apply(W_N), (n, 1)), np.tile(C_bn.apply(F_N), (n, 1))
+    return Dwell(label, t_from, t_from + seconds, ImuReadings(t, w, f), C_nb)
+
+
+def rests() -> list[Dwell]:
+    return [rest(f"P{k}", C_nb, 100.0 * k) for k, C_nb in enumerate(ATTITUDES)]
+
+
+METHODS = pytest.mark.parametrize("name", list(ESTIMATORS))
+
+
+@METHODS
+def test_every_estimator_says_what_it_is(name):
+    method = ESTIMATORS[name]
+    assert method.title[0].isupper()
+    assert method.source.startswith("[S")
+    assert "±" in method.note or "drift" in method.note
+    assert name == name.lower()
+    assert method.estimate.__doc__
+    assert "Leading errors" in method.estimate.__doc__
+
+
+@METHODS
+def test_every_estimator_recovers_the_attitude_of_perfect_readings(name):
+    dwells = rests()
+    estimates = ESTIMATORS[name].estimate(dwells, SITE, OPTIONS)
+    truths = dict(zip([d.label for d in dwells], ATTITUDES, strict=True))
+    assert {e.label for e in estimates} == set(truths)
+    for e in estimates:
+        assert e.method == name
+        assert e.C_nb is not None
+        # the hand numbers of Earth rate and gravity hold to 1e-6 and 1e-8: so do the angles
+        assert (truths[e.label].inv() * e.C_nb).magnitude() < 3e-6
+        dwell = next(d for d in dwells if d.label == e.label)
+        assert dwell.t_from <= e.t_from < e.t_to <= dwell.t_to
+        if e.latitude is not None:
+            assert e.latitude == pytest.approx(LATITUDE, abs=1e-6)
+        if e.covariance is not None:
+            np.testing.assert_allclose(e.covariance, e.covariance.T, rtol=0, atol=1e-30)
+            assert (np.linalg.eigvalsh(e.covariance) >= -1e-20).all()
+
+
+@METHODS
+def test_every_estimator_keeps_positions_apart(name):
+    """The same dwells in another order give the same estimates, bit by bit."""
+    forward = ESTIMATORS[name].estimate(rests(), SITE, OPTIONS)
+    backward = ESTIMATORS[name].estimate(rests()[::-1], SITE, OPTIONS)
+
+    def attitudes(estimates):
+        return {(e.label, e.window): e.C_nb.as_quat().tolist() for e in estimates}
+
+    assert attitudes(forward) == attitudes(backward)
+
+
+@METHODS
+def test_every_estimator_turns_with_the_instrument(name):
+    """Turned 25 deg to the west: so is the estimate, and nothing else changes."""
+    if ESTIMATORS[name].needs_offset:
+        pytest.skip("tied to the nominal attitude by its zero offset")
+    turned = Rotation.from_rotvec([0, 0, -25 * DEG]) * ATTITUDES  # about up is -D
+    dwells = [rest(f"P{k}", C_nb, 100.0 * k) for k, C_nb in enumerate(turned)]
+    before = ESTIMATORS[name].estimate(rests(), SITE, OPTIONS)
+    after = ESTIMATORS[name].estimate(dwells, SITE, OPTIONS)
+    for a, b in zip(before, after, strict=True):
+        turn = np.degrees((b.C_nb * a.C_nb.inv()).as_rotvec())
+        assert turn == pytest.approx([0, 0, -25], abs=2e-4)  # 3e-6 rad: the hand numbers' digits
+
+
+@METHODS
+@pytest.mark.parametrize("moved", ["tilted", "turned"])
+def test_every_estimator_refuses_data_that_move(name, moved):
+    first, second = rests()[:2]
+    w, f = second.readings.w_ib_b.copy(), second.readings.f_b.copy()
+    if moved == "tilted":
+        f[200:] = Rotation.from_euler("x", 1, degrees=True).apply(f[200:])
+    else:
+        w[200:220] += np.radians(0.5)
+    readings = ImuReadings(second.readings.t, w, f)
+    knocked = Dwell("knocked", second.t_from, second.t_to, readings, second.nominal)
+    with pytest.raises(NotAtRest, match="knocked: not at rest near 1"):
+        ESTIMATORS[name].estimate([first, knocked], SITE, OPTIONS)
+
+
+@METHODS
+def test_no_estimator_finds_a_heading_at_a_pole(name):
+    """Rate and vertical along one line: refused, or the attitude that was known before."""
+    n = 300
+    t = np.arange(1, n + 1) / RATE
+    w, f = np.tile([0, 7.292115e-5, 0], (n, 1)), np.tile([0, 9.8321849, 0], (n, 1))
+    level = Rotation.from_matrix([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    dwell = Dwell("pole", 0.0, 30.0, ImuReadings(t, w, f), level)
+    try:
+        found = ESTIMATORS[name].estimate([dwell], Site(90 * DEG), OPTIONS)
+    except PoleError:
+        return
+    assert ESTIMATORS[name].needs_offset
+    assert [(level.inv() * e.C_nb).magnitude() < 1e-12 for e in found] == [True]  # rounding
+
+
+@METHODS
+def test_every_estimator_leaves_the_readings_alone(name):
+    dwells = rests()
+    before = [(d.readings.w_ib_b.tobytes(), d.readings.f_b.tobytes()) for d in dwells]
+    ESTIMATORS[name].estimate(dwells, SITE, OPTIONS)
+    assert [(d.readings.w_ib_b.tobytes(), d.readings.f_b.tobytes()) for d in dwells] == before
+
+
+@METHODS
+def test_tracks_end_where_the_estimates_are(name):
+    method = ESTIMATORS[name]
+    if method.tracks is None:
+        pytest.skip("shows no curves")
+    dwell = rests()[2]
+    ends = {e.C_nb.as_quat().round(12).tobytes() for e in method.estimate([dwell], SITE, OPTIONS)}
+    tracks = method.tracks(dwell, SITE, OPTIONS)
+    assert tracks
+    for track in tracks:
+        assert track.label == dwell.label
+        assert track.method.startswith(name)
+        assert (np.diff(track.t) > 0).all()
+        assert dwell.t_from <= track.t[0] < track.t[-1] <= dwell.t_to + 1e-9
+        assert len(track.C_nb) == len(track.t)
+        assert track.C_nb[-1].as_quat().round(12).tobytes() in ends
