@@ -23,7 +23,7 @@ from alignment.estimate import AttitudeEstimate, angle_sigmas
 
 YPR, YRP = Sequence.YAW_PITCH_ROLL, Sequence.YAW_ROLL_PITCH
 both = pytest.mark.parametrize("sequence", [YPR, YRP])
-FIXED = settings(derandomize=True, deadline=None, max_examples=200)
+FIXED = settings(derandomize=True, deadline=None, max_examples=120)
 ROUNDING = 4e-16 * 8  # a product of three rotation matrices rounds by a few ulp
 
 # North, up and east, each in NED, as columns.
@@ -146,7 +146,7 @@ def test_angles_there_and_back(outer, yaw, middle, sequence):
 @FIXED
 @given(st.integers(0, 2**32 - 1), st.integers(2, 5), st.sampled_from(Sequence))
 def test_attitude_there_and_back_for_many_at_once(seed, n, sequence):
-    C = Rotation.random(n, rng=np.random.default_rng(seed))
+    C = Rotation.random(n, np.random.default_rng(seed))
     angles = angles_from_C_nb(sequence, C)
     assert angles.shape == (n, 3)
     middle = angles[:, 2 if sequence is YPR else 0]
@@ -334,7 +334,7 @@ def test_heading_grows_with_a_rotation_about_down():
 @given(st.integers(0, 2**32 - 1), st.sampled_from(Sequence))
 def test_sigmas_of_angles_are_those_of_perturbed_attitudes(seed, sequence):
     rng = np.random.default_rng(seed)
-    truth = Rotation.random(rng=rng)
+    truth = Rotation.random(None, rng)
     angles = angles_from_C_nb(sequence, truth)
     assume(abs(angles[2 if sequence is YPR else 0]) < radians(80))
     root = 1e-6 * rng.normal(size=(3, 3))  # small: second order is tan(80 deg)^2 1e-12/1e-6

@@ -25,7 +25,7 @@ W = 7.292115e-5  # rad/s
 G = 9.81
 DEG_H = pi / 180 / 3600
 ARW = pi / 180 / 60  # rad/sqrt(s) for 1 deg/rt-h
-FIXED = settings(derandomize=True, deadline=None, max_examples=60)
+FIXED = settings(derandomize=True, deadline=None, max_examples=40)
 N, E, D = np.eye(3)
 LEVEL = np.column_stack([N, -D, E])  # X1 north, Y1 up, Z1 east
 X1_UP = np.column_stack([-D, -N, E])
@@ -94,7 +94,7 @@ def test_norm_correction_treats_each_row_by_itself():
 
 
 @FIXED
-@given(st.integers(1, 150), st.integers(0, 2**32 - 1))
+@given(st.integers(1, 90), st.integers(0, 2**32 - 1))
 def test_prefix_product_is_the_sequential_one(n, seed):
     q = random_quaternions(seed, n)
     found = prefix_product(q)
@@ -102,7 +102,7 @@ def test_prefix_product_is_the_sequential_one(n, seed):
     total = Rotation.identity()
     for row, step in zip(found, q, strict=True):
         total = total * Rotation.from_quat(step)
-        # 150 products round at 1e-16 each; the sign of a quaternion is free.
+        # 90 products round at 1e-16 each; the sign of a quaternion is free.
         assert (total.inv() * Rotation.from_quat(row)).magnitude() < 1e-13
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, rtol=0, atol=4e-16)
 
