@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from stand.procedure import SiteEntry
     from stand.session import RunResult
 
+INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+
 app = typer.Typer(
     name="stand",
     help="Virtual IMU test stand: rehearse a turntable test, record it, align from readings.\n\n"
@@ -86,10 +88,8 @@ def guarded(command: Callable[[], Any]) -> int:
         code = command()
     except typer.TyperException as error:
         return _complain(error.format_message())
-    except typer.Abort:
-        return _complain("interrupted: nothing was written", 130)
-    except KeyboardInterrupt:
-        return _complain("interrupted: nothing was written", 130)
+    except (typer.Abort, KeyboardInterrupt):
+        code = INTERRUPTED
     except typer.Exit as stop:
         return stop.exit_code
     except StandError as error:
@@ -103,6 +103,8 @@ def guarded(command: Callable[[], Any]) -> int:
         if type(error).__module__ != "alignment.errors":  # imported only where it was raised
             raise
         return _complain(str(error))
+    if code == INTERRUPTED:  # typer turns Ctrl-C inside a command into this code
+        return _complain("interrupted: nothing was written", INTERRUPTED)
     return code if isinstance(code, int) else 0
 
 
