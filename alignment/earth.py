@@ -21,6 +21,7 @@ _ECCENTRICITY_2 = _FLATTENING * (2 - _FLATTENING)
 _GM = 3.986004418e14  # m^3/s^2
 _GRAVITY_EQUATOR = 9.7803253359  # m/s^2
 _SOMIGLIANA_K = 0.00193185265241
+_LARGEST_DEFLECTION = 0.01  # rad; the largest on Earth are some 100 arc seconds, 5e-4
 
 
 def normal_gravity(latitude: float, height: float = 0.0) -> float:
@@ -64,11 +65,18 @@ class Site:
         Above the ellipsoid [m].
     local_gravity : float or None
         Measured gravity [m/s^2]; None for WGS 84 normal gravity.
+    longitude : float
+        Geodetic [rad], east positive; for the record, no estimate depends on it.
+    deflection : (float, float)
+        Of the vertical [rad]: how far the plumb line's zenith leans north (xi) and east (eta) of
+        the ellipsoid's normal. Astronomical latitude is ``latitude + xi``.
     """
 
     latitude: float | None
     height: float = 0.0
     local_gravity: float | None = None
+    longitude: float = 0.0
+    deflection: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         if self.latitude is not None and not abs(self.latitude) <= pi / 2:
@@ -79,6 +87,9 @@ class Site:
             raise ValueError(
                 f"local_gravity: {self.local_gravity} m/s^2, must be between 9 and 10.5"
             )
+
+        if not all(abs(angle) <= _LARGEST_DEFLECTION for angle in self.deflection):
+            raise ValueError(f"deflection: {self.deflection} rad, must be below 0.01 each")
 
     def known_latitude(self) -> float:
         """The latitude [rad]; `AlignmentError` where nobody gave it."""
@@ -100,8 +111,9 @@ class Site:
 
     @property
     def f_n(self) -> Array:
-        """Specific force at rest in NED [m/s^2], (3,): gravity's reaction, upward."""
-        return np.array([0.0, 0.0, -self.gravity])
+        """Specific force at rest in NED [m/s^2], (3,): gravity's reaction, along the plumb line."""
+        up = np.array([*self.deflection, -1.0])
+        return self.gravity * up / np.linalg.norm(up)
 
     def horizontal_rate(self) -> float:
         """Horizontal Earth rate [rad/s]; `PoleError` where it is too small to show north."""

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Options, Site
 from alignment.angles import SequenceRule
-from alignment.units import DEG
+from alignment.units import ARC_SECOND, DEG
 from stand.errors import StandError
 from stand.physics.kinematics import C_NW
 from stand.recording.interchange.reader import ImuLog, read_imu, read_truth
@@ -39,7 +39,12 @@ class Log:
 
 def describe_site(site: Site) -> dict[str, str]:
     """The metadata record of a site; numbers as exact decimal text."""
-    record = {"height_m": repr(site.height)}
+    record = {
+        "height_m": repr(site.height),
+        "longitude_deg": repr(site.longitude / DEG),
+        "deflection_north_arc_s": repr(site.deflection[0] / ARC_SECOND),
+        "deflection_east_arc_s": repr(site.deflection[1] / ARC_SECOND),
+    }
     if site.latitude is not None:
         record["latitude_deg"] = repr(site.latitude / DEG)
     if site.local_gravity is not None:
@@ -145,13 +150,20 @@ def _settings(
     metadata: Mapping[str, Mapping[str, str]],
 ) -> tuple[Site, Options, tuple[str, ...]]:
     site, estimate = metadata.get("site", {}), metadata.get("estimate", {})
-    latitude = site.get("latitude_deg")
-    gravity = site.get("gravity_m_s2")
+
+    def number(key: str, unit: float) -> float:
+        return float(site.get(key, "0")) * unit
+
     return (
         Site(
-            None if latitude is None else float(latitude) * DEG,
-            float(site.get("height_m", 0.0)),
-            None if gravity is None else float(gravity),
+            number("latitude_deg", DEG) if "latitude_deg" in site else None,
+            number("height_m", 1.0),
+            number("gravity_m_s2", 1.0) if "gravity_m_s2" in site else None,
+            number("longitude_deg", DEG),
+            (
+                number("deflection_north_arc_s", ARC_SECOND),
+                number("deflection_east_arc_s", ARC_SECOND),
+            ),
         ),
         Options(
             float(estimate.get("offset_window_s", Options().offset_window)),

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from alignment import ESTIMATORS, Options, Site
 from alignment.angles import Sequence, SequenceRule
-from alignment.units import DEG
+from alignment.units import ARC_SECOND, DEG
 from stand import catalogue
 from stand.errors import StandError, unknown
 from stand.physics.description import JOINTS
@@ -32,15 +32,31 @@ Text = Annotated[str, AfterValidator(_one_line_text)]
 
 
 class SiteEntry(catalogue.Entry):
-    """Where the stand is; WGS 84 normal gravity unless `gravity_m_s2` is given."""
+    """Where the stand is; WGS 84 normal gravity unless `gravity_m_s2` is given.
+
+    The deflection of the vertical: how far the zenith leans north and east of the ellipsoid's.
+    """
 
     latitude_deg: Annotated[float, Field(ge=-90, le=90)]
+    longitude_deg: Annotated[float, Field(ge=-180, le=360)] = 0.0
     height_m: Annotated[float, Field(ge=-1000, le=10000)] = 0.0
     gravity_m_s2: Annotated[float, Field(gt=9, lt=10.5)] | None = None
+    deflection_north_arc_s: Annotated[float, Field(ge=-200, le=200)] = 0.0
+    deflection_east_arc_s: Annotated[float, Field(ge=-200, le=200)] = 0.0
 
     def site(self) -> Site:
         """The same in SI."""
-        return Site(self.latitude_deg * DEG, self.height_m, self.gravity_m_s2)
+        deflection = (
+            self.deflection_north_arc_s * ARC_SECOND,
+            self.deflection_east_arc_s * ARC_SECOND,
+        )
+        return Site(
+            self.latitude_deg * DEG,
+            self.height_m,
+            self.gravity_m_s2,
+            self.longitude_deg * DEG,
+            deflection,
+        )
 
 
 class EstimateEntry(catalogue.Entry):
