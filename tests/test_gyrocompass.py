@@ -272,8 +272,11 @@ K = norm.ppf(1 - 0.025 / 12)
 MEAN_F, VAR_F = 31 / 29, 2 * 31**2 * 30 / (29**2 * 27)
 
 
-def noisy(regime, C, latitude, rng, start=100.0):
-    gyro, force = REGIMES[regime]
+UNEQUAL = np.array([0.4, 2.0, 1.0])  # noise of the three axes: only so do transposes show
+
+
+def noisy(regime, C, latitude, rng, start=100.0, axes=UNEQUAL):
+    gyro, force = np.outer(REGIMES[regime], axes)
     noise = (rng, gyro * ARW * sqrt(10), force * G * sqrt(10))
     return rest(C, latitude, 12.8, noise=noise, start=start)
 
@@ -345,7 +348,10 @@ def test_sigma_of_a_pairs_latitude(regime, latitude):
     rng = np.random.default_rng(52)
     ratio = []
     for _ in range(runs):
-        dwells = [noisy(regime, X1_UP, latitude, rng), noisy(regime, X1_DOWN, latitude, rng, 200)]
+        dwells = [
+            noisy(regime, C, latitude, rng, start)
+            for C, start in ((X1_UP, 100.0), (X1_DOWN, 200.0))
+        ]
         pair = triad(dwells, NOWHERE, Options())[-1]
         ratio.append((pair.latitude - radians(latitude)) / pair.latitude_sigma)
     spread = K * sqrt(VAR_F / runs)
@@ -355,7 +361,9 @@ def test_sigma_of_a_pairs_latitude(regime, latitude):
 def test_predicted_sigmas_are_the_closed_forms():
     rng = np.random.default_rng(53)
     found = triad(
-        [noisy("gyros dominate", LEVEL, 48.5, rng) for _ in range(40)], NOWHERE, Options()
+        [noisy("gyros dominate", LEVEL, 48.5, rng, axes=np.ones(3)) for _ in range(40)],
+        NOWHERE,
+        Options(),
     )
     gyro = (0.003 * ARW) ** 2 / 12.8
     force = (10e-6) ** 2 / 12.8  # of g

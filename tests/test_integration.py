@@ -313,7 +313,7 @@ def test_estimated_covariance(C, arw):
     31^2 7.5/(15.5^2 16.5) = 1.818. The covariance is ``R diag R^T``, so this holds at any attitude.
     """
     rng = np.random.default_rng([7, round(1000 * arw), round(1000 * abs(C[0, 0]))])
-    sigma = arw * ARW * sqrt(10.0)
+    sigma = arw * ARW * sqrt(10.0) * np.array([0.4, 2.0, 1.0])  # unequal: transposes show
     bias = np.array([3e-5, -2e-5, 1e-5])
     dwells = [rest(C, 48.5, 25.6, noise=(rng, sigma), bias=bias) for _ in range(RUNS)]
     estimates = rk4(dwells, site(48.5), Options(offset_window=6.4))

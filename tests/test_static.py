@@ -330,8 +330,11 @@ REGIMES = {  # gyro [deg/rt-h], accelerometer [g/rt-Hz]
 K = norm.ppf(1 - 0.025 / 6)
 
 
-def noisy_dwells(regime, C, latitude, seconds, seed, runs=RUNS):
-    gyro, force = REGIMES[regime]
+UNEQUAL = np.array([0.4, 2.0, 1.0])  # noise of the three axes: only so do transposes show
+
+
+def noisy_dwells(regime, C, latitude, seconds, seed, runs=RUNS, axes=UNEQUAL):
+    gyro, force = np.outer(REGIMES[regime], axes)
     rng = np.random.default_rng(seed)
     noise = (rng, gyro * ARW * sqrt_rate(10), force * G * sqrt_rate(10))
     bias = np.array([3e-6, -2e-6, 1e-6, 0.02, -0.01, 0.03])
@@ -382,7 +385,7 @@ def test_fresh_window_covariance_with_unequal_windows():
 
 def test_predicted_heading_sigma_is_that_of_the_closed_form():
     # methods.md: ARW sqrt(1/T0 + 1/T1)/(W cos lat), to the 18 % of one estimate over 40.
-    dwells = noisy_dwells("gyros dominate", LEVEL, 48.5, 25.6, seed=23, runs=40)
+    dwells = noisy_dwells("gyros dominate", LEVEL, 48.5, 25.6, seed=23, runs=40, axes=np.ones(3))
     found = six_position(dwells, site(48.5), Options(offset_window=12.8))[1::2]
     variance = np.mean([e.covariance[2, 2] for e in found])
     sigma = 0.003 * ARW * np.sqrt(2 / 12.8) / (W * cos(radians(48.5)))
