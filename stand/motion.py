@@ -45,9 +45,9 @@ class Motion:
     def joints(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """Angles [rad], rates [rad/s] and accelerations [rad/s^2] at times (n,): (n, 6) each.
 
-        Times outside the motion are those of its ends' pieces, continued.
+        Outside of its time the motion is held as it begins and ends, which is at rest.
         """
-        t = np.asarray(t, dtype=float)
+        t = np.clip(t, 0.0, self.duration)
         piece = np.searchsorted(self.knots[1:-1], t, side="right")
         tau = np.repeat((t - self.knots[piece])[:, None], self.coefficients.shape[2], axis=1)
         # Horner's scheme for a polynomial and its first two derivatives at once. SciPy's PPoly is

@@ -3,8 +3,19 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alignment.arrays import Array, IntArray, set_owned
+
+
+def _own_readings(block: "Sensed | ImuBlock") -> None:
+    n = len(block.t_ns)
+    set_owned(
+        block,
+        t_ns=(block.t_ns, (n,), np.int64),
+        w_ib_b=(block.w_ib_b, (n, 3), float),
+        f_b=(block.f_b, (n, 3), float),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +58,22 @@ class TruthBlock:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Sensed:
+    """What perfect sensors at the unit's own places and sample times would report.
+
+    As `TruthBlock`, but component i of `f_b` is felt where accelerometer i sits, and the samples
+    are those that the unit's clock takes; `t_ns` are the stamps it gives them.
+    """
+
+    t_ns: IntArray
+    w_ib_b: Array
+    f_b: Array
+
+    def __post_init__(self) -> None:
+        _own_readings(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ImuBlock:
     """What the IMU reports over the samples of a `TruthBlock`.
 
@@ -55,21 +82,25 @@ class ImuBlock:
     t_ns : (n,) int64
         As in the `TruthBlock` [ns].
     w_ib_b, f_b : (n, 3)
-        Reported angular rate [rad/s] and specific force [m/s^2], in b.
+        Reported angular rate [rad/s] and specific force [m/s^2], in b. Units that report
+        increments: the increment over the sample's nominal length.
+    saturated : (n, 6) bool or None
+        Which of the three gyros, then accelerometers, was beyond its range; None for none.
     """
 
     t_ns: IntArray
     w_ib_b: Array
     f_b: Array
+    saturated: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        n = len(self.t_ns)
-        set_owned(
-            self,
-            t_ns=(self.t_ns, (n,), np.int64),
-            w_ib_b=(self.w_ib_b, (n, 3), float),
-            f_b=(self.f_b, (n, 3), float),
-        )
+        _own_readings(self)
+        flags = np.zeros((len(self), 6), bool) if self.saturated is None else self.saturated
+        set_owned(self, saturated=(flags, (len(self), 6), bool))
+
+    def increments(self, rate_hz: int) -> tuple[Array, Array]:
+        """delta-theta [rad] and delta-v [m/s] (n, 3) of samples of length 1 / `rate_hz`."""
+        return self.w_ib_b / rate_hz, self.f_b / rate_hz
 
     def __len__(self) -> int:
         return len(self.t_ns)

@@ -36,7 +36,7 @@ from stand.recording.curves import AngleCurves, Phase
 from stand.recording.interchange.writer import EPOCH_NS, McapWriter
 from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
-from stand.samples import ImuBlock, TruthBlock
+from stand.samples import ImuBlock, Sensed, TruthBlock
 from stand.score import Score, Spread, Truths, evaluate, score_to_json, spread_to_json, spreads
 from stand.table import Table
 
@@ -116,7 +116,7 @@ def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunRe
     beside = _new_folder(out)
     try:
         result = _Run(settings, stand, planned, beside).record(
-            Truth(model, settings.site), progress, out
+            Truth(model, settings.site, settings.imu.places), progress, out
         )
         _put_in_place(beside, out)
     finally:
@@ -203,7 +203,7 @@ class _Run:
         waiting: list[Future[None]] = []
         done, block_s = 0, max(1.0, BLOCK / settings.rate_hz)
         for block in truth.blocks(self.plan.motion, settings.rate_hz, settings.sampling, block_s):
-            reported = self.imu.report(block)
+            reported = self.imu.report(self._sensed(truth, block, done))
             waiting.append(background.submit(_write_review, review, block, reported))
             mcap.write(block, reported)
             collector.add(block, reported)
@@ -214,6 +214,14 @@ class _Run:
         for future in waiting:
             future.result()
         return *collector.finish(), done
+
+    def _sensed(self, truth: Truth, block: TruthBlock, first: int) -> Sensed:
+        """What the sensors feel at their own places and times; the truth where those are its."""
+        spec, motion = self.imu.spec, self.plan.motion
+        if spec.clock.perfect and not spec.places.any():
+            return Sensed(block.t_ns, block.w_ib_b, block.f_b)
+        edges = self.imu.clock.edges(first, first + len(block))
+        return truth.sensed(motion, edges, block.t_ns, self.settings.sampling)
 
     def _open_mcap(self) -> McapWriter:
         settings = self.settings

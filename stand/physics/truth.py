@@ -28,7 +28,7 @@ from stand.motion import Motion
 from stand.physics.description import JOINTS
 from stand.physics.kinematics import C_NW
 from stand.physics.mjcf import SITE
-from stand.samples import TruthBlock
+from stand.samples import Sensed, TruthBlock
 
 ARMATURE = 1e15  # kg m^2: dwarfs every real inertia by 1e12, so q'' comes back to rounding
 ROWS = 1000  # evaluations per call: the state rows stay in cache
@@ -61,14 +61,18 @@ class Sampling(Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Instants:
-    """Sensors at n times: `w_ib_b`, `f_b` (n, 3), `q_wb` (n, 4; x, y, z, w)."""
+    """Sensors at n times: `w_ib_b`, `f_b` (n, 3), `q_wb` (n, 4; x, y, z, w).
+
+    `f_places` (n, 3): each component of specific force where its own accelerometer sits.
+    """
 
     w_ib_b: Array
     f_b: Array
     q_wb: Array
+    f_places: Array
 
 
-def lean_model(model: mujoco.MjModel, site: Site) -> mujoco.MjModel:
+def lean_model(model: mujoco.MjModel, site: Site, places: Array | None = None) -> mujoco.MjModel:
     """The stand's kinematics alone: six hinges on one body at the instrument's point.
 
     Parameters
@@ -77,6 +81,8 @@ def lean_model(model: mujoco.MjModel, site: Site) -> mujoco.MjModel:
         The whole stand, with single hinges named as `JOINTS` and the site `imu`.
     site : Site
         ``latitude`` needed.
+    places : (3, 3) or None
+        Row i: where an accelerometer is added, in b, from the instrument's point [m].
 
     Notes
     -----
@@ -107,6 +113,13 @@ def lean_model(model: mujoco.MjModel, site: Site) -> mujoco.MjModel:
     body.add_site(name=SITE)
     for kind, _ in _SENSORS:
         spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=SITE)
+    for i, place in enumerate(() if places is None else places):
+        body.add_site(name=f"place{i}", pos=place)
+        spec.add_sensor(
+            type=mujoco.mjtSensor.mjSENS_ACCELEROMETER,
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            objname=f"place{i}",
+        )
     return spec.compile()
 
 
@@ -114,10 +127,18 @@ class Truth:
     """Evaluates perfect sensors at prescribed joint motions.
 
     One instance per thread: it reuses one batch of `ROWS` states.
+
+    Parameters
+    ----------
+    model, site
+        As `lean_model`.
+    places : (3, 3) or None
+        Where the X1, Y1, Z1 accelerometers sit, in b [m]; None (or zeros) for the point itself.
     """
 
-    def __init__(self, model: mujoco.MjModel, site: Site) -> None:
-        self._lean = lean_model(model, site)
+    def __init__(self, model: mujoco.MjModel, site: Site, places: Array | None = None) -> None:
+        self._places = places if places is not None and places.any() else None
+        self._lean = lean_model(model, site, self._places)
         self.batch = Batch(self._lean, ROWS, nthread=1)
         self._sensors = self.batch.bind("sensordata")
 
@@ -132,15 +153,24 @@ class Truth:
         if not np.isfinite(joints.sum() + rates.sum() + accelerations.sum()):
             raise _not_finite(joints, rates, accelerations)
         n = len(joints)
-        raw = np.empty((n, sum(size for _, size in _SENSORS)))
+        raw = np.empty((n, self._sensors.shape[1]))
         for first in range(0, n, ROWS):
             part = slice(first, min(first + ROWS, n))
             raw[part] = self._evaluate(joints[part], rates[part], accelerations[part])
-        coriolis = _cross(raw[:, 9:12], raw[:, 6:9])
-        coriolis *= 2
-        return Instants(
-            raw[:, 3:6] + raw[:, 9:12], raw[:, 0:3] + coriolis, raw[:, [13, 14, 15, 12]]
-        )
+        earth, velocity = raw[:, 9:12], raw[:, 6:9]
+        f_b = raw[:, 0:3] + 2 * _cross(earth, velocity)
+        f_places = f_b if self._places is None else self._at_places(raw)
+        return Instants(raw[:, 3:6] + earth, f_b, raw[:, [13, 14, 15, 12]], f_places)
+
+    def _at_places(self, raw: Array) -> Array:
+        """Component i of the force at place i, its own Coriolis term included."""
+        assert self._places is not None
+        rate, velocity, earth = raw[:, 3:6], raw[:, 6:9], raw[:, 9:12]
+        force = np.empty((len(raw), 3))
+        for i, place in enumerate(self._places):
+            there = velocity + _cross(rate, np.broadcast_to(place, rate.shape))
+            force[:, i] = raw[:, 16 + 4 * i] + 2 * _cross(earth, there)[:, i]
+        return force
 
     def _evaluate(self, joints: Array, rates: Array, accelerations: Array) -> Array:
         n = len(joints)
@@ -169,22 +199,37 @@ class Truth:
         """Samples `first` + 1 to `last` (that is, those that end in (first, last] / rate)."""
         ticks = np.arange(first, last + 1)
         edges = ticks / rate_hz
-        joints, rates, accelerations = motion.joints(edges)
-        n = last - first
-        w, f, q = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 4))
+        over = self.over(motion, edges, sampling)
+        joints, rates, _ = motion.joints(edges[1:])
+        stamps = stamps_ns(ticks[1:], rate_hz)
+        return TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, joints, rates)
+
+    def sensed(self, motion: Motion, edges: Array, t_ns: IntArray, sampling: Sampling) -> Sensed:
+        """What the sensors feel, each at its place, over intervals of any lengths.
+
+        `edges` (n + 1,) [s] bound the intervals; `t_ns` (n,) are the stamps they will carry.
+        """
+        over = self.over(motion, edges, sampling)
+        return Sensed(t_ns, over.w_ib_b, over.f_places)
+
+    def over(self, motion: Motion, edges: Array, sampling: Sampling) -> Instants:
+        """Samples over the n intervals between `edges` (n + 1,) [s]; `q_wb` at their ends.
+
+        Before its start and after its end the motion is held.
+        """
+        n = len(edges) - 1
+        out = [np.empty((n, size)) for size in (3, 3, 4, 3)]
         for start, stop, resting in runs(rest_of(motion, edges)):
             if resting:
-                at_rest = self.instants(
-                    *(x[stop : stop + 1] for x in (joints, rates * 0, rates * 0))
-                )
-                means = at_rest
+                joints, _, _ = motion.joints(edges[stop : stop + 1])
+                part = self.instants(joints, np.zeros_like(joints), np.zeros_like(joints))
             elif sampling is Sampling.INSTANT:
-                part = slice(start + 1, stop + 1)
-                means = self.instants(joints[part], rates[part], accelerations[part])
+                part = self.instants(*motion.joints(edges[start + 1 : stop + 1]))
             else:
-                means = self.means(motion, edges[start : stop + 1])
-            w[start:stop], f[start:stop], q[start:stop] = means.w_ib_b, means.f_b, means.q_wb
-        return TruthBlock(stamps_ns(ticks[1:], rate_hz), w, f, q, joints[1:], rates[1:])
+                part = self.means(motion, edges[start : stop + 1])
+            for array, name in zip(out, Instants.__slots__, strict=True):
+                array[start:stop] = getattr(part, name)
+        return Instants(*out)
 
     def means(self, motion: Motion, edges: Array) -> Instants:
         """Means over the n intervals between `edges` (n + 1,) [s]; `q_wb` at their ends.
@@ -205,10 +250,13 @@ class Truth:
         nodes[1::2] = (ends[:-1] + ends[1:]) / 2
         at = self.instants(*motion.joints(nodes))
         starts = np.searchsorted(ends, edges)
+        f_b = _simpson(at.f_b, ends, starts)
+        own = self._places is not None
         return Instants(
             _simpson(at.w_ib_b, ends, starts),
-            _simpson(at.f_b, ends, starts),
+            f_b,
             at.q_wb[2 * starts[1:]],
+            _simpson(at.f_places, ends, starts) if own else f_b,
         )
 
 

@@ -1,0 +1,361 @@
+"""One unit, switched on: turns the truth into what the instrument reports.
+
+Signal path of one triad, x true in b (rates, or forces at each accelerometer's own place)::
+
+    y = M x                                   axes: misalignment, non-orthogonality
+    y = y (1 + s + s_T dT + n (y/range)^2) + a |y|      scale factor and its faults
+    y = y + G f + G2 f^2  (gyros),  y + K2 y^2  (accelerometers)
+    y = y + bias + b_T dT + instability + walk + ramp t + white noise
+    y = low-pass(y)                           bandwidth, with its lag
+    y = clip(y, range), flagged
+    y = rounded                               per sample, or as accumulated increments
+
+Constants are drawn once per seed with the stated value as standard deviation (a ramp keeps its
+size and draws its sign). Each term, sensor and axis has a random stream of its own, so that a
+term that is switched off or changed leaves all others as they were.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alignment.arrays import Array, set_owned
+from stand.errors import unknown
+from stand.imu.filter import LowPass
+from stand.imu.preset import ClockSpec, ImuSpec, TriadSpec
+from stand.imu.processes import Drift, WhiteNoise
+from stand.samples import ImuBlock, Sensed
+
+# Terms that can be switched off: the fields of the spec each one sets to nothing.
+TERMS = {
+    "turn-on-bias": ("bias",),
+    "bias-instability": ("instability",),
+    "white-noise": ("noise",),
+    "random-walk": ("random_walk",),
+    "ramp": ("ramp",),
+    "scale-factor": ("scale",),
+    "asymmetry": ("asymmetry",),
+    "non-linearity": ("nonlinearity",),
+    "misalignment": ("misalignment",),
+    "non-orthogonality": ("non_orthogonality",),
+    "g-sensitivity": ("g_sensitivity",),
+    "g2-sensitivity": ("g2_sensitivity",),
+    "second-order": ("second_order",),
+    "temperature": ("bias_temperature", "scale_temperature"),
+    "bandwidth": ("bandwidth",),
+    "range": ("range",),
+    "quantisation": ("resolution", "increment_lsb"),
+    "size-effect": (),
+    "clock-offset": ("offset",),
+    "jitter": ("jitter",),
+    "latency": ("latency",),
+}
+
+# One random stream per source: a number is never given to another source.
+_STREAMS = {
+    "bias": 0,
+    "scale": 1,
+    "misalignment": 2,
+    "noise": 3,
+    "instability": 4,
+    "random_walk": 5,
+    "ramp": 6,
+    "asymmetry": 7,
+    "nonlinearity": 8,
+    "non_orthogonality": 9,
+    "g_sensitivity": 10,
+    "g2_sensitivity": 11,
+    "second_order": 12,
+    "bias_temperature": 13,
+    "scale_temperature": 14,
+    "clock_offset": 15,
+    "jitter": 16,
+}
+_SENSORS = {"gyro": 0, "accel": 1, "clock": 2}
+AXES = 3
+
+
+def stream(seed: int, sensor: str, source: str, axis: int) -> np.random.Generator:
+    """The random stream of one error source on one axis."""
+    key = (_SENSORS[sensor], _STREAMS[source], axis)
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+def streams(seed: int, sensor: str, source: str) -> list[np.random.Generator]:
+    """The three axes' streams."""
+    return [stream(seed, sensor, source, axis) for axis in range(AXES)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitErrors:
+    """The constants one triad was given, in SI (units as in `TriadSpec`).
+
+    `matrix` (3, 3) takes true to reported at small input: axes and linear scale factor. `bias`,
+    `ramp`, `asymmetry`, `nonlinearity`, `second_order`, `bias_temperature`,
+    `scale_temperature` (3,); `g_sensitivity`, `g2_sensitivity` (3, 3).
+    """
+
+    matrix: Array
+    bias: Array
+    ramp: Array
+    asymmetry: Array
+    nonlinearity: Array
+    second_order: Array
+    bias_temperature: Array
+    scale_temperature: Array
+    g_sensitivity: Array
+    g2_sensitivity: Array
+
+    def __post_init__(self) -> None:
+        square = ("matrix", "g_sensitivity", "g2_sensitivity")
+        shapes = {name: (3, 3) if name in square else (3,) for name in self.__slots__}
+        set_owned(self, **{n: (getattr(self, n), shape, float) for n, shape in shapes.items()})
+
+
+def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
+    """One triad's constants."""
+
+    def normal(source: str, *size: int) -> Array:
+        return np.stack([s.standard_normal(size) for s in streams(seed, sensor, source)])
+
+    turn = spec.misalignment * normal("misalignment")
+    pairs = spec.non_orthogonality * normal("non_orthogonality")
+    axes = np.eye(3) + _cross_matrix(turn) + _symmetric(pairs) / 2
+    scale = 1 + spec.scale * normal("scale")
+    return UnitErrors(
+        matrix=scale[:, None] * axes,
+        bias=spec.bias * normal("bias"),
+        ramp=spec.ramp * np.sign(normal("ramp")),
+        asymmetry=spec.asymmetry * normal("asymmetry"),
+        nonlinearity=spec.nonlinearity * normal("nonlinearity"),
+        second_order=spec.second_order * normal("second_order"),
+        bias_temperature=spec.bias_temperature * normal("bias_temperature"),
+        scale_temperature=spec.scale_temperature * normal("scale_temperature"),
+        g_sensitivity=spec.g_sensitivity * normal("g_sensitivity", 3),
+        g2_sensitivity=spec.g2_sensitivity * normal("g2_sensitivity", 3),
+    )
+
+
+def _cross_matrix(turn: Array) -> Array:
+    """What a case turned by `turn` (3,) [rad] does to components: x - turn x x."""
+    x, y, z = turn
+    return np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
+
+
+def _symmetric(pairs: Array) -> Array:
+    """Axes of each pair (Y-Z, Z-X, X-Y) leaning together by an angle: half of it each."""
+    yz, zx, xy = pairs
+    return np.array([[0, xy, zx], [xy, 0, yz], [zx, yz, 0]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Temperature:
+    """Temperature of the unit over the run: straight lines between points.
+
+    `t` (m,) [s], increasing; `value` (m,) [deg C]; constant outside.
+    """
+
+    t: Array
+    value: Array
+
+    def __post_init__(self) -> None:
+        m = len(self.t)
+        set_owned(self, t=(self.t, (m,), float), value=(self.value, (m,), float))
+
+    def at(self, t: Array) -> Array:
+        """Temperature [deg C] at times (n,) [s]."""
+        return np.interp(t, self.t, self.value)
+
+
+def without(spec: ImuSpec, terms: Collection[str]) -> ImuSpec:
+    """The same unit with some error terms (names of `TERMS`) switched off."""
+    for term in terms:
+        if term not in TERMS:
+            raise unknown("error term", term, TERMS)
+    off = {field for term in terms for field in TERMS[term]}
+
+    def cleared(part: TriadSpec | ClockSpec) -> TriadSpec | ClockSpec:
+        plain = type(part)()
+        return replace(part, **{f: getattr(plain, f) for f in off if hasattr(part, f)})
+
+    places = np.zeros((3, 3)) if "size-effect" in terms else spec.places
+    return replace(
+        spec,
+        gyro=cleared(spec.gyro),
+        accel=cleared(spec.accel),
+        clock=cleared(spec.clock),
+        places=places,
+    )
+
+
+class Triad:
+    """Three like sensors at work; (3, n) arrays inside."""
+
+    def __init__(self, imu: ImuSpec, sensor: str, seed: int, rate_hz: int) -> None:
+        spec = imu.gyro if sensor == "gyro" else imu.accel
+        self.spec, self.errors = spec, draw(spec, seed, sensor)
+        self.sigma = spec.noise * np.sqrt(rate_hz)
+        self._dt = 1 / rate_hz
+        self._noise = WhiteNoise(streams(seed, sensor, "noise"))
+        self._drift = Drift(
+            lambda source: streams(seed, sensor, source),
+            spec.instability,
+            spec.random_walk,
+            imu.corners,
+            rate_hz,
+        )
+        finite = np.isfinite(spec.bandwidth)
+        self._filter = LowPass(spec.bandwidth, rate_hz) if finite else None
+        self._lsb = spec.increment_lsb if imu.increments else spec.resolution * self._dt
+        self._accumulate = imu.increments
+        self._sum = np.zeros((AXES, 1))  # of increments so far, unrounded
+
+    def report(
+        self, x: Array, f: Array, t: Array, warmth: Array | None
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Reported values and saturation flags (3, n).
+
+        `x` true input, `f` specific force (3, n) for g-sensitivity, `t` (n,) [s], `warmth` (n,)
+        [K] above reference or None.
+        """
+        y = self._deterministic(x, f, t, warmth)
+        if self.sigma:
+            y += self.sigma * self._noise.take(y.shape[1])
+        if self._drift:
+            y += self._drift.take(y.shape[1])
+        if self._filter is not None:
+            y = self._filter.apply(y)
+        flags = np.abs(y) > self.spec.range
+        if flags.any():
+            np.clip(y, -self.spec.range, self.spec.range, out=y)
+        return self._rounded(y), flags
+
+    def _deterministic(self, x: Array, f: Array, t: Array, warmth: Array | None) -> Array:
+        e, s = self.errors, self.spec
+        y = _product(e.matrix, x)
+        linear = y.copy()
+        if s.asymmetry:
+            y += e.asymmetry[:, None] * np.abs(linear)
+        if s.nonlinearity:
+            y += (e.nonlinearity / s.range**2)[:, None] * (linear * linear * linear)
+        if s.second_order:
+            y += e.second_order[:, None] * (linear * linear)
+        if s.g_sensitivity:
+            y += _product(e.g_sensitivity, f)
+        if s.g2_sensitivity:
+            y += _product(e.g2_sensitivity, f * f)
+        if s.ramp:
+            y += e.ramp[:, None] * t
+        if warmth is not None:
+            y += (e.scale_temperature[:, None] * linear + e.bias_temperature[:, None]) * warmth
+        y += e.bias[:, None]
+        return y
+
+    def _rounded(self, y: Array) -> Array:
+        """Rounded to the resolution, or differences of the rounded running integral."""
+        if self._lsb == 0.0:
+            return y
+        step = self._lsb / self._dt
+        if not self._accumulate:
+            return step * np.rint(y / step)
+        total = np.cumsum(np.hstack([self._sum, y / step]), axis=1)
+        self._sum = total[:, -1:]
+        return step * np.diff(np.rint(total), axis=1)
+
+
+def _product(matrix: Array, x: Array) -> Array:
+    """``matrix @ x`` for (3, 3) and (3, n), row by row: BLAS may round by the length of x."""
+    y = np.empty((AXES, x.shape[1]))
+    for row, (a, b, c) in zip(y, matrix, strict=True):
+        np.multiply(a, x[0], out=row)
+        row += b * x[1]
+        row += c * x[2]
+    return y
+
+
+class Imu:
+    """One unit.
+
+    Parameters
+    ----------
+    spec : ImuSpec
+    seed : int
+        Same seed, same bytes, whatever the blocks' lengths.
+    rate_hz : int
+        Sample rate, which sets the noise of a sample.
+    temperature : Temperature or None
+        None for the reference temperature throughout.
+    """
+
+    def __init__(
+        self, spec: ImuSpec, seed: int, rate_hz: int, temperature: Temperature | None = None
+    ) -> None:
+        self.spec, self._temperature = spec, temperature
+        self._gyro = Triad(spec, "gyro", seed, rate_hz)
+        self._accel = Triad(spec, "accel", seed, rate_hz)
+        self.clock = Clock(spec.clock, seed, rate_hz)
+
+    @property
+    def gyro_errors(self) -> UnitErrors:
+        """The gyros' constants."""
+        return self._gyro.errors
+
+    @property
+    def accel_errors(self) -> UnitErrors:
+        """The accelerometers' constants."""
+        return self._accel.errors
+
+    @property
+    def gyro_sigma(self) -> float:
+        """Standard deviation of one sample's white rate noise, before the filter [rad/s]."""
+        return self._gyro.sigma
+
+    @property
+    def accel_sigma(self) -> float:
+        """Standard deviation of one sample's white force noise, before the filter [m/s^2]."""
+        return self._accel.sigma
+
+    def report(self, sensed: Sensed) -> ImuBlock:
+        """The next block of samples; each block must be asked for once, in order.
+
+        `sensed` (a `TruthBlock` will do) is what the sensors feel over the unit's own sample
+        intervals, stamped with the times the unit gives them.
+        """
+        t = sensed.t_ns * 1e-9
+        warmth = None
+        if self._temperature is not None:
+            warmth = self._temperature.at(t) - self.spec.reference_temperature
+        f, w_ib = np.ascontiguousarray(sensed.f_b.T), np.ascontiguousarray(sensed.w_ib_b.T)
+        w, too_fast = self._gyro.report(w_ib, f, t, warmth)
+        g, too_hard = self._accel.report(f, f, t, warmth)
+        return ImuBlock(sensed.t_ns, w.T, g.T, np.vstack([too_fast, too_hard]).T)
+
+
+class Clock:
+    """When the unit really samples: its clock runs fast, trembles, and tells it late.
+
+    Sample k is stamped k / rate, but ends at ``k (1 + offset) / rate + jitter_k - latency``.
+    """
+
+    def __init__(self, spec: ClockSpec, seed: int, rate_hz: int) -> None:
+        self.spec, self._rate = spec, rate_hz
+        self.offset = spec.offset * float(
+            stream(seed, "clock", "clock_offset", 0).standard_normal()
+        )
+        self._tremble = stream(seed, "clock", "jitter", 0)
+        self._edge: float | None = None  # the last sample's end
+
+    def edges(self, first: int, last: int) -> Array:
+        """Ends of samples `first` to `last` (the n + 1 edges of n samples) [s], in order once."""
+        ticks = np.arange(first if self._edge is None else first + 1, last + 1)
+        edges = ticks * (1 + self.offset) / self._rate - self.spec.latency
+        if self.spec.jitter:
+            most = 0.4 / self._rate  # neighbours never change places
+            jitter = self.spec.jitter * self._tremble.standard_normal(len(ticks))
+            edges += np.clip(jitter, -most, most)
+        if self._edge is not None:
+            edges = np.concatenate([[self._edge], edges])
+        self._edge = float(edges[-1])
+        return edges
