@@ -64,7 +64,7 @@ def C_nb_from_angles(sequence: Sequence, roll: float, yaw: float, pitch: float) 
 def angles_from_C_nb(sequence: Sequence, C_nb: Rotation) -> Array:
     """Roll, yaw, pitch [rad] of one attitude (3,) or of many (n, 3).
 
-    Yaw and the last turn lie in (-pi, pi], the middle turn in [-pi/2, pi/2]. At the sequence's
+    Yaw and the last turn lie in [-pi, pi], the middle turn in [-pi/2, pi/2]. At the sequence's
     singularity only the sum or difference of the outer turns means anything (`near_singular`).
     """
     R = (C_N_NUE.inv() * C_nb).as_matrix()
@@ -98,7 +98,7 @@ def heading_from_C_nb(C_nb: Rotation) -> float | None:
 
 
 def wrapped(angle: ArrayLike) -> Array:
-    """Angles brought into [-pi, pi): how errors are stated."""
+    """Angles brought into [-pi, pi]: how errors are stated."""
     return (np.asarray(angle, dtype=float) + np.pi) % (2 * np.pi) - np.pi
 
 

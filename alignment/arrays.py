@@ -13,7 +13,9 @@ IntArray = NDArray[np.int64]
 def owned(
     values: ArrayLike, name: str, shape: Sequence[int | None], dtype: Any = np.float64
 ) -> NDArray[Any]:
-    """Copy `values` into a read-only array of the given shape (no copy of what is one already).
+    """Copy `values` into a read-only array of the given shape.
+
+    What is read-only already is not copied: who locks an array gives it away.
 
     Parameters
     ----------

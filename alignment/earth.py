@@ -37,8 +37,8 @@ def normal_gravity(latitude: float, height: float = 0.0) -> float:
     Notes
     -----
     Somigliana's closed form on the ellipsoid, continued upward to second order in height:
-    NIMA TR8350.2 (2000), equations 4-1 and 4-3. The truncation is below 1e-8 m/s^2 for heights
-    below 5 km.
+    NIMA TR8350.2 (2000), equations 4-1 and 4-3. The truncation is below 5e-7 m/s^2 for heights
+    below 5 km and 1e-7 below 1 km.
     """
     s2 = sin(latitude) ** 2
     on_ellipsoid = _GRAVITY_EQUATOR * (1 + _SOMIGLIANA_K * s2) / sqrt(1 - _ECCENTRICITY_2 * s2)

@@ -25,7 +25,7 @@ def angle_sigmas(sequence: Sequence, angles: Array, covariance: Array) -> Array:
     regular = np.where(singular[..., None], 0.0, angles)
     J = angle_jacobian(sequence, *np.moveaxis(regular, -1, 0))
     variances = np.einsum("...ij,...jk,...ik->...i", J, covariance, J)
-    sigmas: Array = np.where(singular[..., None], np.nan, np.sqrt(variances))
+    sigmas: Array = np.where(singular[..., None], np.nan, np.sqrt(np.maximum(variances, 0.0)))
     return sigmas
 
 

@@ -110,7 +110,7 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
     for k in range(len(dwells) - 1):
         (first, var_first), (second, var_second) = summaries[k : k + 2]
         if _opposed(first[3:], second[3:]):
-            pairs.append(_pair(dwells[k : k + 2], first, second, var_first + var_second))
+            pairs.append(_pair(dwells[k : k + 2], (first, second), (var_first, var_second)))
     return singles + pairs
 
 
@@ -135,9 +135,14 @@ def _single(dwell: Dwell, means: Array, variances: Array, options: Options) -> A
         options.rule.sequence_for(f),
         covariance=covariance,
         latitude=latitude,
-        latitude_sigma=float(np.sqrt(variance)),
+        latitude_sigma=_root(variance),
         flags=flags,
     )
+
+
+def _root(variance: float) -> float:
+    """Square root of a variance that rounding may have put below zero."""
+    return float(np.sqrt(max(variance, 0.0)))
 
 
 def _latitude_sensitivity(latitude: float, rate: float, gravity: float) -> Array:
@@ -152,11 +157,18 @@ def _opposed(f_first: Array, f_second: Array) -> bool:
 
 
 def _pair(
-    dwells: Ordered[Dwell], first: Array, second: Array, variances: Array
+    dwells: Ordered[Dwell], means: tuple[Array, Array], variances: tuple[Array, Array]
 ) -> AttitudeEstimate:
+    first, second = means
     latitude = pair_latitude(first[:3], first[3:], second[:3], second[3:])
     up = first[3:] / np.linalg.norm(first[3:])
-    sigma = np.sqrt(variances[:3] @ up**2) / 2 / (EARTH_RATE * np.cos(latitude))
+    gravity = float(np.linalg.norm(first[3:]))
+    # half of each dwell's vertical rate error, and of its tilt toward the horizontal rate
+    half = np.array([[0, 0, -1 / (EARTH_RATE * np.cos(latitude)), 1 / gravity, 0, 0]]) / 2
+    variance = sum(
+        attitude_covariance(triad_attitude(m[:3], m[3:]), v, half)[0, 0]
+        for m, v in zip(means, variances, strict=True)
+    )
     a, b = dwells
     return AttitudeEstimate(
         METHOD,
@@ -167,6 +179,6 @@ def _pair(
         Options().rule.sequence_for(up),
         window="pair",
         latitude=latitude,
-        latitude_sigma=float(sigma),
+        latitude_sigma=_root(variance),
         flags=("latitude from the mean vertical rate against Earth rate: axis bias cancels",),
     )

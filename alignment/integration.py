@@ -59,7 +59,7 @@ def prefix_product(q: Array) -> Array:
 def rk4_steps(w: Array, h: Array) -> Array:
     """Quaternion step (n, 4) of classical Runge-Kutta for rates (n, 3) held over steps (n,).
 
-    Truncation: ``(|w| h)^5 / 3840`` rad per step.
+    Truncation: an angle of ``(|w| h)^5 / 1920`` rad per step.
     """
     half = np.zeros((len(w), 4))
     half[:, :3] = 0.5 * w * h[:, None]

@@ -33,7 +33,8 @@ def mean_variance(values: Array) -> Array:
     Notes
     -----
     Holds while errors of different blocks are independent: noise with correlation longer than a
-    32nd of the record, and any constant bias, are not in it.
+    32nd of the record, and any constant bias, are not in it. Blocks of n samples differ by one
+    where 32 does not divide n, which overstates the variance (by 12 % at n = 48, 1 % at 500).
     """
     blocks = min(BLOCKS, len(values))
     return block_means(values, blocks).var(axis=0, ddof=1) / blocks
@@ -54,7 +55,7 @@ def check_at_rest(dwell: Dwell) -> None:
     """
     readings = dwell.window()
     span = readings.interval * len(readings)
-    blocks = int(max(2, min(span / REST_BLOCK, len(readings))))
+    blocks = max(2, min(round(span / REST_BLOCK), len(readings)))
     f = block_means(readings.f_b, blocks)
     w = block_means(readings.w_ib_b, blocks)
     mean_f = f.mean(axis=0)

@@ -63,8 +63,9 @@ class ImuReadings:
 
         A sample that began before `t_from` mixes in what happened then, so it is left out.
         """
-        first = np.searchsorted(self.t, t_from + self.interval - _EDGE)
-        last = np.searchsorted(self.t, t_to + _EDGE)
+        starts = np.concatenate([self.t[:1] - self.interval, self.t[:-1]])
+        first = np.searchsorted(starts, t_from - _EDGE)
+        last = max(first, np.searchsorted(self.t, t_to + _EDGE))
         part = slice(int(first), int(last))
         return ImuReadings(self.t[part], self.w_ib_b[part], self.f_b[part])
 

@@ -31,7 +31,7 @@ SIX_POSITIONS = {
     "Z1 down": (90.0, 0.0, 0.0),
 }
 
-NEAR_POSITION = np.radians(30.0)  # a log's position is taken for one of the six within this
+WRONG_POSITION = np.radians(5.0)  # table errors are arc minutes, accelerometer biases 87 mg here
 TRACK_STEP = 0.5  # s between points of a track
 TRACK_LEAD = 1.0  # s of data behind a track's first point
 
@@ -62,7 +62,7 @@ def nominal_attitude(dwell: Dwell) -> Rotation:
     Raises
     ------
     AlignmentError
-        Nobody said the nominal attitude and no axis is within 30 deg of the vertical.
+        Nobody said the nominal attitude and no axis is within 5 deg of the vertical.
     """
     if dwell.nominal is not None:
         return dwell.nominal
@@ -74,9 +74,9 @@ def nominal_attitude(dwell: Dwell) -> Rotation:
     ]
     nearness = [C.inv().apply([0, 0, -1]) @ up for C in candidates]
     best = int(np.argmax(nearness))
-    if nearness[best] < np.cos(NEAR_POSITION):
+    if nearness[best] < np.cos(WRONG_POSITION):
         raise AlignmentError(
-            f"{dwell.label}: no instrument axis is within 30 deg of the vertical (up in b = "
+            f"{dwell.label}: no instrument axis is within 5 deg of the vertical (up in b = "
             f"{up[0]:+.3f} {up[1]:+.3f} {up[2]:+.3f}): not one of the six positions"
         )
     return candidates[best]
@@ -96,7 +96,19 @@ def zero_offset(dwell: Dwell, nominal: Rotation, site: Site, window: float) -> Z
             f"the zero offsets need {window:g} s"
         )
     means, variances = mean_and_variance(dwell.window(0.0, window))
-    return ZeroOffset(means - nominal_readings(nominal, site), variances)
+    wanted = nominal_readings(nominal, site)
+    _check_vertical(dwell.label, means[3:], wanted[3:])
+    return ZeroOffset(means - wanted, variances)
+
+
+def _check_vertical(label: str, measured: Array, wanted: Array) -> None:
+    """Refuse readings of another position: the offset would swallow a whole g unremarked."""
+    lean = np.arctan2(np.linalg.norm(np.cross(measured, wanted)), measured @ wanted)
+    if lean > WRONG_POSITION:
+        raise AlignmentError(
+            f"{label}: the measured vertical is {np.degrees(lean):.1f} deg from that of the "
+            f"nominal attitude (allowed {np.degrees(WRONG_POSITION):.0f}): another position?"
+        )
 
 
 def _corrected_attitude(
@@ -198,7 +210,8 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
     nominal = nominal_attitude(dwell)
     offset = zero_offset(dwell, nominal, site, options.offset_window)
     G = _sensitivity(site)
-    parts = [("same", dwell.window(0.0, options.offset_window), np.zeros(6))]
+    same = dwell.window(0.0, options.offset_window)
+    parts: list[tuple[str, ImuReadings, Array]] = [("same", same, np.zeros(6))]
     if dwell.t_to - dwell.t_from - options.offset_window >= 2 * TRACK_LEAD:
         parts.append(("fresh", dwell.window(options.offset_window), offset.variances))
     tracks = []

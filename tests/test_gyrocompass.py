@@ -329,18 +329,7 @@ def test_covariances(regime, C, latitude):
     assert 1 - spread < np.mean(ratio**2) < MEAN_F + spread
 
 
-@pytest.mark.parametrize(
-    "regime",
-    [
-        "gyros dominate",
-        pytest.param(
-            "accelerometers dominate",
-            marks=pytest.mark.xfail(
-                strict=True, reason="gyrocompass._pair leaves accelerometer noise out of its sigma"
-            ),
-        ),
-    ],
-)
+@pytest.mark.parametrize("regime", ["gyros dominate", "accelerometers dominate"])
 @pytest.mark.parametrize("latitude", [48.5, -70.0])
 def test_sigma_of_a_pairs_latitude(regime, latitude):
     """As above, with one degree of freedom and the variances of two dwells."""

@@ -244,8 +244,8 @@ def test_the_tables_own_errors_enter_one_to_one():
 
 @pytest.mark.parametrize("position", list(SIX))
 def test_the_nearest_position_is_assumed_and_flagged(position):
-    # Leant by 20 deg and turned by 70: still that position, at heading zero.
-    truth = turn_n(D, radians(70)) @ turn_n(E, radians(20)) @ SIX[position]
+    # Leant by 4 deg and turned by 70: still that position, at heading zero.
+    truth = turn_n(D, radians(70)) @ turn_n(E, radians(4)) @ SIX[position]
     dwell = rest(truth, 48.5, 20, nominal=None)
     for estimate in six_position([dwell], site(48.5), Options()):
         np.testing.assert_allclose(error(estimate.C_nb, SIX[position]), 0, rtol=0, atol=1e-12)
@@ -256,16 +256,25 @@ def test_the_nearest_position_is_assumed_and_flagged(position):
 
 
 def test_an_attitude_between_the_positions_is_refused():
-    near = rest(turn_n(E, radians(29.5)) @ LEVEL, 48.5, 20, nominal=None)
+    near = rest(turn_n(E, radians(4.9)) @ LEVEL, 48.5, 20, nominal=None)
     np.testing.assert_allclose(nominal_attitude(near).as_matrix(), LEVEL, rtol=0, atol=1e-15)
-    far = rest(turn_n(E, radians(30.5)) @ LEVEL, 48.5, 20, label="no. 7", nominal=None)
+    far = rest(turn_n(E, radians(5.1)) @ LEVEL, 48.5, 20, label="no. 7", nominal=None)
     with pytest.raises(AlignmentError) as caught:
         six_position([far], site(48.5), Options())
-    # 30.5 deg nose up: sin and cos
+    # 5.1 deg nose up: sin and cos
     assert str(caught.value).startswith(
-        "no. 7: no instrument axis is within 30 deg of the vertical (up in b = +0.508 +0.862 "
+        "no. 7: no instrument axis is within 5 deg of the vertical (up in b = +0.089 +0.996 "
     )
     assert str(caught.value).endswith("): not one of the six positions")
+
+
+def test_another_position_than_told_is_refused():
+    # X1 up while the table said Y1 up: the offset would swallow a whole g, and show no error.
+    dwell = rest(SIX["X1 up"], 48.5, 20, label="told Y1", nominal=Rotation.from_matrix(LEVEL))
+    with pytest.raises(AlignmentError, match=r"told Y1: .* 90\.0 deg from .* \(allowed 5\)"):
+        six_position([dwell], site(48.5), Options())
+    near = rest(turn_n(E, radians(4.9)) @ LEVEL, 48.5, 20, nominal=Rotation.from_matrix(LEVEL))
+    assert len(six_position([near], site(48.5), Options())) == 2
 
 
 # --- refusals -----------------------------------------------------------------------------------
