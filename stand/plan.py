@@ -17,6 +17,7 @@ from stand.procedure import Dwell, LimitsEntry, Move, Procedure
 from stand.table import Table
 
 BASE = 3  # the first three joints are the rocking base's
+LONGEST_MOVE = 3600.0  # s; the planner's own profiles end at 7600 s
 _TURN = 2 * np.pi
 
 
@@ -75,6 +76,7 @@ def plan(procedure: Procedure, model: StandModel, table: Table) -> Plan:
         else:
             target = _target(procedure, index, step, joints, model, table)
             limits = _limits(procedure, index, step, joints != target, table)
+            _check_duration(procedure, index, joints, target, limits[0])
             move = move_piece(joints, target, *limits)
             pieces.append(move)
             duration = _whole_second(t + move.knots[-1]) - t
@@ -158,6 +160,17 @@ def _limits(
     limits = (table.rate, table.acceleration, table.jerk)
     rate, acceleration, jerk = (limit(k, v) for k, v in zip(keys, limits, strict=True))
     return rate, acceleration, jerk
+
+
+def _check_duration(
+    procedure: Procedure, index: int, joints: Array, target: Array, rate: Array
+) -> None:
+    needed = np.abs(target - joints) / rate
+    if needed.max() > LONGEST_MOVE:
+        i = int(np.argmax(needed))
+        value = f"{rate[i] / DEG:g} on {JOINTS[i]}"
+        allowed = f"the move would take {needed[i]:.0f} s, allowed {LONGEST_MOVE:.0f}"
+        raise procedure.fault(index, "rate_deg_s", value, allowed)
 
 
 def rest_piece(joints: Array, duration: float) -> Piece:

@@ -108,11 +108,7 @@ def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunRe
     planned = plan(settings.procedure, stand, settings.table)
     if any(ESTIMATORS[m].needs_latitude for m in methods_of(settings)):
         settings.site.horizontal_rate()  # refuses poles before the work, not after
-    if sample_count(planned.motion.duration, settings.rate_hz) < 2:
-        raise StandError(
-            f"{settings.procedure.name}: {planned.motion.duration:g} s at {settings.rate_hz} Hz "
-            "is less than 2 samples"
-        )
+    _check_samples(settings, planned)
     beside = _new_folder(out)
     try:
         result = _Run(settings, stand, planned, beside).record(
@@ -122,6 +118,16 @@ def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunRe
     finally:
         shutil.rmtree(beside, ignore_errors=True)
     return result
+
+
+def _check_samples(settings: Settings, planned: Plan) -> None:
+    """Every dwell holds two whole samples at least."""
+    least = 3 / settings.rate_hz
+    for index, step in enumerate(planned.steps):
+        duration = step.t_to - step.t_from
+        if step.kind == "dwell" and duration < least:
+            allowed = f"must be {least:g} or more at {settings.rate_hz} Hz"
+            raise settings.procedure.fault(index, "duration_s", duration, allowed)
 
 
 def methods_of(settings: Settings) -> tuple[str, ...]:

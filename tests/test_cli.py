@@ -459,7 +459,6 @@ def test_procedures_that_are_refused(refused, short, old, new, line):
     assert refused("run", short, "--out", "here").startswith(f"{short}: {line}")
 
 
-@pytest.mark.xfail(strict=True, raises=AttributeError, reason="dwells.finish: no last attitude")
 def test_a_dwell_shorter_than_a_sample(refused, short):
     text = short.read_text().replace('"six-position", "rk4", ', "")
     short.write_text(text.replace("duration_s = 12", "duration_s = 0.01", 1))
@@ -467,7 +466,6 @@ def test_a_dwell_shorter_than_a_sample(refused, short):
     assert "Y1 up" in told
 
 
-@pytest.mark.xfail(strict=True, raises=ValueError, reason="plan.move_piece: ruckig ends at 7600 s")
 def test_a_move_slower_than_ruckig_can(refused, short):
     slow = "attitude_deg = { pitch = 90 }\nrate_deg_s = 0.01"
     short.write_text(short.read_text().replace("attitude_deg = { pitch = 90 }", slow))
