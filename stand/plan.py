@@ -17,7 +17,7 @@ from stand.procedure import Dwell, LimitsEntry, Move, Procedure
 from stand.table import Table
 
 BASE = 3  # the first three joints are the rocking base's
-LONGEST_MOVE = 3600.0  # s; the planner's own profiles end at 7600 s
+LONGEST_MOVE = 7000.0  # s; the planner's own profiles end at 7600 s
 _TURN = 2 * np.pi
 
 

@@ -17,7 +17,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.optimize import brentq, nnls
 from scipy.special import chdtrc, chdtri
 
@@ -30,8 +29,10 @@ CHI2_95 = float(chdtri(1, 0.05))  # 3.841
 DESCRIBED = 1e-3  # probability of a misfit below which the terms do not describe the curve
 MOST_DROPPED = 5  # octaves
 FEWEST_TAUS = 6  # that must remain when some are dropped
+LEAST_EIGENVALUE = 1e-3  # of the correlations between taus
+ROUNDING = 1e-6  # least relative error of a variance: a ramp alone would have none
 _ROUNDS = 40
-_SETTLED = 1e-7
+_SETTLED = 1e-3  # standard deviations
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,24 +51,23 @@ class Problem:
         """The residuals for `weights` and their derivative, scaled to unit covariance."""
         mu = self.design @ weights
         relative = covariance(self.T, weights) / np.outer(mu, mu)
-        relative[np.diag_indices_from(relative)] += self.excess**2
-        root = np.linalg.cholesky(relative)
-        # nu = 2 / relative variance
-        return White(self, 1 - np.diag(relative) / 9, root)
+        relative[np.diag_indices_from(relative)] += self.excess**2 + ROUNDING**2
+        centre = 1 - np.diag(relative) / 9  # 2/(9 nu) with nu = 2 / relative variance
+        return White(self, centre, _whitener(relative))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class White:
-    """A problem at one covariance: Wilson and Hilferty's mean and the Cholesky root."""
+    """A problem at one covariance: Wilson and Hilferty's mean, and what whitens (k, k)."""
 
     problem: Problem
     centre: Array
-    root: Array
+    whitener: Array
 
     def residuals(self, weights: Array) -> Array:
         """(k,), independent and of unit variance if `weights` are true."""
         ratio = np.cbrt(self.problem.variance / (self.problem.design @ weights))
-        return solve_triangular(self.root, 3 * (ratio - self.centre), lower=True)
+        return self.whitener @ (3 * (ratio - self.centre))
 
     def chi2(self, weights: Array) -> float:
         """Sum of squares of the residuals."""
@@ -77,9 +77,7 @@ class White:
         """Minus the derivative (k, 5) of the residuals."""
         mu = self.problem.design @ weights
         ratio = np.cbrt(self.problem.variance / mu)
-        return solve_triangular(
-            self.root, (ratio / mu)[:, None] * self.problem.design, lower=True
-        )
+        return self.whitener @ ((ratio / mu)[:, None] * self.problem.design)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +93,17 @@ class Fit:
     first: int
     chi2: float
     freedom: int
+
+
+def _whitener(relative: Array) -> Array:
+    """W (k, k) with ``W C W' = 1``; correlations are kept from being singular.
+
+    Noise alone has eigenvalues above 0.007. Long taus of a ramp share one error, the noise of its
+    slope: what they differ by is known less well than the table is exact.
+    """
+    sigma = np.sqrt(np.diag(relative))
+    values, vectors = np.linalg.eigh(relative / np.outer(sigma, sigma))
+    return (vectors / np.sqrt(np.maximum(values, LEAST_EIGENVALUE))).T / sigma
 
 
 def fit(curve: Deviation) -> Fit:
@@ -150,11 +159,11 @@ def solve(posed: Problem, fixed: int | None = None, at: float = 0.0) -> Array:
     weights = _start(posed, free, fixed, at)
     for _ in range(_ROUNDS):
         white = posed.whiten(weights)
-        moved = _step(white, weights, free)
-        mu, mu_moved = posed.design @ weights, posed.design @ moved
-        done = np.max(np.abs(np.log(mu_moved / mu))) < _SETTLED
+        J = white.jacobian(weights)
+        moved = _step(white, weights, free, J)
+        step = float(np.linalg.norm(J @ (moved - weights)))
         weights = moved
-        if done:
+        if step < _SETTLED:
             break
     return weights
 
@@ -179,9 +188,9 @@ def _positive(posed: Problem, weights: Array, free: Array) -> Array:
     return weights
 
 
-def _step(white: White, weights: Array, free: Array) -> Array:
+def _step(white: White, weights: Array, free: Array, jacobian: Array) -> Array:
     """One Gauss-Newton step on the free weights, no mean variance changing more than fivefold."""
-    J = white.jacobian(weights)[:, free]
+    J = jacobian[:, free]
     moved = weights.copy()
     moved[free] = _nnls(J, white.residuals(weights) + J @ weights[free])
     moved = _positive(white.problem, moved, free)
