@@ -226,7 +226,7 @@ def test_presets_that_are_not_right(tmp_path):
     for text, told in (
         (good.replace("value = 0.0, kind", "value = -1.0, kind", 1), "value = -1.0: must be gr"),
         (good.replace('kind = "assumed"', 'kind = "guess"', 1), "kind = 'guess': must be 'typ"),
-        (good.replace("turn_on_bias_deg_h", "turn_on_bias_deg_s"), "mean turn_on_bias_deg_h?"),
+        (good.replace("turn_on_bias_deg_h", "turn_on_bias_deg_s"), "did you mean "),
         (good.replace("perfect by definition", "", 1), "source = '': "),
     ):
         path.write_text(text, encoding="utf-8")

@@ -43,6 +43,9 @@ def test_rest_is_per_piece():
     still[:-1, 1] = 0.0
     assert motion().at_rest.tolist() == [False, False]
     assert Motion(np.array(KNOTS), still).at_rest.tolist() == [False, True]
+    steady = still.copy()
+    steady[-2, 1] = [0.0, 1e-5]  # one joint turns at a constant rate
+    assert Motion(np.array(KNOTS), steady).at_rest.tolist() == [False, False]
     assert motion().duration == 3.5
 
 

@@ -165,7 +165,7 @@ def test_any_reachable_joint_angles(targets, extra):
     assert p.motion.duration == pytest.approx(p.steps[-1].t_to, abs=1e-9)  # sums of durations
 
 
-@given(st.floats(1e-7, 1000), st.floats(0.2, 200), st.floats(1, 200), st.floats(1, 1000))
+@given(st.floats(1e-7, 1000), st.floats(0.5, 200), st.floats(1, 200), st.floats(1, 1000))
 @settings(max_examples=60)
 def test_any_limits_of_a_single_slew(angle, rate, acceleration, jerk):
     extra = f"rate_deg_s = {rate!r}\nacceleration_deg_s2 = {acceleration!r}\njerk_deg_s3 = {jerk!r}"
@@ -197,7 +197,7 @@ TURN = st.floats(-200, 200) | st.sampled_from([0.0, 90.0, -90.0, 180.0, -180.0])
 BASE = st.tuples(st.floats(-15, 15), st.floats(-15, 15), st.floats(-20, 20))
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(TURN, TURN, TURN, SEQUENCES, st.just((0.0, 0.0, 0.0)) | BASE)
 def test_any_attitude_on_any_base(roll, yaw, pitch, sequence, base):
     names = dict(zip(JOINTS[:3], base, strict=True))
