@@ -150,6 +150,10 @@ def run(
     ] = SamplingChoice.mean,
     sequences: RuleOption = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Same seed, same bytes.")] = 0,
+    without: Annotated[
+        str,
+        typer.Option(metavar="TERMS", help="Switch error terms off: white-noise,range ..."),
+    ] = "",
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Default: recordings/PROCEDURE_IMU_seedN."),
@@ -164,6 +168,7 @@ def run(
     Example: stand run six-position --imu ring-laser --latitude 51.08 --seed 3
     """
     from stand.imu import load_imu
+    from stand.imu import without as switched_off
     from stand.physics.truth import Sampling
     from stand.procedure import load_procedure, table_of
     from stand.session import Settings, refuse_existing, result_json, run_id
@@ -180,7 +185,9 @@ def run(
         rate,
         Sampling(sampling.value),
         seed,
+        tuple(term.strip() for term in without.split(",") if term.strip()),
     )
+    switched_off(settings.imu, settings.without)  # refuses unknown terms before anything is made
     folder = _folder(out) if out else Path("recordings") / run_id(settings)
     refuse_existing(folder, force)
     with _progress(f"{settings.procedure.id}, {settings.imu.id}", as_json) as report:

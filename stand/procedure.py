@@ -5,6 +5,7 @@ and `move` (to joint angles or to an instrument attitude).
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -128,6 +129,24 @@ class Move(LimitsEntry):
 Step = Annotated[Dwell | Move, Field(discriminator="kind")]
 
 
+class TemperatureEntry(catalogue.Entry):
+    """Temperature of the unit over the run: straight lines between points, constant outside."""
+
+    time_s: tuple[float, ...]
+    temperature_C: tuple[Annotated[float, Field(ge=-100, le=200)], ...]
+
+    @model_validator(mode="after")
+    def _a_profile(self) -> "TemperatureEntry":
+        if not 1 <= len(self.time_s) == len(self.temperature_C):
+            raise ValueError(
+                f"time_s has {len(self.time_s)} values, temperature_C {len(self.temperature_C)}: "
+                "must be as many, at least one"
+            )
+        if any(b <= a for a, b in pairwise(self.time_s)):
+            raise ValueError(f"time_s = {list(self.time_s)}: must increase")
+        return self
+
+
 class ProcedureEntry(catalogue.Entry):
     """A procedure as its TOML file says it."""
 
@@ -137,6 +156,7 @@ class ProcedureEntry(catalogue.Entry):
     site: SiteEntry
     estimate: EstimateEntry
     move_limits: LimitsEntry = LimitsEntry()
+    temperature: TemperatureEntry | None = None
     step: tuple[Step, ...]
 
     @model_validator(mode="after")

@@ -24,7 +24,7 @@ from alignment.units import DEG
 from stand import __version__
 from stand.dwells import DwellCollector
 from stand.errors import StandError
-from stand.imu import Imu, ImuSpec
+from stand.imu import Imu, ImuSpec, Temperature, without
 from stand.log import RUN, describe_estimate, describe_schedule, describe_site
 from stand.physics.description import StandModel
 from stand.physics.kinematics import C_NW
@@ -43,14 +43,18 @@ from stand.table import Table
 HIGHEST_RATE_HZ = 10_000
 BLOCK = 1000  # samples, or a second of them if that is more: a chunk of the recording
 QUEUE = 4  # blocks that may wait for a writer: bounds the memory
-INFO = 20  # rcl_interfaces/msg/Log
+LEVELS = {"INFO": 20, "WARN": 30}  # rcl_interfaces/msg/Log
+CHANNELS = ("gyro X1", "gyro Y1", "gyro Z1", "accel X1", "accel Y1", "accel Z1")
 
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settings:
-    """All that decides a run: same settings, same bytes of `run.mcap`."""
+    """All that decides a run: same settings, same bytes of `run.mcap`.
+
+    `imu` as it is to be simulated; `without` names the error terms that were switched off in it.
+    """
 
     procedure: Procedure
     imu: ImuSpec
@@ -60,6 +64,7 @@ class Settings:
     rate_hz: int = 200
     sampling: Sampling = Sampling.MEAN
     seed: int = 0
+    without: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not 1 <= self.rate_hz <= HIGHEST_RATE_HZ:
@@ -76,6 +81,7 @@ class RunResult:
     settings: Settings
     plan: Plan
     samples: int
+    saturated: tuple[int, ...]
     scores: tuple[Score, ...]
     spreads: tuple[Spread, ...]
 
@@ -111,9 +117,9 @@ def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunRe
     _check_samples(settings, planned)
     beside = _new_folder(out)
     try:
-        result = _Run(settings, stand, planned, beside).record(
-            Truth(model, settings.site, settings.imu.places), progress, out
-        )
+        under_way = _Run(settings, stand, planned, beside)
+        truth = Truth(model, settings.site, under_way.imu.spec.places)
+        result = under_way.record(truth, progress, out)
         _put_in_place(beside, out)
     finally:
         shutil.rmtree(beside, ignore_errors=True)
@@ -167,7 +173,14 @@ class _Run:
 
     def __init__(self, settings: Settings, stand: StandModel, planned: Plan, folder: Path) -> None:
         self.settings, self.stand, self.plan, self.folder = settings, stand, planned, folder
-        self.imu = Imu(settings.imu, settings.seed, settings.rate_hz)
+        self.imu = Imu(
+            without(settings.imu, settings.without),
+            settings.seed,
+            settings.rate_hz,
+            _temperature(settings.procedure),
+        )
+        self.saturated = np.zeros(len(CHANNELS), int)
+        self.events: list[tuple[int, str, str]] = []
         self.phases = [_phase(step) for step in planned.steps]
 
     def record(self, truth: Truth, progress: Progress, out: Path) -> RunResult:
@@ -177,18 +190,24 @@ class _Run:
             review = background.submit(self._open_review)
             mcap = stack.enter_context(self._open_mcap())
             for phase in self.phases:
-                mcap.log(phase.t_from_ns, INFO, f"{phase.kind}: {phase.label}")
+                self._tell(mcap, phase.t_from_ns, "INFO", f"{phase.kind}: {phase.label}")
             dwells, attitudes, samples = self._stream(truth, mcap, review, background, progress)
             scores = self._evaluate(dwells, attitudes)
             result = RunResult(
-                out, self.settings, self.plan, samples, tuple(scores), tuple(spreads(scores))
+                out,
+                self.settings,
+                self.plan,
+                samples,
+                tuple(int(n) for n in self.saturated),
+                tuple(scores),
+                tuple(spreads(scores)),
             )
             text = json.dumps(result_json(result), indent=1, allow_nan=False)
             (self.folder / "result.json").write_text(text + "\n", encoding="utf-8")
             mcap.close({"result.json": ("application/json", text.encode())})
             with review.result() as rrd:
-                for phase in self.phases:
-                    rrd.event(phase.t_from_ns, "INFO", f"{phase.kind}: {phase.label}")
+                for event in sorted(self.events):
+                    rrd.event(*event)
                 rrd.angles(self._curves(dwells, attitudes))
                 rrd.documents(report_document(result), config_document(result))
                 rrd.close()
@@ -211,6 +230,7 @@ class _Run:
         for block in truth.blocks(self.plan.motion, settings.rate_hz, settings.sampling, block_s):
             reported = self.imu.report(self._sensed(truth, block, done))
             waiting.append(background.submit(_write_review, review, block, reported))
+            self._watch_saturation(mcap, reported)
             mcap.write(block, reported)
             collector.add(block, reported)
             done += len(block)
@@ -220,6 +240,20 @@ class _Run:
         for future in waiting:
             future.result()
         return *collector.finish(), done
+
+    def _tell(self, mcap: McapWriter, t_ns: int, level: str, text: str) -> None:
+        """An event for both recordings."""
+        mcap.log(t_ns, LEVELS[level], text)
+        self.events.append((t_ns, level, text))
+
+    def _watch_saturation(self, mcap: McapWriter, reported: ImuBlock) -> None:
+        assert reported.saturated is not None
+        counts = reported.saturated.sum(axis=0)
+        self.saturated += counts
+        for channel in np.flatnonzero(counts):
+            first = int(np.argmax(reported.saturated[:, channel]))
+            text = f"{CHANNELS[channel]} beyond its range in {counts[channel]} samples"
+            self._tell(mcap, int(reported.t_ns[first]), "WARN", text)
 
     def _sensed(self, truth: Truth, block: TruthBlock, first: int) -> Sensed:
         """What the sensors feel at their own places and times; the truth where those are its."""
@@ -277,6 +311,7 @@ class _Run:
                 "seed": str(s.seed),
                 "rate_hz": str(s.rate_hz),
                 "sampling": s.sampling.value,
+                "without": ",".join(s.without),
                 "epoch_ns": str(EPOCH_NS),
                 "frame_n": "north-east-down",
                 "frame_b": "X1 forward, Y1 up, Z1 right at zero table angles",
@@ -293,15 +328,13 @@ class _Run:
         }
 
     def _drawn(self) -> dict[str, str]:
-        """The errors this unit was given: what an estimator would have to find."""
-        gyro, accel = self.imu.gyro_errors, self.imu.accel_errors
-        drawn = {
-            "gyro_bias_rad_s": gyro.bias,
-            "gyro_matrix": gyro.matrix,
-            "accel_bias_m_s2": accel.bias,
-            "accel_matrix": accel.matrix,
+        """The constants this unit was given, in SI: what an estimator would have to find."""
+        triads = {"gyro": self.imu.gyro_errors, "accel": self.imu.accel_errors}
+        return {
+            f"{sensor}_{name}": json.dumps(getattr(errors, name).tolist())
+            for sensor, errors in triads.items()
+            for name in errors.__slots__
         }
-        return {name: json.dumps(value.tolist()) for name, value in drawn.items()}
 
     def _evaluate(self, dwells: Sequence[Dwell], attitudes: Sequence[Rotation]) -> list[Score]:
         latitude = self.settings.site.latitude
@@ -322,6 +355,13 @@ class _Run:
 
 def _write_review(review: "Future[Any]", truth: TruthBlock, imu: ImuBlock) -> None:
     review.result().write(truth, imu)
+
+
+def _temperature(procedure: Procedure) -> Temperature | None:
+    profile = procedure.entry.temperature
+    if profile is None:
+        return None
+    return Temperature(np.array(profile.time_s), np.array(profile.temperature_C))
 
 
 def _phase(step: PlannedStep) -> Phase:
@@ -377,6 +417,8 @@ def result_json(result: RunResult) -> dict[str, Any]:
         "gravity_m_s2": s.site.gravity,
         "duration_s": result.plan.motion.duration,
         "samples": result.samples,
+        "without": list(s.without),
+        "saturated_samples": dict(zip(CHANNELS, result.saturated, strict=True)),
         "versions": versions(),
         "estimates": [score_to_json(scored) for scored in result.scores],
         "spreads": [spread_to_json(spread) for spread in result.spreads],
