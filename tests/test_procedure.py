@@ -12,7 +12,7 @@ from alignment import ESTIMATORS
 from alignment.angles import Sequence, SequenceRule
 from stand.catalogue import Source
 from stand.errors import StandError
-from stand.procedure import Dwell, Move, Procedure, procedure_from
+from stand.procedure import Dwell, Move, Procedure, load_procedure, procedure_from
 
 HEAD = """title = "T"
 [site]
@@ -85,7 +85,7 @@ def test_steps_keep_their_order_and_defaults():
         (
             HEAD.replace("[site]", "[place]") + DWELL,
             "unknown key 'place': known: description, estimate, "
-            "move_limits, site, step, table, title",
+            "move_limits, site, step, table, temperature, title",
         ),
         (
             HEAD + DWELL.replace("60", "nan"),
@@ -327,3 +327,23 @@ def test_any_text_gives_one_line(text):
     told = refusal(text)
     assert told.startswith("p.toml: ")
     assert told.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("profile", "said"),
+    [
+        ("time_s = [0, 10]\ntemperature_C = [20]", "time_s has 2 values, temperature_C 1"),
+        ("time_s = [0, 0]\ntemperature_C = [20, 30]", r"time_s = \[0.0, 0.0\]: must increase"),
+        ("time_s = []\ntemperature_C = []", "at least one"),
+        ("time_s = [0]\ntemperature_C = [900]", "less than or equal to 200"),
+    ],
+)
+def test_temperature_profiles_are_checked(tmp_path, profile, said):
+    path = tmp_path / "warm.toml"
+    path.write_text(
+        f'title = "t"\n[site]\nlatitude_deg = 1\n[estimate]\nmethods = ["triad"]\n'
+        f'[temperature]\n{profile}\n[[step]]\nkind = "dwell"\nlabel = "a"\nduration_s = 5\n'
+    )
+    with pytest.raises(StandError, match=said) as caught:
+        load_procedure(str(path))
+    assert str(caught.value).startswith(f"{path}: temperature")
