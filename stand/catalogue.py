@@ -94,14 +94,31 @@ def parse(source: Source, model: type[EntryT]) -> EntryT:
     StandError
         One line: file, place, key, value, what is allowed; how many further faults there are.
     """
-    try:
-        data = tomllib.loads(source.text)
-    except (ValueError, RecursionError) as error:  # syntax; thousands of digits or brackets
-        raise StandError(f"{source.name}: not valid TOML: {error}") from error
+    data = _data(source)
     try:
         return model.model_validate(_tuples(data))
     except ValidationError as error:
         raise StandError(_one_line(source.name, data, error.errors())) from error
+
+
+def faults(source: Source, model: type[Entry]) -> list[tuple[str, str]]:
+    """Every fault that `parse` would find: where, with the value, and what is allowed."""
+    try:
+        data = _data(source)
+    except StandError as error:
+        return [("", str(error).removeprefix(f"{source.name}: "))]
+    try:
+        model.model_validate(_tuples(data))
+    except ValidationError as error:
+        return [_fault(data, e) for e in error.errors()]
+    return []
+
+
+def _data(source: Source) -> dict:
+    try:
+        return tomllib.loads(source.text)
+    except (ValueError, RecursionError) as error:  # syntax; thousands of digits or brackets
+        raise StandError(f"{source.name}: not valid TOML: {error}") from error
 
 
 def _tuples(value: Any) -> Any:
@@ -112,16 +129,20 @@ def _tuples(value: Any) -> Any:
 
 
 def _one_line(name: str, data: dict, errors: Sequence[ErrorDetails]) -> str:
-    first = errors[0]
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
-    place = _place(data, first["loc"])
-    if first["type"].startswith("union_tag"):
+    return ": ".join(part for part in (name, *_fault(data, errors[0])) if part) + more
+
+
+def _fault(data: dict, error: ErrorDetails) -> tuple[str, str]:
+    """Where, with the value; what is allowed."""
+    place = _place(data, error["loc"])
+    if error["type"].startswith("union_tag"):
         place += ", kind"
-    if "tag" in (context := first.get("ctx", {})):
+    if "tag" in (context := error.get("ctx", {})):
         place += f" = {_shown(context['tag'])}"
-    elif first["type"] not in ("missing", "value_error", "union_tag_not_found"):
-        place += f" = {_shown(first['input'])}"
-    return ": ".join(part for part in (name, place, _allowed(first)) if part) + more
+    elif error["type"] not in ("missing", "value_error", "union_tag_not_found"):
+        place += f" = {_shown(error['input'])}"
+    return place, _allowed(error)
 
 
 def _place(data: object, loc: Sequence[int | str]) -> str:
