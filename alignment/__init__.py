@@ -15,8 +15,9 @@ from alignment.earth import Site
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gyrocompass import triad
 from alignment.integration import rk4, rk4_tracks
+from alignment.options import Options
 from alignment.readings import Dwell, ImuReadings
-from alignment.static import Options, six_position, six_position_tracks
+from alignment.static import six_position, six_position_tracks
 
 __all__ = [
     "ESTIMATORS",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import cos, isfinite, pi, sin, sqrt
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
 from alignment.errors import AlignmentError, PoleError
@@ -114,6 +115,20 @@ class Site:
         """Specific force at rest in NED [m/s^2], (3,): gravity's reaction, along the plumb line."""
         up = np.array([*self.deflection, -1.0])
         return self.gravity * up / np.linalg.norm(up)
+
+    @property
+    def plumb(self) -> Rotation:
+        """Takes the frame of the plumb line and the Earth's axis to n: none without deflection.
+
+        Levelling finds the plumb line's vertical and gyros the north seen from it (astronomical);
+        n is that of the ellipsoid.
+        """
+        if self.latitude is None or not any(self.deflection):
+            return Rotation.identity()
+        up = self.f_n / np.linalg.norm(self.f_n)
+        east = np.cross(self.w_ie_n, up)
+        east /= np.linalg.norm(east)
+        return Rotation.from_matrix(np.stack([np.cross(up, east), east, -up], axis=1))
 
     def horizontal_rate(self) -> float:
         """Horizontal Earth rate [rad/s]; `PoleError` where it is too small to show north."""

@@ -81,6 +81,19 @@ class AttitudeEstimate:
         return None if self.C_nb is None else heading_from_C_nb(self.C_nb)
 
     @property
+    def heading_sigma(self) -> float | None:
+        """Standard deviation of `heading` [rad]; None where there is none.
+
+        ``d heading = eta_D - x_D (x_N eta_N + x_E eta_E) / (x_N^2 + x_E^2)`` with x = X1 in n: a
+        tilted X1 turns sideways when the attitude rolls about its horizontal projection.
+        """
+        if self.C_nb is None or self.covariance is None or self.heading is None:
+            return None
+        north, east, down = self.C_nb.apply([1.0, 0.0, 0.0])
+        j = np.array([-north * down, -east * down, north**2 + east**2]) / (north**2 + east**2)
+        return float(np.sqrt(max(j @ self.covariance @ j, 0.0)))
+
+    @property
     def singular(self) -> bool:
         """Whether roll, yaw and pitch cannot be told apart by this sequence here."""
         angles = self.angles

@@ -13,9 +13,10 @@ from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, PoleError
 from alignment.estimate import AttitudeEstimate
 from alignment.levelling import attitude_covariance, attitude_sensitivity
-from alignment.noise import check_at_rest, mean_and_variance
+from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
+from alignment.options import Options
 from alignment.readings import Dwell
-from alignment.static import Options, heading_doubt
+from alignment.static import heading_doubt
 
 METHOD = "triad"
 _COLLINEAR = 1e-3  # sine of the least angle between rate and vertical
@@ -57,7 +58,8 @@ def pair_latitude(w_first: Array, f_first: Array, w_second: Array, f_second: Arr
     """Latitude [rad] from two positions with one axis up, then down.
 
     The mean of the two vertical rates is free of that axis's bias; its size against Earth rate
-    (known) is the sine of the latitude.
+    (known) is the sine of the latitude. What does not cancel: the other axes' gyro biases times
+    the tilt that accelerometer biases feign (16 mg times 720 deg/h is 11.5 deg/h).
 
     Raises
     ------
@@ -79,7 +81,8 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
     dwells : sequence of Dwell
         At rest.
     site : Site
-        Latitude not needed (nor used).
+        Latitude not needed. A known deflection of the vertical is taken out of attitude and
+        latitude (astronomical less its northern part).
     options : Options
         Only `rule` is used.
 
@@ -103,27 +106,34 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
         check_at_rest(dwell)
         summaries.append(mean_and_variance(dwell.window()))
     singles = [
-        _single(dwell, means, variances, options)
+        _single(dwell, means, variances, site, options)
         for dwell, (means, variances) in zip(dwells, summaries, strict=True)
     ]
     pairs = []
     for k in range(len(dwells) - 1):
         (first, var_first), (second, var_second) = summaries[k : k + 2]
         if _opposed(first[3:], second[3:]):
-            pairs.append(_pair(dwells[k : k + 2], (first, second), (var_first, var_second)))
+            pair = dwells[k : k + 2]
+            pairs.append(_pair(pair, (first, second), (var_first, var_second), site))
     return singles + pairs
 
 
-def _single(dwell: Dwell, means: Array, variances: Array, options: Options) -> AttitudeEstimate:
+def _single(
+    dwell: Dwell, means: Array, variances: Array, site: Site, options: Options
+) -> AttitudeEstimate:
     w, f = means[:3], means[3:]
-    C_nb = triad_attitude(w, f)
+    try:
+        C_nb = triad_attitude(w, f)
+    except AlignmentError as error:
+        raise type(error)(f"{dwell.label}: {error}") from error
     latitude = triad_latitude(w, f)
+    up = f if dwell.nominal is None else dwell.nominal.inv().apply([0.0, 0.0, -1.0])
     rate, gravity = float(np.linalg.norm(w)), float(np.linalg.norm(f))
     G = attitude_sensitivity(rate * np.cos(latitude), rate * np.sin(latitude), gravity)
     covariance = attitude_covariance(C_nb, variances, G)
     to_latitude = _latitude_sensitivity(latitude, rate, gravity)
     variance = attitude_covariance(C_nb, variances, to_latitude)[0, 0]
-    flags = heading_doubt(covariance)
+    flags = gap_doubt(dwell.window()) + heading_doubt(covariance)
     if abs(rate / EARTH_RATE - 1) > _RATE_DOUBT:
         flags += ("mean rate is not Earth's 15.04 deg/h within 20 %: gyro bias, or not at rest",)
     return AttitudeEstimate(
@@ -131,10 +141,10 @@ def _single(dwell: Dwell, means: Array, variances: Array, options: Options) -> A
         dwell.label,
         dwell.t_from,
         dwell.t_to,
-        C_nb,
-        options.rule.sequence_for(f),
+        site.plumb * C_nb,
+        options.rule.sequence_for(up),
         covariance=covariance,
-        latitude=latitude,
+        latitude=latitude - site.deflection[0],
         latitude_sigma=_root(variance),
         flags=flags,
     )
@@ -157,19 +167,21 @@ def _opposed(f_first: Array, f_second: Array) -> bool:
 
 
 def _pair(
-    dwells: Ordered[Dwell], means: tuple[Array, Array], variances: tuple[Array, Array]
+    dwells: Ordered[Dwell],
+    means: tuple[Array, Array],
+    variances: tuple[Array, Array],
+    site: Site,
 ) -> AttitudeEstimate:
     first, second = means
-    latitude = pair_latitude(first[:3], first[3:], second[:3], second[3:])
-    up = first[3:] / np.linalg.norm(first[3:])
-    gravity = float(np.linalg.norm(first[3:]))
-    # half of each dwell's vertical rate error, and of its tilt toward the horizontal rate
-    half = np.array([[0, 0, -1 / (EARTH_RATE * np.cos(latitude)), 1 / gravity, 0, 0]]) / 2
-    variance = sum(
-        attitude_covariance(triad_attitude(m[:3], m[3:]), v, half)[0, 0]
-        for m, v in zip(means, variances, strict=True)
-    )
     a, b = dwells
+    up = first[3:] / np.linalg.norm(first[3:])
+    latitude = sigma = None
+    flag = "latitude from the mean vertical rate against Earth rate: axis bias cancels"
+    try:
+        latitude = pair_latitude(first[:3], first[3:], second[:3], second[3:])
+        sigma = _pair_sigma(means, variances, latitude)
+    except AlignmentError as error:
+        flag = str(error)
     return AttitudeEstimate(
         METHOD,
         f"{a.label} + {b.label}",
@@ -178,7 +190,20 @@ def _pair(
         None,
         Options().rule.sequence_for(up),
         window="pair",
-        latitude=latitude,
-        latitude_sigma=_root(variance),
-        flags=("latitude from the mean vertical rate against Earth rate: axis bias cancels",),
+        latitude=None if latitude is None else latitude - site.deflection[0],
+        latitude_sigma=sigma,
+        flags=(flag,),
     )
+
+
+def _pair_sigma(
+    means: tuple[Array, Array], variances: tuple[Array, Array], latitude: float
+) -> float:
+    """Half of each dwell's vertical rate error, and of its tilt toward the horizontal rate."""
+    gravity = float(np.linalg.norm(means[0][3:]))
+    half = np.array([[0, 0, -1 / (EARTH_RATE * np.cos(latitude)), 1 / gravity, 0, 0]]) / 2
+    variance = sum(
+        attitude_covariance(triad_attitude(m[:3], m[3:]), v, half)[0, 0]
+        for m, v in zip(means, variances, strict=True)
+    )
+    return _root(variance)

@@ -11,10 +11,18 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
 from alignment.earth import Site
+from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
-from alignment.noise import check_at_rest, mean_variance
+from alignment.noise import check_at_rest, gap_doubt, mean_variance
+from alignment.options import Options
 from alignment.readings import Dwell, ImuReadings
-from alignment.static import Options, heading_doubt, nominal_attitude, track_ends, zero_offset
+from alignment.static import (
+    heading_doubt,
+    nominal_attitude,
+    sequence_of,
+    track_ends,
+    zero_offset,
+)
 
 METHOD = "rk4"
 _CHUNK = 65536  # samples integrated at once: bounds the memory of hour-long records
@@ -126,7 +134,7 @@ def _track(dwell: Dwell, site: Site, options: Options, last_only: bool) -> Attit
     about_b = drift_covariance(variance_rate, t - dwell.t_from, options.offset_window)
     R = nominal.as_matrix()
     covariance = np.einsum("ij,mj,kj->mik", R, about_b, R)
-    sequence = options.rule.sequence_for(nominal.inv().apply([0.0, 0.0, -1.0]))
+    sequence = sequence_of(nominal, options.rule)
     return AttitudeTrack(METHOD, dwell.label, t, C_nb, sequence, covariance)
 
 
@@ -143,6 +151,8 @@ def rk4(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEs
     estimates = []
     for dwell in dwells:
         check_at_rest(dwell)
+        for gap in gap_doubt(dwell.window()):
+            raise AlignmentError(f"{dwell.label}: {gap}: what the gyros felt there is lost")
         track = _track(dwell, site, options, last_only=True)
         flags = () if dwell.nominal is not None else ("start attitude assumed: heading 0",)
         estimates.append(

@@ -12,6 +12,8 @@ from alignment.readings import Dwell, ImuReadings
 
 BLOCKS = 32  # the variance of a mean from 32 blocks is itself known to 25 % (1 sigma)
 
+GAP = 10.0  # usual steps: a longer one is a gap
+
 REST_BLOCK = 1.0  # s
 REST_TILT = np.radians(0.5)  # of a block's specific force from the mean: 8.7 mg across gravity
 REST_RATE = np.radians(0.1)  # rad/s, of a block's rate from the mean
@@ -45,6 +47,15 @@ def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     means = np.concatenate([readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0)])
     variances = np.concatenate([mean_variance(readings.w_ib_b), mean_variance(readings.f_b)])
     return means, variances
+
+
+def gap_doubt(readings: ImuReadings) -> tuple[str, ...]:
+    """A flag where a step between stamps is above ten times the usual one."""
+    steps = np.diff(readings.t)
+    longest = int(np.argmax(steps))
+    if steps[longest] <= GAP * np.median(steps):
+        return ()
+    return (f"gap of {steps[longest]:.3g} s after {readings.t[longest]:.3f} s",)
 
 
 def check_at_rest(dwell: Dwell) -> None:

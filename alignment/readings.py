@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array, set_owned
 from alignment.errors import TooShort
 
-_EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
+EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,8 +64,8 @@ class ImuReadings:
         A sample that began before `t_from` mixes in what happened then, so it is left out.
         """
         starts = np.concatenate([self.t[:1] - self.interval, self.t[:-1]])
-        first = np.searchsorted(starts, t_from - _EDGE)
-        last = max(first, np.searchsorted(self.t, t_to + _EDGE))
+        first = np.searchsorted(starts, t_from - EDGE)
+        last = max(first, np.searchsorted(self.t, t_to + EDGE))
         part = slice(int(first), int(last))
         return ImuReadings(self.t[part], self.w_ib_b[part], self.f_b[part])
 

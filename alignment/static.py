@@ -16,7 +16,8 @@ from alignment.earth import Site
 from alignment.errors import AlignmentError, TooShort
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.levelling import attitude_covariance, attitude_from_means, attitude_sensitivity
-from alignment.noise import check_at_rest, mean_and_variance, mean_variance
+from alignment.noise import check_at_rest, gap_doubt, mean_and_variance, mean_variance
+from alignment.options import Options
 from alignment.readings import Dwell, ImuReadings
 
 METHOD = "six-position"
@@ -34,18 +35,6 @@ SIX_POSITIONS = {
 WRONG_POSITION = np.radians(5.0)  # table errors are arc minutes, accelerometer biases 87 mg here
 TRACK_STEP = 0.5  # s between points of a track
 TRACK_LEAD = 1.0  # s of data behind a track's first point
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Choices of the static methods.
-
-    `offset_window` [s]: how much of each dwell gives the zero offsets. `rule`: which order of
-    turns each position is read by.
-    """
-
-    offset_window: float = 10.0
-    rule: SequenceRule = SequenceRule.REGULAR
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,13 +100,17 @@ def _check_vertical(label: str, measured: Array, wanted: Array) -> None:
         )
 
 
+def sequence_of(nominal: Rotation, rule: SequenceRule) -> Sequence:
+    """The order of turns of a position, by its nominal attitude: one for all methods."""
+    return rule.sequence_for(nominal.inv().apply([0.0, 0.0, -1.0]))
+
+
 def _corrected_attitude(
-    readings: ImuReadings, offset: ZeroOffset, rule: SequenceRule
-) -> tuple[Rotation, Sequence]:
-    w = (readings.w_ib_b - offset.values[:3]).mean(axis=0)
-    f = (readings.f_b - offset.values[3:]).mean(axis=0)
-    sequence = rule.sequence_for(f)
-    return attitude_from_means(w, f, sequence), sequence
+    readings: ImuReadings, offset: ZeroOffset, sequence: Sequence, site: Site
+) -> Rotation:
+    w = readings.w_ib_b.mean(axis=0) - offset.values[:3]
+    f = readings.f_b.mean(axis=0) - offset.values[3:]
+    return site.plumb * attitude_from_means(w, f, sequence)
 
 
 def _sensitivity(site: Site) -> Array:
@@ -160,23 +153,24 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     check_at_rest(dwell)
     nominal = nominal_attitude(dwell)
     assumed = ("nominal attitude assumed: nearest position, heading 0",)
-    flags = () if dwell.nominal is not None else assumed
+    flags = gap_doubt(dwell.window()) + (() if dwell.nominal is not None else assumed)
+    sequence = sequence_of(nominal, options.rule)
     offset = zero_offset(dwell, nominal, site, options.offset_window)
     G = _sensitivity(site)
     t_offset = dwell.t_from + options.offset_window
 
     same = dwell.window(0.0, options.offset_window)
-    C_nb, sequence = _corrected_attitude(same, offset, options.rule)
+    C_nb = _corrected_attitude(same, offset, sequence, site)
     zero = ("same samples gave the offset: zero by construction",)
     estimates = [
         AttitudeEstimate(
             METHOD, dwell.label, dwell.t_from, t_offset, C_nb, sequence, "same", flags=flags + zero
         )
     ]
-    if dwell.t_to - t_offset < TRACK_LEAD:
+    if len(dwell.readings.between(t_offset, dwell.t_to)) < 2:
         return estimates
     fresh = dwell.window(options.offset_window)
-    C_nb, sequence = _corrected_attitude(fresh, offset, options.rule)
+    C_nb = _corrected_attitude(fresh, offset, sequence, site)
     _, variances = mean_and_variance(fresh)
     covariance = attitude_covariance(nominal, variances + offset.variances, G)
     estimates.append(
@@ -210,6 +204,7 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
     nominal = nominal_attitude(dwell)
     offset = zero_offset(dwell, nominal, site, options.offset_window)
     G = _sensitivity(site)
+    sequence = sequence_of(nominal, options.rule)
     same = dwell.window(0.0, options.offset_window)
     parts: list[tuple[str, ImuReadings, Array]] = [("same", same, np.zeros(6))]
     if dwell.t_to - dwell.t_from - options.offset_window >= 2 * TRACK_LEAD:
@@ -219,7 +214,6 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
         ends = track_ends(readings)
         w = _means_up_to(readings.w_ib_b, ends) - offset.values[:3]
         f = _means_up_to(readings.f_b, ends) - offset.values[3:]
-        sequence = options.rule.sequence_for(f[-1])
         whole = np.concatenate([mean_variance(readings.w_ib_b), mean_variance(readings.f_b)])
         part = ends / len(readings)
         growth = 1 / part - 1 if window == "same" else 1 / part  # "same" ends at its own offset
@@ -229,7 +223,7 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
                 f"{METHOD} {window}",
                 dwell.label,
                 readings.t[ends - 1],
-                attitude_from_means(w, f, sequence),
+                site.plumb * attitude_from_means(w, f, sequence),
                 sequence,
                 np.array(covariance),
             )

@@ -6,6 +6,8 @@ Heavy imports (MuJoCo, SciPy, rerun) wait inside the commands, so that `--help` 
 from __future__ import annotations
 
 import json
+import shlex
+import signal
 import sys
 from contextlib import AbstractContextManager, nullcontext
 from enum import StrEnum
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
     from alignment import Options, Site
     from stand.procedure import SiteEntry
+    from stand.score import Refusal, Score
     from stand.session import RunResult
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
@@ -79,7 +82,12 @@ RuleOption = Annotated[
 
 def main() -> None:
     """Entry point: known faults become one line and exit code 2."""
+    signal.signal(signal.SIGTERM, _interrupt)
     sys.exit(guarded(lambda: app(standalone_mode=False)))
+
+
+def _interrupt(signum: int, frame: object) -> None:
+    raise KeyboardInterrupt
 
 
 def guarded(command: Callable[[], Any]) -> int:
@@ -209,7 +217,7 @@ def _show_run(result: RunResult) -> None:
     from rich.markup import escape
 
     from stand.report.console import console, show
-    from stand.report.document import ANGLE_NOTE, score_tables
+    from stand.report.document import ANGLE_NOTE, refusal_lines, score_tables
 
     out = console()
     s = result.settings
@@ -219,9 +227,11 @@ def _show_run(result: RunResult) -> None:
     )
     show(out, score_tables(result.scores))
     out.print(ANGLE_NOTE, style="dim")
+    for line in refusal_lines(result.refusals):
+        out.print(line, style="bold yellow", markup=False)
     where = escape(str(result.out))
     out.print(f"\nRecorded in [bold]{where}[/bold]: run.mcap, run.rrd, result.json", soft_wrap=True)
-    out.print(f"Review it: stand view {where}", soft_wrap=True)
+    out.print(f"Review it: stand view {escape(shlex.quote(str(result.out)))}", soft_wrap=True)
 
 
 @app.command()
@@ -256,7 +266,7 @@ def align(
     from alignment import ESTIMATORS
     from alignment.units import DEG
     from stand.log import load_log
-    from stand.score import evaluate, score_to_json, spread_to_json, spreads
+    from stand.score import evaluate_each, score_to_json, spread_to_json, spreads
 
     if method is not None and method not in ESTIMATORS:
         raise unknown("method", method, ESTIMATORS)
@@ -270,14 +280,18 @@ def align(
     truths = [t for log in logs for t in log.truths]
     _check_labels([d.label for d in dwells])
     for name in methods:
+        if name not in ESTIMATORS:  # a recording made by a newer version
+            raise StandError(f"{first.path}: {unknown('method', name, ESTIMATORS)}")
         if ESTIMATORS[name].needs_latitude and site.latitude is None:
             raise StandError(
                 f"{recordings[0]}: method {name} needs the latitude: give --latitude DEG"
             )
     with _working("estimating", as_json):
-        scores = evaluate(dwells, truths, site, options, methods)
+        scores, refusals = evaluate_each(dwells, truths, site, options, methods)
+    if refusals and not scores:
+        raise StandError(f"{first.path}: {refusals[0].reason}")
     if not as_json:
-        _show_scores(scores)
+        _show_scores(scores, refusals)
         return
     _print_json(
         {
@@ -286,16 +300,19 @@ def align(
             "latitude_deg": None if site.latitude is None else site.latitude / DEG,
             "estimates": [score_to_json(s) for s in scores],
             "spreads": [spread_to_json(s) for s in spreads(scores)],
+            "refusals": [{"method": r.method, "reason": r.reason} for r in refusals],
         }
     )
 
 
-def _show_scores(scores: Sequence[Any]) -> None:
+def _show_scores(scores: Sequence[Score], refusals: Sequence[Refusal]) -> None:
     from stand.report.console import console, show
-    from stand.report.document import ANGLE_NOTE, score_tables
+    from stand.report.document import ANGLE_NOTE, refusal_lines, score_tables
 
     out = console()
     show(out, score_tables(scores))
+    for line in refusal_lines(refusals):
+        out.print(line, style="bold yellow", markup=False)
     out.print(ANGLE_NOTE, style="dim")
 
 
@@ -393,7 +410,7 @@ def _show_import(out: Path, log: Any, as_json: bool) -> None:
         f"{facts['t_to_s']:.3f} s, {facts['rate_hz']:.4g} Hz (longest step "
         f"{facts['longest_gap_s'] * 1e3:.3g} ms)\n"
         f"mean rate {rate:.4g} deg/h (Earth: 15.04), mean specific force {force:.5f} m/s^2\n"
-        f"Align it: stand align {out}"
+        f"Align it: stand align {shlex.quote(str(out))}"
     )
 
 

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings
 from alignment.arrays import Array
+from alignment.readings import EDGE
 from stand.physics.kinematics import C_NW
 from stand.plan import PlannedStep
 from stand.samples import ImuBlock, TruthBlock
@@ -56,6 +57,6 @@ class DwellCollector:
 
 def _ticks(step: PlannedStep, rate_hz: int) -> tuple[int, int]:
     """Samples [first, last) whose interval lies within the dwell; sample 0 ends at 1 / rate."""
-    first = int(np.ceil(step.t_from * rate_hz - 1e-6))
-    last = int(np.floor(step.t_to * rate_hz + 1e-6))
+    first = int(np.ceil((step.t_from - EDGE) * rate_hz))
+    last = int(np.floor((step.t_to + EDGE) * rate_hz))
     return first, max(first, last)

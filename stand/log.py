@@ -90,19 +90,21 @@ def load_log(path: Path, topic: str | None, t_from: float | None, t_to: float | 
         The file is not right, or holds nothing between `t_from` and `t_to`.
     """
     imu = read_imu(path, topic)
-    run = imu.metadata.get(RUN, {})
-    origin = int(run["epoch_ns"]) if "epoch_ns" in run else int(imu.t_ns[0])
+    if len(imu) < 2:
+        raise StandError(f"{path}: one IMU message on {imu.topic}, at least 2 are needed")
+    metadata = imu.metadata if "stand_version" in imu.metadata.get(RUN, {}) else {}
+    simulated = "schedule" in metadata
+    try:
+        origin = int(metadata[RUN]["epoch_ns"]) if metadata else int(imu.t_ns[0])
+        site, options, methods = _settings(metadata)
+        schedule = _schedule(metadata) if simulated else []
+    except (KeyError, ValueError, TypeError) as error:
+        raise StandError(f"{path}: metadata of the run is damaged: {error}") from error
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
     t.flags.writeable = False
-    try:
-        readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
-        simulated = "schedule" in imu.metadata
-        schedule = _schedule(imu.metadata) if simulated else []
-        if t_from is not None or t_to is not None or not simulated:
-            schedule = [_stretch(path, readings, schedule, t_from, t_to)]
-        site, options, methods = _settings(imu.metadata)
-    except (KeyError, json.JSONDecodeError) as error:
-        raise StandError(f"{path}: metadata of the run is damaged: {error}") from error
+    readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
+    if t_from is not None or t_to is not None or not simulated:
+        schedule = [_stretch(path, readings, schedule, t_from, t_to)]
     dwells = tuple(_dwell(entry, readings) for entry in schedule)
     truths = _truths(path, imu, origin, dwells, site) if simulated else [Truths()] * len(dwells)
     return Log(str(path), imu.topic, simulated, dwells, tuple(truths), site, options, methods)
@@ -127,7 +129,7 @@ def _stretch(
     b = end if t_to is None else t_to
     if not (np.isfinite(a) and np.isfinite(b) and begin - 1e-6 <= a < b <= end + 1e-6):
         raise StandError(
-            f"{path}: --from {a:g} --to {b:g}: must be a stretch within the recording's "
+            f"{path}: from {a:.3f} to {b:.3f} s: must be a stretch within the recording's "
             f"{begin:.3f} to {end:.3f} s"
         )
     inside = [s for s in schedule if s["t_from_s"] <= a + 1e-6 and b - 1e-6 <= s["t_to_s"]]

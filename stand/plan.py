@@ -77,7 +77,11 @@ def plan(procedure: Procedure, model: StandModel, table: Table) -> Plan:
             target = _target(procedure, index, step, joints, model, table)
             limits = _limits(procedure, index, step, joints != target, table)
             _check_duration(procedure, index, joints, target, limits[0])
-            move = move_piece(joints, target, *limits)
+            try:
+                move = move_piece(joints, target, *limits)
+            except (ArithmeticError, ruckig.RuckigError, ValueError) as error:
+                allowed = f"no profile within these limits ({' '.join(str(error).split())[:80]})"
+                raise procedure.fault(index, "limits", "too extreme", allowed) from error
             pieces.append(move)
             duration = _whole_second(t + move.knots[-1]) - t
             duration, rest = max(duration, move.knots[-1]), duration - move.knots[-1]

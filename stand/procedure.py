@@ -19,6 +19,7 @@ from stand.physics.description import JOINTS
 from stand.table import Table, load_table
 
 Positive = Annotated[float, Field(gt=0)]
+Limit = Annotated[float, Field(ge=1e-3)]
 AngleDeg = Annotated[float, Field(ge=-36000, le=36000)]
 LONGEST_STEP = 30 * 86400.0  # s
 
@@ -85,9 +86,9 @@ class EstimateEntry(catalogue.Entry):
 class LimitsEntry(catalogue.Entry):
     """Limits of a move, for every axis that moves; never beyond the table's own."""
 
-    rate_deg_s: Positive | None = None
-    acceleration_deg_s2: Positive | None = None
-    jerk_deg_s3: Positive | None = None
+    rate_deg_s: Limit | None = None
+    acceleration_deg_s2: Limit | None = None
+    jerk_deg_s3: Limit | None = None
 
 
 class AttitudeEntry(catalogue.Entry):

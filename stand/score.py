@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
 from alignment.angles import angles_from_C_nb, heading_from_C_nb, wrapped
 from alignment.arrays import Array
+from alignment.errors import AlignmentError
 from alignment.units import DEG
 
 # [S0], methods.md section 1: n-1 deviations over six positions [deg], roll, yaw, pitch
@@ -62,8 +63,11 @@ def score(estimate: AttitudeEstimate, truths: Truths) -> Score:
 
 
 def angle_error(estimate: AttitudeEstimate, reference: Rotation | None) -> Array | None:
-    """Roll, yaw, pitch [rad] of the estimate minus those of `reference`, wrapped."""
-    if reference is None or estimate.angles is None:
+    """Roll, yaw, pitch [rad] of the estimate minus those of `reference`, wrapped.
+
+    None at the sequence's singularity, where roll, yaw and pitch cannot be told apart.
+    """
+    if reference is None or estimate.angles is None or estimate.singular:
         return None
     return wrapped(estimate.angles - angles_from_C_nb(estimate.sequence, reference))
 
@@ -93,6 +97,32 @@ def evaluate(
         for method in methods
         for estimate in ESTIMATORS[method].estimate(dwells, site, options)
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A method that would not answer, and why."""
+
+    method: str
+    reason: str
+
+
+def evaluate_each(
+    dwells: Sequence[Dwell],
+    truths: Sequence[Truths],
+    site: Site,
+    options: Options,
+    methods: Sequence[str],
+) -> tuple[list[Score], list[Refusal]]:
+    """As `evaluate`, but one method's refusal does not silence the others."""
+    scores: list[Score] = []
+    refusals = []
+    for method in methods:
+        try:
+            scores += evaluate(dwells, truths, site, options, [method])
+        except AlignmentError as error:
+            refusals.append(Refusal(method, str(error)))
+    return scores, refusals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,8 +178,8 @@ def score_to_json(scored: Score) -> dict[str, object]:
     if e.latitude is not None:
         entry["latitude_deg"] = e.latitude / DEG
     entry |= _named("sigma_", e.sigmas)
-    if e.sigmas is not None and e.heading is not None and e.covariance is not None:
-        entry["sigma_heading_deg"] = float(np.sqrt(e.covariance[2, 2])) / DEG
+    if e.heading_sigma is not None:
+        entry["sigma_heading_deg"] = e.heading_sigma / DEG
     if e.latitude_sigma is not None:
         entry["sigma_latitude_deg"] = e.latitude_sigma / DEG
     entry |= _named("error_", scored.error)

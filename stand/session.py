@@ -2,23 +2,23 @@
 
 import hashlib
 import json
-import os
 import platform
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, Dwell, Options, Site
-from alignment.angles import angles_from_C_nb, wrapped
+from alignment.angles import angles_from_C_nb, near_singular, wrapped
 from alignment.estimate import AttitudeTrack, angle_sigmas
 from alignment.units import DEG
 from stand import __version__
@@ -37,7 +37,16 @@ from stand.recording.interchange.writer import EPOCH_NS, McapWriter
 from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
 from stand.samples import ImuBlock, Sensed, TruthBlock
-from stand.score import Score, Spread, Truths, evaluate, score_to_json, spread_to_json, spreads
+from stand.score import (
+    Refusal,
+    Score,
+    Spread,
+    Truths,
+    evaluate_each,
+    score_to_json,
+    spread_to_json,
+    spreads,
+)
 from stand.table import Table
 
 HIGHEST_RATE_HZ = 10_000
@@ -84,6 +93,7 @@ class RunResult:
     saturated: tuple[int, ...]
     scores: tuple[Score, ...]
     spreads: tuple[Spread, ...]
+    refusals: tuple[Refusal, ...]
 
 
 def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunResult:
@@ -127,8 +137,14 @@ def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunRe
 
 
 def _check_samples(settings: Settings, planned: Plan) -> None:
-    """Every dwell holds two whole samples at least."""
+    """Every dwell and its offset window hold two whole samples at least."""
     least = 3 / settings.rate_hz
+    window = settings.options.offset_window
+    if window < least and any(ESTIMATORS[m].needs_offset for m in methods_of(settings)):
+        raise StandError(
+            f"{settings.procedure.name}: estimate, offset_window_s = {window:g}: must be "
+            f"{least:g} or more at {settings.rate_hz} Hz"
+        )
     for index, step in enumerate(planned.steps):
         duration = step.t_to - step.t_from
         if step.kind == "dwell" and duration < least:
@@ -152,18 +168,18 @@ def refuse_existing(out: Path, force: bool) -> None:
 
 
 def _new_folder(out: Path) -> Path:
-    beside = out.with_name(f".{out.name}.{os.getpid()}.partial")
     try:
-        beside.mkdir(parents=True)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        return Path(mkdtemp(prefix=f".{out.name}.", suffix=".partial", dir=out.parent))
     except OSError as error:
         raise StandError(f"--out {out}: cannot write there: {error.strerror}") from error
-    return beside
 
 
 def _put_in_place(beside: Path, out: Path) -> None:
     old = beside.with_suffix(".old")
     if out.exists():
         out.rename(old)
+    beside.chmod(0o755)  # temporary folders are made for their owner alone
     beside.rename(out)
     shutil.rmtree(old, ignore_errors=True)
 
@@ -192,7 +208,7 @@ class _Run:
             for phase in self.phases:
                 self._tell(mcap, phase.t_from_ns, "INFO", f"{phase.kind}: {phase.label}")
             dwells, attitudes, samples = self._stream(truth, mcap, review, background, progress)
-            scores = self._evaluate(dwells, attitudes)
+            scores, refusals = self._evaluate(dwells, attitudes)
             result = RunResult(
                 out,
                 self.settings,
@@ -201,6 +217,7 @@ class _Run:
                 tuple(int(n) for n in self.saturated),
                 tuple(scores),
                 tuple(spreads(scores)),
+                tuple(refusals),
             )
             text = json.dumps(result_json(result), indent=1, allow_nan=False)
             (self.folder / "result.json").write_text(text + "\n", encoding="utf-8")
@@ -208,7 +225,8 @@ class _Run:
             with review.result() as rrd:
                 for event in sorted(self.events):
                     rrd.event(*event)
-                rrd.angles(self._curves(dwells, attitudes))
+                refused = [r.method for r in refusals]
+                rrd.angles(self._curves(dwells, attitudes, refused))
                 rrd.documents(report_document(result), config_document(result))
                 rrd.close()
         return result
@@ -336,21 +354,32 @@ class _Run:
             for name in errors.__slots__
         }
 
-    def _evaluate(self, dwells: Sequence[Dwell], attitudes: Sequence[Rotation]) -> list[Score]:
+    def _evaluate(
+        self, dwells: Sequence[Dwell], attitudes: Sequence[Rotation]
+    ) -> tuple[list[Score], list[Refusal]]:
         latitude = self.settings.site.latitude
         truths = [Truths(C, d.nominal, latitude) for d, C in zip(dwells, attitudes, strict=True)]
         s = self.settings
-        return evaluate(dwells, truths, s.site, s.options, methods_of(s))
+        return evaluate_each(dwells, truths, s.site, s.options, methods_of(s))
 
-    def _curves(self, dwells: Sequence[Dwell], attitudes: Sequence[Rotation]) -> list[AngleCurves]:
+    def _curves(
+        self, dwells: Sequence[Dwell], attitudes: Sequence[Rotation], refused: Collection[str]
+    ) -> list[AngleCurves]:
         s = self.settings
-        return [
-            curves(track, C_nb)
-            for method in methods_of(s)
-            if (tracks := ESTIMATORS[method].tracks) is not None
-            for dwell, C_nb in zip(dwells, attitudes, strict=True)
-            for track in tracks(dwell, s.site, s.options)
-        ]
+        found = []
+        for method in methods_of(s):
+            make = ESTIMATORS[method].tracks
+            if make is None or method in refused:
+                continue
+            for dwell, C_nb in zip(dwells, attitudes, strict=True):
+                tracks = make(dwell, s.site, s.options)
+                found += [curves(track, C_nb) for track in tracks if not _singular(track, C_nb)]
+        return found
+
+
+def _singular(track: AttitudeTrack, C_nb: Rotation) -> bool:
+    """Whether the track's angles cannot be told apart where the unit stands."""
+    return bool(near_singular(track.sequence, angles_from_C_nb(track.sequence, C_nb)))
 
 
 def _write_review(review: "Future[Any]", truth: TruthBlock, imu: ImuBlock) -> None:
@@ -415,11 +444,12 @@ def result_json(result: RunResult) -> dict[str, Any]:
         "latitude_deg": None if s.site.latitude is None else s.site.latitude / DEG,
         "height_m": s.site.height,
         "gravity_m_s2": s.site.gravity,
-        "duration_s": result.plan.motion.duration,
+        "duration_s": result.plan.steps[-1].t_to,
         "samples": result.samples,
         "without": list(s.without),
         "saturated_samples": dict(zip(CHANNELS, result.saturated, strict=True)),
         "versions": versions(),
         "estimates": [score_to_json(scored) for scored in result.scores],
         "spreads": [spread_to_json(spread) for spread in result.spreads],
+        "refusals": [{"method": r.method, "reason": r.reason} for r in result.refusals],
     }

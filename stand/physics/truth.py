@@ -32,7 +32,8 @@ from stand.samples import Sensed, TruthBlock
 
 ARMATURE = 1e15  # kg m^2: dwarfs every real inertia by 1e12, so q'' comes back to rounding
 ROWS = 1000  # evaluations per call: the state rows stay in cache
-LONGEST_NODE = 5e-3  # s between quadrature nodes' ends: Simpson's error is below 1e-12 m/s^2
+LONGEST_NODE = 5e-3  # s between the ends of a Simpson step
+WIDEST_NODE = 0.02  # rad turned between them: Simpson's error is then below 1e-9 m/s^2
 NANOSECOND = 1_000_000_000
 
 _SENSORS = (
@@ -237,12 +238,14 @@ class Truth:
         Notes
         -----
         Simpson's rule on the union of the edges and the motion's knots, parted further so that
-        no part exceeds `LONGEST_NODE`: aligned with the jerk switches, the error is
-        ``h^4/2880`` times the fourth derivative.
+        no part exceeds `LONGEST_NODE`, nor `WIDEST_NODE` at the motion's fastest: aligned with
+        the jerk switches, the error is ``h^4/2880`` times the fourth derivative, some
+        ``g (w h)^4 / 2880`` at the turning rate w.
         """
         knots = motion.knots[(motion.knots > edges[0]) & (motion.knots < edges[-1])]
         longest = float(np.diff(edges).max())
-        parts = max(1, int(np.ceil(longest / LONGEST_NODE - 1e-9)))
+        node = min(LONGEST_NODE, WIDEST_NODE / max(fastest(motion), 1e-9))
+        parts = max(1, int(np.ceil(longest / node - 1e-9)))
         inner = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(1, parts) / parts
         ends = np.unique(np.concatenate([edges, inner.ravel(), knots]))
         nodes = np.empty(2 * len(ends) - 1)
@@ -258,6 +261,13 @@ class Truth:
             at.q_wb[2 * starts[1:]],
             _simpson(at.f_places, ends, starts) if own else f_b,
         )
+
+
+def fastest(motion: Motion) -> float:
+    """Bound of the turning rate [rad/s]: the joints' greatest rates added up."""
+    middles = (motion.knots[1:] + motion.knots[:-1]) / 2
+    _, rates, _ = motion.joints(np.concatenate([motion.knots, middles]))
+    return float(np.abs(rates).max(axis=0).sum())
 
 
 def _cross(a: Array, b: Array) -> Array:

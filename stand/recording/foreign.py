@@ -21,7 +21,7 @@ COLUMNS = ("t", "gx", "gy", "gz", "ax", "ay", "az")
 SKIP = "-"
 
 YEAR_1990 = 631_152_000.0  # s, Unix: a later stamp is taken for Unix time
-YEAR_2100 = 4_102_444_800.0
+YEAR_2038 = 2_147_483_647.0  # ROS stamps end there
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +110,7 @@ def _unit(what: str, name: str, allowed: dict[str, float]) -> float:
 
 def _table(path: Path, file_format: str | None, width: int) -> Array:
     if file_format is None:
-        file_format = "csv" if path.suffix.lower() in (".csv", ".txt", ".mat", ".tsv") else "f8le"
+        file_format = "csv" if path.suffix.lower() in (".csv", ".txt", ".tsv") else "f8le"
     if file_format not in FORMATS:
         raise unknown("format", file_format, FORMATS)
     try:
@@ -194,11 +194,11 @@ def _check_finite(path: Path, table: Array, si: Array) -> None:
 def _stamps(path: Path, t: Array) -> tuple[IntArray, int]:
     """Nanoseconds since an epoch: Unix time's own, or a fixed one for times from anywhere else."""
     _check_increase(path, t, np.diff(t))
-    whole = int(t[0]) if t[0] >= YEAR_1990 and t[-1] < YEAR_2100 else 0
-    if not whole and (t[0] < 0 or t[-1] > YEAR_2100 - EPOCH_NS * 1e-9):
+    whole = int(t[0]) if t[0] >= YEAR_1990 and t[-1] < YEAR_2038 else 0
+    if not whole and (t[0] < 0 or t[-1] > YEAR_2038 - EPOCH_NS * 1e-9):
         raise StandError(
             f"{path}: column t runs from {t[0]:.9g} to {t[-1]:.9g} s: must be seconds from 0 on, "
-            "or Unix time between 1990 and 2100 (is the time unit right?)"
+            "or Unix time between 1990 and 2038 (is the time unit right?)"
         )
     t_ns = np.round((t - whole) * 1e9).astype(np.int64)
     _check_increase(path, t, np.diff(t_ns))

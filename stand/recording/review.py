@@ -179,7 +179,7 @@ class ReviewWriter:
         step = max(-(-rate_hz // POSE_HZ), -(-n // POSE_BUDGET), 1)
         self._moved = Moved(step, POSE_QUANTA)
         self._poses = Thinned(len(POSE_QUANTA), 1, BLOCK_ROWS // 4)
-        self._open = True
+        self._open, self._path = True, path
         self._angles: dict[str, float] = {}
         # Sent first, so that even a file cut short by a crash opens as a finished screen.
         self._stream = _open_stream(path, run_id, _blueprint(self._screen))
@@ -258,9 +258,12 @@ class ReviewWriter:
             self._send_samples(block)
         for block in self._poses.rest():
             self._send_poses(block)
-        self._stream.send_blueprint(_blueprint(self._screen))
-        self._stream.flush()
-        self._stream.disconnect()
+        try:
+            self._stream.send_blueprint(_blueprint(self._screen))
+            self._stream.flush()
+            self._stream.disconnect()
+        except RuntimeError as error:  # rerun's writer thread ends when the disk is full
+            raise StandError(f"{self._path}: cannot write: {error}") from error
         self._open = False
 
     def __enter__(self) -> Self:

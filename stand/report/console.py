@@ -1,38 +1,59 @@
 """Tables for a terminal."""
 
+import os
 from collections.abc import Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group, RenderableType
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
 from stand.report.document import TableData
 
-WIDTH = 128  # where no terminal says its own
+WIDTH = 132  # where no terminal says its own
 
 
 def console(stderr: bool = False) -> Console:
     """A console as wide as its terminal, or wide enough for the tables when piped."""
     plain = Console(stderr=stderr, highlight=False, soft_wrap=False)
-    return plain if plain.is_terminal else Console(stderr=stderr, highlight=False, width=WIDTH)
+    if plain.is_terminal or "COLUMNS" in os.environ:
+        return plain
+    return Console(stderr=stderr, highlight=False, width=WIDTH)
 
 
 def render(table: TableData) -> RenderableType:
     """A table with its title above and its notes below."""
+    notes = [Text(f"  {note}", style="dim") for note in table.notes]
+    return Group(Text(table.title, style="bold cyan"), _grid(table), *notes)
+
+
+def _grid(table: TableData) -> Table:
     grid = Table(box=SIMPLE_HEAD, pad_edge=False, header_style="bold")
     for k, name in enumerate(table.columns):
         left = k == 0 or name in ("turns", "title", "source")
-        grid.add_column(name, justify="left" if left else "right", no_wrap=k == 0)
+        numbers = bool(table.optional) or k == 0  # words may wrap, numbers may not
+        justify = "left" if left else "right"
+        grid.add_column(name, justify=justify, no_wrap=numbers, overflow="fold")
     for k, row in enumerate(table.rows):
         grid.add_row(*map(Text, row), end_section=k == len(table.rows) - 1)
     for row in table.footers:
         grid.add_row(*map(Text, row), style="dim")
-    notes = [Text(f"  {note}", style="dim") for note in table.notes]
-    return Group(Text(table.title, style="bold cyan"), grid, *notes)
+    return grid
+
+
+def fitted(out: Console, table: TableData) -> TableData:
+    """The table with as many of its optional columns as there is room for."""
+    boundless = out.options.update(width=10_000)
+    while Measurement.get(out, boundless, _grid(table)).maximum > out.width:
+        narrower = table.narrower()
+        if narrower is None:
+            break
+        table = narrower
+    return table
 
 
 def show(out: Console, tables: Sequence[TableData]) -> None:
     """Print tables one below the other."""
     for table in tables:
-        out.print(render(table))
+        out.print(render(fitted(out, table)))

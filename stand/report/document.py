@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from alignment import ESTIMATORS
 from alignment.arrays import Array
 from alignment.units import DEG
-from stand.score import PUBLISHED, Score, Spread, by_method, spreads
+from stand.score import PUBLISHED, Refusal, Score, Spread, by_method, spreads
 
 if TYPE_CHECKING:
     from stand.session import RunResult
@@ -23,21 +23,45 @@ WINDOWS = {
     "pair": ", opposed pairs",
 }
 ANGLE_NOTE = (
-    "Yaw is positive from north to west: heading = -yaw. A vertical X1 has no heading; there yaw "
-    "is the turn about up of the sequence yaw-roll-pitch (y-r-p), elsewhere of yaw-pitch-roll "
-    "(y-p-r)."
+    "Yaw is positive from north to west. Where X1 is within 45 deg of the vertical, angles are "
+    "turns by yaw-roll-pitch (y-r-p), elsewhere by yaw-pitch-roll (y-p-r), where heading = -yaw. "
+    "sigma (n-1): about the mean of the positions, as published; RMS: about zero, against the "
+    "truth and against the table's nominal angles."
 )
 
 
 @dataclass(frozen=True, slots=True)
 class TableData:
-    """A table of text: `rows` of one cell per column, then `footers` set apart from them."""
+    """A table of text: `rows` of one cell per column, then `footers` set apart from them.
+
+    `optional` columns may be left out, in that order, where there is no room.
+    """
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     footers: tuple[tuple[str, ...], ...] = ()
     notes: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+
+    def narrower(self) -> TableData | None:
+        """The table without its next optional column, told in a note; None if there is none."""
+        if not self.optional:
+            return None
+        name, *rest = self.optional
+        k = self.columns.index(name)
+
+        def cut(rows: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, ...], ...]:
+            return tuple(row[:k] + row[k + 1 :] for row in rows)
+
+        (columns,) = cut((self.columns,))
+        return replace(
+            self,
+            columns=columns,
+            rows=cut(self.rows),
+            footers=cut(self.footers),
+            optional=tuple(rest),
+        )
 
 
 def number(value: float) -> str:
@@ -51,6 +75,10 @@ def number(value: float) -> str:
 
 def sigma_text(value: float) -> str:
     """A standard deviation with one significant digit, tens written out."""
+    if value > 180:
+        return "± >180"
+    if value < 1e-12:
+        return "± 0"
     return f"± {value:.0f}" if value >= 9.5 else f"± {value:.1g}"
 
 
@@ -83,6 +111,9 @@ def _table(scores: Sequence[Score], deviations: Sequence[Spread]) -> TableData:
         tuple(_row(s, scored, latitude) for s in scores),
         tuple(_footers(first.method, deviations, len(columns))),
         tuple(_notes(scores)),
+        ("turns", "roll", "yaw", "pitch")
+        if scored
+        else ("turns", "sigma roll", "sigma pitch", "sigma yaw"),
     )
 
 
@@ -126,9 +157,9 @@ def _footers(method: str, deviations: Sequence[Spread], width: int) -> list[tupl
         rows.append(footer("sigma (n-1)", truth.sigma / DEG))
         rows.append(footer("RMS", truth.rms / DEG))
     if nominal is not None:
-        rows.append(footer("RMS to nominal", nominal.rms / DEG))
+        rows.append(footer("RMS nominal", nominal.rms / DEG))
     if rows and method in PUBLISHED:
-        rows.append(footer("published sigma", np.array(PUBLISHED[method])))
+        rows.append(footer("published", np.array(PUBLISHED[method])))
     return rows
 
 
@@ -158,6 +189,11 @@ def _line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
+def refusal_lines(refusals: Sequence[Refusal]) -> list[str]:
+    """One line for each method that would not answer."""
+    return [f"{r.method} gives no estimate: {r.reason}" for r in refusals]
+
+
 def report_document(result: RunResult) -> str:
     """The report shown beside a recording."""
     s = result.settings
@@ -170,7 +206,7 @@ def report_document(result: RunResult) -> str:
         "",
     ]
     body = [markdown(table) for table in score_tables(result.scores)]
-    return "\n".join([*head, *body, ANGLE_NOTE, ""])
+    return "\n".join([*head, *body, *refusal_lines(result.refusals), ANGLE_NOTE, ""])
 
 
 def config_document(result: RunResult) -> str:
