@@ -238,7 +238,7 @@ def test_what_a_person_sees(run, short):
     assert outcome.err == ""
     assert outcome.out.startswith("Short test: Safran STIM300, 10 g accelerometers, seed 0, 520 ")
     assert "\nReview it: stand view here\n" in outcome.out
-    for text in ("six-position, same window", "fresh window", "rk4", "triad", "published sigma"):
+    for text in ("six-position, same window", "fresh window", "rk4", "triad", "published "):
         assert text in outcome.out
 
 
@@ -249,7 +249,7 @@ def test_a_title_may_hold_brackets(run, short):
     assert outcome.code == 0
     assert outcome.out.startswith("[/bold] 1: ")
     assert " [red]Y " in outcome.out
-    assert "stand view h[1]\n" in outcome.out
+    assert "stand view 'h[1]'\n" in outcome.out
 
 
 def test_instants_differ_from_means_while_moving(run, short, recorded):
@@ -315,7 +315,7 @@ def test_a_folder_without_a_name_is_refused(refused, short, out):
 
 def test_a_folder_below_a_file_is_refused(refused, short):
     told = refused("run", short, "--rate", 20, "--out", "short.toml/here")
-    assert told == "--out short.toml/here: cannot write there: Not a directory"
+    assert told == "--out short.toml/here: cannot write there: File exists"
 
 
 def test_a_failure_on_the_way_leaves_nothing(refused, short, monkeypatch):
@@ -541,16 +541,19 @@ def test_align_with_another_latitude(run, recorded):
         (("--method", "traid"), "unknown method 'traid': did you mean triad? known: "),
         (("--latitude", 95), "--latitude 95: must be -90 to 90 deg"),
         (("--latitude", "nan"), "--latitude nan: must be -90 to 90 deg"),
-        (("--from", 50), "{}: --from 50 --to 26: must be a stretch within the recording's 0.000"),
-        (("--from", "nan"), "{}: --from nan --to 26: must be a stretch"),
-        (("--from", 9, "--to", 3), "{}: --from 9 --to 3: must be a stretch"),
-        (("--from", 0, "--to", 27), "{}: --from 0 --to 27: must be a stretch"),
+        (
+            ("--from", 50),
+            "{}: from 50.000 to 26.000 s: must be a stretch within the recording's 0.000",
+        ),
+        (("--from", "nan"), "{}: from nan to 26.000 s: must be a stretch"),
+        (("--from", 9, "--to", 3), "{}: from 9.000 to 3.000 s: must be a stretch"),
+        (("--from", 0, "--to", 27), "{}: from 0.000 to 27.000 s: must be a stretch"),
         (("--topic", "/imu/dat"), "{}: unknown sensor_msgs/msg/Imu topic '/imu/dat': did you mea"),
         (
             ("--from", 1, "--to", 3, "--method", "rk4"),
-            "Y1 up: 2.0 s of rest, the zero offsets need",
+            "{}: Y1 up: 2.0 s of rest, the zero offsets need",
         ),
-        (("--from", 10, "--to", 20, "--method", "triad"), "run: not at rest near 1"),
+        (("--from", 10, "--to", 20, "--method", "triad"), "{}: run: not at rest near 1"),
     ],
 )
 def test_align_refuses(refused, recorded, options, line):

@@ -136,7 +136,7 @@ def test_steps_keep_their_order_and_defaults():
         ),
         (
             HEAD + MOVE + "joints_deg = { outer = 1 }\nrate_deg_s = 0\n" + DWELL,
-            'step 1 "M", rate_deg_s = 0: must be greater than 0',
+            'step 1 "M", rate_deg_s = 0: must be greater than or equal to 0.001',
         ),
         (
             HEAD + DWELL + MOVE + "joints_deg = { outer = 1 }\n" + DWELL,
@@ -186,7 +186,7 @@ def test_steps_keep_their_order_and_defaults():
         ),
         (
             HEAD + "[move_limits]\njerk_deg_s3 = -1\n" + DWELL,
-            "move_limits, jerk_deg_s3 = -1: must be greater than 0",
+            "move_limits, jerk_deg_s3 = -1: must be greater than or equal to 0.001",
         ),
         (
             HEAD + "[[step\n",

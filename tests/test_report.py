@@ -13,7 +13,7 @@ from alignment.angles import C_nb_from_angles, Sequence
 from alignment.units import DEG
 from stand.imu import load_imu
 from stand.procedure import load_procedure
-from stand.report.console import console, render, show
+from stand.report.console import WIDTH, console, render, show
 from stand.report.document import (
     TableData,
     angle,
@@ -120,8 +120,8 @@ def test_a_table_of_errors_with_its_footers():
     assert table.footers == (
         ("sigma (n-1)", "", "", "", "", "0", "1.41", "0"),
         ("RMS", "", "", "", "", "0", "2.24", "0"),
-        ("RMS to nominal", "", "", "", "", "0", "4.47", "0"),
-        ("published sigma", "", "", "", "", "0.214", "0.223", "0.385"),
+        ("RMS nominal", "", "", "", "", "0", "4.47", "0"),
+        ("published", "", "", "", "", "0.214", "0.223", "0.385"),
     )
     assert table.notes == (ESTIMATORS["rk4"].note,)
 
@@ -209,8 +209,8 @@ def test_markdown_is_well_formed():
         "[red]C",
         "*sigma (n-1)*",
         "*RMS*",
-        "*RMS to nominal*",
-        "*published sigma*",
+        "*RMS nominal*",
+        "*published*",
     ]
     assert shown[2][6] == "-20.00"
     assert shown[3][1] == ""
@@ -235,7 +235,7 @@ def test_the_terminal_shows_every_cell_as_it_is():
 
 
 def test_a_pipe_gets_wide_tables():
-    assert console().width == 128
+    assert console().width == WIDTH
 
 
 # --- documents
@@ -250,7 +250,9 @@ def result(tmp_path, text: str = "") -> RunResult:
         procedure, imu, load_table("laboratory"), entry.site.site(), entry.estimate.options()
     )
     plan = type("Plan", (), {"motion": type("Motion", (), {"duration": 384.0})})
-    return RunResult(tmp_path, settings, plan, 76800, (scored("A", 1.0), scored("B", 3.0)), ())
+    return RunResult(
+        tmp_path, settings, plan, 76800, (0,) * 6, (scored("A", 1.0), scored("B", 3.0)), (), ()
+    )
 
 
 def test_the_report_says_what_was_run(tmp_path):

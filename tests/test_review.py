@@ -156,13 +156,17 @@ def scalars(path: Path, entity: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def blueprint_values(path: Path, component: str) -> list:
-    """All values of a component in the blueprint that is written last."""
+    """All values of a component in both blueprints: the first sent, and the one that replaces it.
+
+    The reader lists them in no particular order.
+    """
     values = []
     reader = RrdReader(path)
-    for chunk in reader.stream(store=list(reader.blueprints())[-1]):
-        batch = chunk.to_record_batch()
-        if component in batch.schema.names:
-            values += batch.column(component).to_pylist()
+    for store in reader.blueprints():
+        for chunk in reader.stream(store=store):
+            batch = chunk.to_record_batch()
+            if component in batch.schema.names:
+                values += batch.column(component).to_pylist()
     return values
 
 
@@ -272,11 +276,12 @@ def test_phases_events_and_texts(rrd):
     assert table(rrd, "/phase", "StateConfiguration:labels")[1] == [["X1 up", "to Y1 up", "Y1 up"]]
     assert ["near range"] in table(rrd, "/events", "TextLog:text")[1]
     assert "±3σ" in table(rrd, "/report", "TextDocument:text")[1][0][0]
-    assert table(rrd, "/__properties/run", "seed")[1] == [[7]]
+    assert table(rrd, "/__properties/run", "seed")[1] == [["7"]]
 
 
 def test_layout_is_paused_and_names_method_factor_and_range(rrd):
-    assert blueprint_values(rrd, "TimePanelBlueprint:play_state") == [[PlayState.Paused.value]]
+    paused = [[PlayState.Paused.value]]
+    assert blueprint_values(rrd, "TimePanelBlueprint:play_state") == 2 * paused
     names = [name for (name,) in blueprint_values(rrd, "ViewBlueprint:display_name")]
     assert "Stand, true axes; pale: six-position, error x1,000" in names
     assert any(name.startswith("Yaw error, ±3σ [deg], ") for name in names)

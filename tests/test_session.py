@@ -258,7 +258,7 @@ def test_instants_are_recorded_as_such(tmp_path):
 
 
 def test_a_failure_leaves_nothing_behind(tmp_path, monkeypatch):
-    monkeypatch.setattr("stand.session.evaluate", lambda *a: 1 / 0)
+    monkeypatch.setattr("stand.session.evaluate_each", lambda *a: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         record(settings("six-position", rate_hz=2), tmp_path / "deep" / "run")
     assert list((tmp_path / "deep").iterdir()) == []

@@ -288,8 +288,8 @@ def test_a_dwell_shorter_than_the_offset_window_is_refused():
     assert len(six_position([dwell], site(48.5), Options(offset_window=5.0))) == 2
 
 
-def test_no_fresh_window_without_a_second_of_data():
-    for seconds, count in ((10.0, 1), (10.9, 1), (11.1, 2)):
+def test_no_fresh_window_without_two_samples():
+    for seconds, count in ((10.0, 1), (10.1, 1), (10.2, 2), (11.1, 2)):  # at 10 Hz
         assert len(six_position([rest(LEVEL, 48.5, seconds)], site(48.5), Options())) == count
 
 
