@@ -64,6 +64,36 @@ def test_presets_by_hand(name, gyro, accel):
         assert values == pytest.approx(hand, rel=1e-7)  # the hand numbers have eight digits
 
 
+def test_further_values_of_a_preset_by_hand():
+    """STIM300: deg/h = 4.8481368e-6 rad/s, g = 9.80665 m/s^2, deg = 1.7453293e-2 rad."""
+    gyro, accel = load_imu("stim300").gyro, load_imu("stim300").accel
+    assert (gyro.instability, gyro.nonlinearity, gyro.non_orthogonality) == pytest.approx(
+        (1.4544410e-6, 20e-6, 0.2e-3), rel=1e-7
+    )
+    assert (gyro.g_sensitivity, gyro.bandwidth, gyro.range, gyro.resolution) == pytest.approx(
+        (4.9437236e-7, 262.0, 6.9813170, 1.0663962e-6), rel=1e-7
+    )
+    assert (accel.instability, accel.nonlinearity, accel.bandwidth) == pytest.approx(
+        (4.903325e-5, 200e-6, 248.0), rel=1e-12
+    )
+    assert (accel.range, accel.resolution) == pytest.approx((98.0665, 1.8632635e-5), rel=1e-12)
+    assert (gyro.full_scale, accel.full_scale) == (gyro.range, accel.range)
+
+
+def test_units_of_the_other_keys_by_hand():
+    """ADIS16470 1.8 deg/h/g^2; BMI088 54 deg/h/K, 200 ug/K; LN-200S 2^-19 rad; PSINS 10 ug/g^2."""
+    assert load_imu("adis16470").gyro.g2_sensitivity == pytest.approx(9.0741516e-8, rel=1e-7)
+    bmi = load_imu("bmi088")
+    assert bmi.gyro.bias_temperature == pytest.approx(2.6179939e-4, rel=1e-7)
+    assert bmi.accel.bias_temperature == pytest.approx(1.96133e-3, rel=1e-12)
+    ln = load_imu("ln200s")
+    assert ln.increments
+    assert ln.gyro.increment_lsb == pytest.approx(2.0**-19, rel=1e-5)  # written with five digits
+    assert ln.accel.increment_lsb == pytest.approx(2.0**-14, rel=1e-4)
+    psins = load_imu("psins-inertial")
+    assert psins.accel.second_order == pytest.approx(1.0197162e-6, rel=1e-7)
+
+
 # --- errors by hand
 
 

@@ -3,7 +3,7 @@
 Signal path of one triad, x true in b (rates, or forces at each accelerometer's own place)::
 
     y = M x                                   axes: misalignment, non-orthogonality
-    y = y (1 + s + s_T dT + n (y/range)^2) + a |y|      scale factor and its faults
+    y = y (1 + s + s_T dT + n (y/full scale)^2) + a |y|      scale factor and its faults
     y = y + G f + G2 f^2  (gyros),  y + K2 y^2  (accelerometers)
     y = y + bias + b_T dT + instability + walk + ramp t + white noise
     y = low-pass(y)                           bandwidth, with its lag
@@ -239,7 +239,7 @@ class Triad:
         if s.asymmetry:
             y += e.asymmetry[:, None] * np.abs(linear)
         if s.nonlinearity:
-            y += (e.nonlinearity / s.range**2)[:, None] * (linear * linear * linear)
+            y += (e.nonlinearity / s.full_scale**2)[:, None] * (linear * linear * linear)
         if s.second_order:
             y += e.second_order[:, None] * (linear * linear)
         if s.g_sensitivity:

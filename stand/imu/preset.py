@@ -186,11 +186,11 @@ class TriadSpec:
     """Three like sensors in SI: what the data sheet says of each axis.
 
     With u for rad/s or m/s^2: `bias`, `instability` [u], `noise` [u/rt-Hz], `random_walk`
-    [u/rt-s], `ramp` [u/s]; `scale`, `asymmetry`, `nonlinearity` (at full range) [1];
+    [u/rt-s], `ramp` [u/s]; `scale`, `asymmetry`, `nonlinearity` (at `full_scale`) [1];
     `misalignment`, `non_orthogonality` [rad]; `g_sensitivity` [u/(m/s^2)], `g2_sensitivity`,
     `second_order` [u/(m/s^2)^2]; `bias_temperature` [u/K], `scale_temperature` [1/K];
     `bandwidth` [Hz], `range` [u], infinite where not stated; `resolution` [u], `increment_lsb`
-    [u s], zero where not stated.
+    [u s], zero where not stated. `full_scale` [u] is the stated range, even with saturation off.
     """
 
     bias: float = 0.0
@@ -212,6 +212,7 @@ class TriadSpec:
     range: float = inf
     resolution: float = 0.0
     increment_lsb: float = 0.0
+    full_scale: float = inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -282,7 +283,7 @@ def imu_from(source: catalogue.Source) -> ImuSpec:
 
 def _triad(entry: SensorEntry, keys: Mapping[str, Key]) -> TriadSpec:
     values = {keys[key].field: s.value * keys[key].unit for key, s in entry.stated().items()}
-    return TriadSpec(**values)
+    return TriadSpec(**values, full_scale=values.get("range", inf))
 
 
 def _si(stated: Stated | None, unit: float) -> float:

@@ -237,17 +237,14 @@ class Truth:
 
         Notes
         -----
-        Simpson's rule on the union of the edges and the motion's knots, parted further so that
-        no part exceeds `LONGEST_NODE`, nor `WIDEST_NODE` at the motion's fastest: aligned with
-        the jerk switches, the error is ``h^4/2880`` times the fourth derivative, some
-        ``g (w h)^4 / 2880`` at the turning rate w.
+        Simpson's rule on the union of the edges and the motion's knots. Each interval is parted
+        for itself, so that its neighbours leave no trace: no part exceeds `LONGEST_NODE`, nor
+        `WIDEST_NODE` at the motion's fastest. Aligned with the jerk switches, the error is
+        ``h^4/2880`` times the fourth derivative, some ``g (w h)^4 / 2880`` at the turning rate w.
         """
         knots = motion.knots[(motion.knots > edges[0]) & (motion.knots < edges[-1])]
-        longest = float(np.diff(edges).max())
         node = min(LONGEST_NODE, WIDEST_NODE / max(fastest(motion), 1e-9))
-        parts = max(1, int(np.ceil(longest / node - 1e-9)))
-        inner = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(1, parts) / parts
-        ends = np.unique(np.concatenate([edges, inner.ravel(), knots]))
+        ends = np.unique(np.concatenate([edges, _parted(edges, node), knots]))
         nodes = np.empty(2 * len(ends) - 1)
         nodes[::2] = ends
         nodes[1::2] = (ends[:-1] + ends[1:]) / 2
@@ -261,6 +258,15 @@ class Truth:
             at.q_wb[2 * starts[1:]],
             _simpson(at.f_places, ends, starts) if own else f_b,
         )
+
+
+def _parted(edges: Array, longest: float) -> Array:
+    """Times that part each interval of `edges` evenly, into pieces of at most `longest`."""
+    lengths = np.diff(edges)
+    parts = np.maximum(1, np.ceil(lengths / longest - 1e-6)).astype(np.int64)
+    own = np.repeat(np.arange(len(lengths)), parts - 1)  # of each inner time: its interval
+    number = np.arange(1, len(own) + 1) - (np.cumsum(parts - 1) - (parts - 1))[own]
+    return edges[own] + lengths[own] * number / parts[own]
 
 
 def fastest(motion: Motion) -> float:
