@@ -12,6 +12,7 @@ from scipy.stats import norm
 from alignment import Dwell, ImuReadings, Options, Site
 from alignment.angles import Sequence, SequenceRule
 from alignment.errors import AlignmentError, NotAtRest, PoleError
+from alignment.estimate import AttitudeEstimate
 from alignment.gyrocompass import pair_latitude, triad, triad_attitude, triad_latitude
 
 W = 7.292115e-5  # rad/s
@@ -365,3 +366,37 @@ def test_predicted_sigmas_are_the_closed_forms():
     assert np.mean([e.latitude_sigma**2 for e in found]) == pytest.approx(
         gyro / W**2 + force, rel=0.16
     )
+
+
+# --- heading of a tilted instrument; pairs without a latitude -----------------------------------
+
+
+@pytest.mark.parametrize("pitch", [0.0, 60.0, 80.0])
+def test_heading_sigma_of_a_tilted_instrument(pitch):
+    """Against differences: heading of exp(eta x) C for each unit of eta."""
+    C = turn_n(D, radians(-60)) @ turn_n(E, radians(pitch)) @ turn_n(N, radians(20)) @ LEVEL
+    rng = np.random.default_rng(4)
+    root = rng.normal(size=(3, 3)) * 1e-4
+    P = root @ root.T
+
+    def heading(eta):
+        x = Rotation.from_rotvec(eta).as_matrix() @ C @ [1.0, 0, 0]
+        return np.arctan2(x[1], x[0])
+
+    h = 1e-6
+    j = np.array([(heading(h * e) - heading(-h * e)) / (2 * h) for e in np.eye(3)])
+    estimate = AttitudeEstimate(
+        "triad", "p", 0.0, 1.0, Rotation.from_matrix(C), Sequence.YAW_PITCH_ROLL, covariance=P
+    )
+    # differences: h^2 times the third derivative, which grows as tan^3 of the pitch
+    assert estimate.heading_sigma == pytest.approx(np.sqrt(j @ P @ j), rel=1e-6)
+
+
+def test_a_pair_beyond_earth_rate_is_flagged_and_silences_nothing():
+    """25 deg/h of cross-axis bias in both: 15.04 sin 48.5 + 25 is no sine of a latitude."""
+    up = rest(X1_UP, 48.5, bias=(25 * DEG_H, 0, 0, 0, 0, 0), label="up")
+    down = rest(X1_DOWN, 48.5, bias=(-25 * DEG_H, 0, 0, 0, 0, 0), label="down", start=200.0)
+    found = triad([up, down], NOWHERE, Options())
+    assert [e.label for e in found] == ["up", "down", "up + down"]
+    assert found[-1].latitude is None
+    assert "mean vertical rate is 2.411 of Earth rate: no latitude" in found[-1].flags[0]

@@ -11,9 +11,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
-from alignment import Dwell, ImuReadings, Options, Site, six_position, six_position_tracks
+from alignment import (
+    Dwell,
+    ImuReadings,
+    Options,
+    Site,
+    gyrocompass,
+    six_position,
+    six_position_tracks,
+)
 from alignment.angles import Sequence, SequenceRule
 from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
+from alignment.integration import rk4
 from alignment.static import (
     SIX_POSITIONS,
     heading_doubt,
@@ -451,3 +460,59 @@ def test_covariance_on_the_way_through_the_offset_window():
         eta = error(track.C_nb[k], LEVEL)
         values.append(eta @ np.linalg.solve(track.covariance[k], eta))
     assert abs(np.mean(values) - 3.0) < K * np.sqrt(3 * 1.818 / 200)
+
+
+# --- deflection of the vertical ------------------------------------------------------------------
+
+
+def test_a_known_deflection_is_taken_out_and_an_unknown_one_is_not():
+    # Zenith leaning 20" north and 30" east: the plumb line's f, felt by a level instrument.
+    xi, eta = np.array([20.0, 30.0]) / 206264.806
+    truth, latitude = LEVEL, radians(48.5)
+    f_n = G * np.array([xi, eta, -1.0]) / np.sqrt(1 + xi**2 + eta**2)
+    w_n = 7.292115e-5 * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    readings = rest(truth, 48.5, 20).readings
+    ones = np.ones((len(readings), 1))
+    felt = ImuReadings(readings.t, ones * (truth.T @ w_n), ones * (truth.T @ f_n))
+    dwell = Dwell("p", 100.0, 120.0, felt, Rotation.from_matrix(truth))
+    known = Site(latitude, local_gravity=G, deflection=(xi, eta))
+    for method in (six_position, gyrocompass.triad):
+        for estimate in method([dwell], known, Options()):
+            # rounding alone: 1e-16 of the rate's direction
+            np.testing.assert_allclose(error(estimate.C_nb, truth), 0, rtol=0, atol=1e-12)
+    (told,) = gyrocompass.triad([dwell], known, Options())
+    assert told.latitude == pytest.approx(latitude, abs=2e-8)  # second order: eta^2 tan(lat) / 2
+    (blind,) = gyrocompass.triad([dwell], Site(latitude, local_gravity=G), Options())
+    # tilt by the deflection; azimuth by eta tan lat (Laplace); latitude astronomical: + xi
+    eta_n = error(blind.C_nb, truth)
+    np.testing.assert_allclose(np.abs(eta_n[:2]), [eta, xi], rtol=0, atol=1e-7)
+    assert abs(eta_n[2]) == pytest.approx(eta * np.tan(latitude), abs=1e-7)
+    assert blind.latitude - latitude == pytest.approx(xi, abs=1e-7)
+
+
+def test_a_gap_is_flagged():
+    whole = rest(LEVEL, 48.5, 40)
+    keep = np.r_[0:150, 290:400]  # 14 s missing at 10 Hz
+    part = whole.readings
+    readings = ImuReadings(part.t[keep], part.w_ib_b[keep], part.f_b[keep])
+    dwell = Dwell("p", whole.t_from, whole.t_to, readings, whole.nominal)
+    for method in (six_position, gyrocompass.triad):
+        for estimate in method([dwell], site(48.5), Options()):
+            assert any(flag.startswith("gap of 14.1 s after 115") for flag in estimate.flags)
+        for estimate in method([whole], site(48.5), Options()):
+            assert not any("gap" in flag for flag in estimate.flags)
+    with pytest.raises(AlignmentError, match=r"p: gap of 14\.1 s after 115.*lost"):
+        rk4([dwell], site(48.5), Options())
+
+
+def test_the_sequence_is_the_nominal_attitudes_for_all_methods():
+    """Noise near 45 deg of pitch must not give the methods angles of different turns."""
+    truth = turn_n(E, radians(45.0)) @ LEVEL  # nose up
+    for lean in (-1e-4, 1e-4):
+        dwell = rest(turn_n(E, lean) @ truth, 48.5, 20, nominal=Rotation.from_matrix(truth))
+        found = {
+            e.sequence
+            for method in (six_position, gyrocompass.triad, rk4)
+            for e in method([dwell], site(48.5), Options())
+        }
+        assert len(found) == 1

@@ -185,7 +185,8 @@ class ReviewWriter:
         self._stream = _open_stream(path, run_id, _blueprint(self._screen))
         self._stream.send_recording_name(title)
         if properties:
-            self._stream.send_property("run", rr.AnyValues(**dict[str, Any](properties)))
+            told: dict[str, Any] = {name: str(value) for name, value in properties.items()}
+            self._stream.send_property("run", rr.AnyValues(**told))
         self._send_scene(w_ie)
         self._send_phases(phases)
 
