@@ -434,6 +434,36 @@ def list_entries(
     show(console(), [TableData(f"{what.value}", columns, rows)])
 
 
+@app.command("check-imu")
+def check_imu(
+    unit: Annotated[str, typer.Argument(help="Catalogue id (stand list imus) or a TOML file.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Look over a preset: unit slips, impossible pairs, missing sources.
+
+    Exit code 0 when nothing worse than a warning was found, 1 otherwise.
+
+    Example: stand check-imu my-unit.toml
+    """
+    from dataclasses import asdict
+
+    from stand import catalogue
+    from stand.imu.lint import findings_table, lint
+
+    source = catalogue.find("imus", "imu", unit)
+    findings = lint(source)
+    if as_json:
+        _print_json({"imu": source.name, "findings": [asdict(f) for f in findings]})
+    elif findings:
+        from stand.report.console import console, show
+
+        show(console(), [findings_table(findings)])
+    else:
+        print(f"{source.name}: nothing to object to")
+    if any(f.severity == "error" for f in findings):
+        raise typer.Exit(1)
+
+
 @app.command()
 def view(
     recording: Annotated[Path, typer.Argument(help="Folder of stand run, an .rrd or an .mcap.")],

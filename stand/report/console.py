@@ -12,6 +12,7 @@ from rich.text import Text
 from stand.report.document import TableData
 
 WIDTH = 132  # where no terminal says its own
+LEFT = ("turns", "title", "source", "place", "finding")
 
 
 def console(stderr: bool = False) -> Console:
@@ -31,7 +32,7 @@ def render(table: TableData) -> RenderableType:
 def _grid(table: TableData) -> Table:
     grid = Table(box=SIMPLE_HEAD, pad_edge=False, header_style="bold")
     for k, name in enumerate(table.columns):
-        left = k == 0 or name in ("turns", "title", "source")
+        left = k == 0 or name in LEFT
         numbers = bool(table.optional) or k == 0  # words may wrap, numbers may not
         justify = "left" if left else "right"
         grid.add_column(name, justify=justify, no_wrap=numbers, overflow="fold")
