@@ -27,9 +27,11 @@ def gauss_markov_avar(tau: Array, corner: float) -> Array:
     variance of a mean over tau less the covariance of adjacent means (IEEE Std 952, annex C).
     """
     x = np.asarray(tau, dtype=float) / corner
-    # expm1 keeps the digits where x is small: the sum then starts at 2 x^3 / 3
     u = -np.expm1(-x)
-    return (2 * (x - u) - u**2) / x**2
+    closed = (2 * (x - u) - u**2) / x**2
+    # where x is small the terms cancel down to their third order: its series has the digits
+    series = x * (2 / 3 - x * (1 / 2 - x * (7 / 30 - x * (1 / 12 - x * 31 / 1260))))
+    return np.where(x < 0.01, series, closed)
 
 
 def plateau(corners: Sequence[float]) -> float:
