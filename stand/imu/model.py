@@ -222,26 +222,34 @@ class Triad:
         """
         y = self._deterministic(x, f, t, warmth)
         if self.sigma:
-            y += self.sigma * self._noise.take(y.shape[1])
+            noise = self._noise.take(y.shape[1])
+            noise *= self.sigma
+            y += noise
         if self._drift:
             y += self._drift.take(y.shape[1])
         if self._filter is not None:
             y = self._filter.apply(y)
-        flags = np.abs(y) > self.spec.range
-        if flags.any():
-            np.clip(y, -self.spec.range, self.spec.range, out=y)
+        flags = np.zeros(y.shape, bool)
+        limit = self.spec.range
+        if max(y.max(), -y.min()) > limit:
+            flags = np.abs(y) > limit
+            np.clip(y, -limit, limit, out=y)
         return self._rounded(y), flags
 
     def _deterministic(self, x: Array, f: Array, t: Array, warmth: Array | None) -> Array:
         e, s = self.errors, self.spec
-        y = _product(e.matrix, x)
-        linear = y.copy()
+        linear = _product(e.matrix, x)
+        y = linear
+        if s.nonlinearity or s.second_order or warmth is not None:
+            gain = (e.nonlinearity / s.full_scale**2)[:, None] * linear
+            gain += e.second_order[:, None]
+            gain *= linear
+            if warmth is not None:
+                gain += e.scale_temperature[:, None] * warmth
+            gain += 1.0
+            y = linear * gain
         if s.asymmetry:
-            y += e.asymmetry[:, None] * np.abs(linear)
-        if s.nonlinearity:
-            y += (e.nonlinearity / s.full_scale**2)[:, None] * (linear * linear * linear)
-        if s.second_order:
-            y += e.second_order[:, None] * (linear * linear)
+            y = y + e.asymmetry[:, None] * np.abs(linear)
         if s.g_sensitivity:
             y += _product(e.g_sensitivity, f)
         if s.g2_sensitivity:
@@ -249,7 +257,7 @@ class Triad:
         if s.ramp:
             y += e.ramp[:, None] * t
         if warmth is not None:
-            y += (e.scale_temperature[:, None] * linear + e.bias_temperature[:, None]) * warmth
+            y += e.bias_temperature[:, None] * warmth
         y += e.bias[:, None]
         return y
 
