@@ -92,3 +92,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     outcome = invoke("run", procedure, *options)
     assert outcome.code == 0, outcome.err
     return Recorded(folder, procedure, outcome.json)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """From the fast to the slow: what takes more than 5 s comes last."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is not None)
