@@ -80,18 +80,75 @@ def test_further_values_of_a_preset_by_hand():
     assert (gyro.full_scale, accel.full_scale) == (gyro.range, accel.range)
 
 
-def test_units_of_the_other_keys_by_hand():
-    """ADIS16470 1.8 deg/h/g^2; BMI088 54 deg/h/K, 200 ug/K; LN-200S 2^-19 rad; PSINS 10 ug/g^2."""
-    assert load_imu("adis16470").gyro.g2_sensitivity == pytest.approx(9.0741516e-8, rel=1e-7)
-    bmi = load_imu("bmi088")
-    assert bmi.gyro.bias_temperature == pytest.approx(2.6179939e-4, rel=1e-7)
-    assert bmi.accel.bias_temperature == pytest.approx(1.96133e-3, rel=1e-12)
-    ln = load_imu("ln200s")
-    assert ln.increments
-    assert ln.gyro.increment_lsb == pytest.approx(2.0**-19, rel=1e-5)  # written with five digits
-    assert ln.accel.increment_lsb == pytest.approx(2.0**-14, rel=1e-4)
-    psins = load_imu("psins-inertial")
-    assert psins.accel.second_order == pytest.approx(1.0197162e-6, rel=1e-7)
+# Each key of a preset with the value 1, and what it is in SI by hand: deg = 1.745329252e-2 rad,
+# g = 9.80665 m/s^2, an hour has 3600 s and its root 60 rt-s.
+ONES = {
+    "gyro": {
+        "turn_on_bias_deg_h": ("bias", 4.848136811e-6),
+        "bias_instability_deg_h": ("instability", 4.848136811e-6),
+        "angle_random_walk_deg_rt_h": ("noise", 2.908882087e-4),
+        "rate_random_walk_deg_h_rt_h": ("random_walk", 8.080228018e-8),
+        "rate_ramp_deg_h_h": ("ramp", 1.346704670e-9),
+        "scale_factor_ppm": ("scale", 1e-6),
+        "scale_asymmetry_ppm": ("asymmetry", 1e-6),
+        "scale_nonlinearity_ppm": ("nonlinearity", 1e-6),
+        "misalignment_mrad": ("misalignment", 1e-3),
+        "non_orthogonality_mrad": ("non_orthogonality", 1e-3),
+        "g_sensitivity_deg_h_g": ("g_sensitivity", 4.943723709e-7),
+        "g2_sensitivity_deg_h_g2": ("g2_sensitivity", 5.041195219e-8),
+        "bias_temperature_deg_h_K": ("bias_temperature", 4.848136811e-6),
+        "scale_temperature_ppm_K": ("scale_temperature", 1e-6),
+        "bandwidth_hz": ("bandwidth", 1.0),
+        "range_deg_s": ("range", 1.745329252e-2),
+        "resolution_deg_s": ("resolution", 1.745329252e-2),
+        "increment_lsb_arc_s": ("increment_lsb", 4.848136811e-6),
+    },
+    "accel": {
+        "turn_on_bias_mg": ("bias", 9.80665e-3),
+        "bias_instability_ug": ("instability", 9.80665e-6),
+        "velocity_random_walk_m_s_rt_h": ("noise", 1.666666667e-2),
+        "acceleration_random_walk_ug_rt_h": ("random_walk", 1.634441667e-7),
+        "acceleration_ramp_ug_h": ("ramp", 2.724069444e-9),
+        "scale_factor_ppm": ("scale", 1e-6),
+        "scale_asymmetry_ppm": ("asymmetry", 1e-6),
+        "scale_nonlinearity_ppm": ("nonlinearity", 1e-6),
+        "misalignment_mrad": ("misalignment", 1e-3),
+        "non_orthogonality_mrad": ("non_orthogonality", 1e-3),
+        "second_order_ug_g2": ("second_order", 1.019716213e-7),
+        "bias_temperature_ug_K": ("bias_temperature", 9.80665e-6),
+        "scale_temperature_ppm_K": ("scale_temperature", 1e-6),
+        "bandwidth_hz": ("bandwidth", 1.0),
+        "range_g": ("range", 9.80665),
+        "resolution_mg": ("resolution", 9.80665e-3),
+        "increment_lsb_m_s": ("increment_lsb", 1.0),
+    },
+}
+
+
+def test_every_key_of_a_users_own_preset_in_si(tmp_path):
+    said = 'kind = "assumed", source = "made up for this test"'
+    lines = ['title = "Own"', 'grade = "reference"', 'evidence = "none"']
+    lines += ["bias_corners_s = [2, 30.0]", "reference_temperature_C = 20"]
+    for sensor, keys in ONES.items():
+        lines += [f"[{sensor}]", *(f"{key} = {{ value = 1, {said} }}" for key in keys)]
+    lines += [f"places_mm = {{ value = [[1, 2, 3], [4, 5, 6], [7, 8, 9]], {said} }}"]
+    lines += ["[sampling]", 'output = "increment"']
+    for key in ("clock_offset_ppm", "jitter_us", "latency_ms", "output_rate_hz"):
+        lines.append(f"{key} = {{ value = 1, {said} }}")
+    path = tmp_path / "own.toml"
+    path.write_text("\n".join(lines))
+    spec = load_imu(str(path))
+    for sensor, keys in ONES.items():
+        triad = getattr(spec, sensor)
+        for field, hand in keys.values():
+            assert getattr(triad, field) == pytest.approx(hand, rel=1e-9), field  # ten digits
+        named = {field for field, _ in keys.values()} | {"full_scale"}
+        others = {"second_order"} if sensor == "gyro" else {"g_sensitivity", "g2_sensitivity"}
+        assert named == set(TriadSpec.__slots__) - others
+    assert (spec.clock.offset, spec.clock.jitter, spec.clock.latency) == (1e-6, 1e-6, 1e-3)
+    np.testing.assert_allclose(spec.places, np.arange(1, 10).reshape(3, 3) * 1e-3, rtol=1e-15)
+    assert (spec.corners, spec.reference_temperature, spec.increments) == ((2.0, 30.0), 20.0, True)
+    assert (spec.id, spec.title) == ("own", "Own")
 
 
 # --- errors by hand
@@ -212,15 +269,18 @@ def test_another_seed_is_another_unit():
     assert not np.any(one.report(here).w_ib_b == two.report(here).w_ib_b)
 
 
+SOURCES = (
+    *("bias", "scale", "misalignment", "noise", "instability", "random_walk", "ramp", "asymmetry"),
+    *("nonlinearity", "non_orthogonality", "g_sensitivity", "g2_sensitivity", "second_order"),
+    *("bias_temperature", "scale_temperature"),
+)
+
+
 def test_every_source_and_axis_has_its_own_stream():
-    sources = [
-        (sensor, source, axis)
-        for sensor in ("gyro", "accel")
-        for source in ("bias", "scale", "misalignment", "noise", "instability", "random_walk")
-        for axis in range(3)
-    ]
-    first = [stream(3, *source).standard_normal() for source in sources]
-    assert len(set(first)) == len(sources)
+    keys = [(s, e, axis) for s in ("gyro", "accel") for e in SOURCES for axis in range(3)]
+    keys += [("clock", "clock_offset", 0), ("clock", "jitter", 0)]
+    first = [stream(3, *key).standard_normal() for key in keys]
+    assert len(set(first)) == len(keys)
     assert stream(3, "gyro", "bias", 0).standard_normal() == first[0]
 
 
