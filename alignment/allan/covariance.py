@@ -18,7 +18,6 @@ that were decimated by m/32 are taken as fully overlapping, but for Q (below 1 %
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from alignment.allan.terms import KEYS, design
 from alignment.arrays import Array
@@ -64,7 +63,8 @@ def table(n: int, m: tuple[int, ...]) -> Array:
 
 def covariance(T: Array, weights: Array) -> Array:
     """Covariance (k, k) of Allan variances from `table` for the terms' weights (5,)."""
-    return np.tensordot(np.outer(weights, weights), T, axes=2)
+    products = np.outer(weights, weights).ravel()
+    return (products @ T.reshape(len(products), -1)).reshape(T.shape[2:])
 
 
 def degrees_of_freedom(n: int, m: tuple[int, ...], weights: Array) -> Array:
@@ -77,34 +77,35 @@ def _pair(n: int, m_i: int, m_j: int) -> Array:
     """The quadratic form (5, 5) for one pair of averaging times, m_i <= m_j."""
     pairs = (n + 1 - 2 * m_i, n + 1 - 2 * m_j)
     form = np.zeros((len(KEYS), len(KEYS)))
-    lags, steps = _lags(m_i, m_j, *pairs)
-    r = _cross(lags, m_i, m_j)
-    form[_N : _K + 1, _N : _K + 1] = (r * (steps * _count(lags, *pairs))) @ r.T
-    at, spikes = _spikes(m_i, m_j)
-    spikes = spikes * _count(at, *pairs) * stride(m_i)
-    form[_Q, _N : _K + 1] = form[_N : _K + 1, _Q] = _cross(at, m_i, m_j) @ spikes
-    form[_Q, _Q] = spikes @ _spikes(m_i, m_j)[1]
+    lags, products, at, spikes, crossed, ends = _lag_products(m_i, m_j)
+    form[_N : _K + 1, _N : _K + 1] = products @ _count(lags, *pairs)
+    count = _count(at, *pairs) * stride(m_i)
+    form[_Q, _N : _K + 1] = form[_N : _K + 1, _Q] = crossed @ (spikes * count)
+    form[_Q, _Q] = spikes**2 @ count
     form /= 2.0 * float(m_i) ** 2 * float(m_j) ** 2
-    ramp = _ramp(n, m_i, m_j) / 2
-    form[_R, :_R] = form[:_R, _R] = ramp
+    form[_R, :_R] = form[:_R, _R] = _ramp(n, m_i, m_j, ends) / 2
     return form / (float(pairs[0]) * pairs[1])
 
 
-def _lags(m_i: int, m_j: int, M_i: int, M_j: int) -> tuple[Array, Array]:
+@lru_cache(maxsize=2048)
+def _lag_products(m_i: int, m_j: int) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """What does not depend on the record's length: sums of `_pair` but for the counts."""
+    lags, steps = _lags(m_i, m_j)
+    r = _cross(lags, m_i, m_j)
+    at, spikes = _spikes(m_i, m_j)
+    products = r[:, None, :] * r[None, :, :] * steps
+    return lags, products, at, spikes, _cross(at, m_i, m_j), _ends(m_i, m_j)
+
+
+def _lags(m_i: int, m_j: int) -> tuple[Array, Array]:
     """Lags to sum over, dense where r has its kinks, and how many lags each stands for."""
     kinks = np.array([a * m_i - b * m_j for a in range(3) for b in range(3)])
     fine = max(1, m_i // NODES) * np.arange(-3 * NODES, 3 * NODES + 1)
     coarse = max(1, m_j // (4 * NODES)) * np.arange(-12 * NODES, 12 * NODES + 1)
     tail = np.rint(np.geomspace(2 * m_j + 2 * m_i, REACH * m_j, 32)).astype(np.int64)
     lags = np.unique(np.concatenate([(kinks[:, None] + fine).ravel(), coarse, tail, -tail]))
-    lags = lags[(lags > -M_i) & (lags < M_j)]
-    gaps = np.diff(lags)
-    steps = np.zeros(len(lags))
-    steps[:-1] += gaps / 2
-    steps[1:] += gaps / 2
-    steps[0] += 0.5
-    steps[-1] += 0.5
-    return lags.astype(float), steps
+    gaps = np.concatenate([[1], np.diff(lags), [1]])
+    return lags.astype(float), (gaps[:-1] + gaps[1:]) / 2
 
 
 def _count(lags: Array, M_i: int, M_j: int) -> Array:
@@ -129,20 +130,25 @@ def _spikes(m_i: int, m_j: int) -> tuple[Array, Array]:
     """The lags at which white x correlates, and r_ij there."""
     at = np.array([[a * m_i - b * m_j for b in range(3)] for a in range(3)])
     lags, which = np.unique(at, return_inverse=True)
-    return lags.astype(float), np.bincount(which.ravel(), _PAIRS.ravel())
+    r = np.bincount(which.ravel(), _PAIRS.ravel())
+    return lags.astype(float), r.astype(float)
 
 
-def _ramp(n: int, m_i: int, m_j: int) -> NDArray[np.float64]:
+def _ramp(n: int, m_i: int, m_j: int, ends: Array) -> Array:
     """``sum_u c(u) r_ij(u)`` (4,) of Q, N, B, K: the covariance of the sums of Z_i and of Z_j.
 
-    A sum of second differences telescopes to boxes of x at both ends of the record, F is the
-    second integral of the autocovariance, and the two ends see each other through R''.
+    A sum of second differences telescopes to boxes of x at both ends of the record, which see each
+    other through R''.
     """
+    between = n - m_i - m_j
+    apart = np.array([0.0, 0.0, _B_SCALE * (2 * np.log(between) + 3), between / 2])
+    return 2 * (ends + float(m_i) ** 2 * float(m_j) ** 2 * apart)
+
+
+def _ends(m_i: int, m_j: int) -> Array:
+    """What one end of the record contributes: F is the second integral of the autocovariance."""
     steps = np.arange(3)
     u = np.abs(np.subtract.outer(m_i * steps, m_j * steps)).astype(float)
     log = np.log(np.where(u > 0, u, 1.0))
     F = np.stack([u / 2, -(u**3) / 12, _B_SCALE * u**4 * (log / 12 - 7 / 144), u**5 / 240])
-    ends = -np.einsum("pab,ab->p", F, _PAIRS)
-    between = n - m_i - m_j
-    apart = np.array([0.0, 0.0, _B_SCALE * (2 * np.log(between) + 3), between / 2])
-    return 2 * (ends + float(m_i) ** 2 * float(m_j) ** 2 * apart)
+    return -np.einsum("pab,ab->p", F, _PAIRS)

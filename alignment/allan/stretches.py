@@ -1,0 +1,94 @@
+"""Whether stamps are equidistant: gaps, changes of rate, and the longest stretch without them."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from alignment.arrays import Array
+
+GAP = 1.5  # median steps
+RATE = 0.01  # relative change of the mean step
+WINDOW = 1000  # steps whose mean is compared with that of as many before
+_AROUND = 8  # steps to either side that may make up for a late stamp
+
+
+@dataclass(frozen=True, slots=True)
+class Interruption:
+    """Where stamps stop being equidistant.
+
+    `sample` is the first one after it, at time `t` [s]. A gap misses `missing` [s]; at a change of
+    rate the mean step goes from `before` to `after` [s].
+    """
+
+    kind: Literal["gap", "rate"]
+    sample: int
+    t: float
+    missing: float = 0.0
+    before: float = 0.0
+    after: float = 0.0
+
+
+def interruptions(t: Array) -> list[Interruption]:
+    """Gaps and changes of rate of stamps t (n,) [s], strictly increasing, in order of time.
+
+    A step is a gap if it is longer than `GAP` medians and the `_AROUND` steps to either side do not
+    make up for it: a stamp that was only late is jitter. The rate changes where the mean of
+    `WINDOW` steps (a tenth of a shorter stretch's) differs by `RATE` from that of as many before.
+    """
+    if len(t) < 3:
+        return []
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    late = np.flatnonzero(steps > GAP * usual)
+    found = [_gap(t, int(k), usual) for k in late if _is_gap(steps, int(k), usual)]
+    edges = [0, *(gap.sample for gap in found), len(t)]
+    for start, stop in pairwise(edges):
+        found += _changes(t, start, stop)
+    return sorted(found, key=lambda event: event.sample)
+
+
+def longest(t: Array, events: list[Interruption]) -> slice:
+    """The samples of the longest stretch [s] without interruption."""
+    edges = [0, *(event.sample for event in events), len(t)]
+    lasting = [t[b - 1] - t[a] for a, b in pairwise(edges)]
+    k = int(np.argmax(lasting))
+    return slice(edges[k], edges[k + 1])
+
+
+def _is_gap(steps: Array, k: int, usual: float) -> bool:
+    around = steps[max(0, k - _AROUND) : k + _AROUND + 1]
+    # Other gaps nearby count as one step each.
+    others = np.where(around > GAP * usual, usual, around).sum() - usual
+    return others + steps[k] > (len(around) + GAP - 1) * usual
+
+
+def _gap(t: Array, k: int, usual: float) -> Interruption:
+    return Interruption("gap", k + 1, float(t[k + 1]), missing=float(t[k + 1] - t[k]) - usual)
+
+
+def _changes(t: Array, start: int, stop: int) -> list[Interruption]:
+    """Changes of rate within samples start..stop: where the two windows differ the most."""
+    window = min(WINDOW, (stop - start) // 10)
+    if window < 20:
+        return []
+    here = t[start:stop]
+    mean = (here[window:] - here[:-window]) / window
+    ratio = np.abs(np.log(mean[window:] / mean[:-window]))
+    at = np.flatnonzero(ratio > RATE)
+    found = []
+    for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
+        if len(run):
+            k = int(run[np.argmax(ratio[run])])
+            sample = start + k + window + 1
+            found.append(
+                Interruption(
+                    "rate",
+                    sample,
+                    float(t[sample]),
+                    before=float(mean[k]),
+                    after=float(mean[k + window]),
+                )
+            )
+    return found
