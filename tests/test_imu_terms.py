@@ -326,16 +326,20 @@ def test_the_filter_starts_settled():
 # --- temperature and ramp
 
 
-def test_temperature_ramp_gives_bias_and_scale_per_kelvin():
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+def test_temperature_ramp_gives_bias_and_scale_per_kelvin(sensor):
+    """20 K in 100 s: bias at rest, and scale factor at an input of 2 above it."""
     profile = Temperature([10.0, 110.0], [25.0, 45.0])
-    spec = spec_of(TriadSpec(bias_temperature=18 * DEG_H, scale_temperature=50e-6))
-    still, turning = (Imu(spec, 7, 1, profile) for _ in range(2))
-    errors, n = still.gyro_errors, 130
-    rest = still.report(sensed(np.zeros((n, 3)), np.zeros(3), 1)).w_ib_b
-    moved = turning.report(sensed(np.full((n, 3), 2.0), np.zeros(3), 1)).w_ib_b
+    triad = TriadSpec(bias_temperature=18 * DEG_H, scale_temperature=50e-6)
+    spec = spec_of(**{sensor: triad})
+    n, channel = 130, {"gyro": "w_ib_b", "accel": "f_b"}[sensor]
     t = np.arange(1, n + 1)
     # 0.2 K/s from 10 s to 110 s, by hand
     warm = np.where(t <= 10, 0.0, np.where(t >= 110, 20.0, (t - 10) * 0.2))[:, None]
+    still, turning = (Imu(spec, 7, 1, profile) for _ in range(2))
+    errors = getattr(still, f"{sensor}_errors")
+    rest = getattr(still.report(sensed(np.zeros((n, 3)), np.zeros(3), 1)), channel)
+    moved = getattr(turning.report(sensed(np.full((n, 3), 2.0), np.full(3, 2.0), 1)), channel)
     np.testing.assert_allclose(rest, warm * errors.bias_temperature, rtol=0, atol=1e-17)
     by_scale = moved - rest - 2.0
     np.testing.assert_allclose(
