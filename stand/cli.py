@@ -40,6 +40,9 @@ app = typer.Typer(
 )
 
 
+ALLAN_TERMS = ("N", "B", "K", "Q", "R")
+
+
 class SamplingChoice(StrEnum):
     """See `stand.physics.truth.Sampling`."""
 
@@ -432,6 +435,65 @@ def list_entries(
     columns = tuple(entries[0])
     rows = tuple(tuple("" if e[c] is None else str(e[c]) for c in columns) for e in entries)
     show(console(), [TableData(f"{what.value}", columns, rows)])
+
+
+@app.command()
+def allan(
+    recording: Annotated[
+        Path, typer.Argument(help="An MCAP with sensor_msgs/msg/Imu at rest, or a folder of run.")
+    ],
+    imu: Annotated[
+        str | None,
+        typer.Option(metavar="ID", help="Data sheet to compare with; else the recording's own."),
+    ] = None,
+    terms: Annotated[
+        str, typer.Option(metavar="N,B,K,Q,R", help="Refuse unless the record shows these.")
+    ] = "",
+    topic: Annotated[
+        str | None, typer.Option(help="Which IMU topic, where there are several.")
+    ] = None,
+    t_from: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Use readings from here ...")
+    ] = None,
+    t_to: Annotated[float | None, typer.Option("--to", metavar="S", help="... to here.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="For the PNG and the page; default: beside the file."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Allan analysis of a unit at rest: noise terms with intervals, against its data sheet.
+
+    Prints a table and leaves a picture and a page; with --json only if --out is given. A term
+    that the record does not show is named with the length that would show it.
+
+    Example: stand allan static.mcap --imu stim300
+    """
+    from stand.allan import analyse, to_json
+
+    file = _file_in(recording, "run.mcap")
+    asked = [term.strip().upper() for term in terms.split(",") if term.strip()]
+    for term in asked:
+        if term not in ALLAN_TERMS:
+            raise unknown("term", term, ALLAN_TERMS)
+    with _working("analysing", as_json):
+        report = analyse(file, topic, t_from, t_to, imu, asked)
+    pictures = []
+    if out is not None or not as_json:
+        from stand.report.allan import write_pictures
+
+        folder = out or file.with_name(f"{file.stem}_allan")
+        with _working("drawing", as_json):
+            pictures = write_pictures(report, folder)
+    if as_json:
+        _print_json(to_json(report) | {"pictures": [str(path) for path in pictures]})
+        return
+    from stand.report.allan import tables
+    from stand.report.console import console, show
+
+    show(console(), tables(report))
+    for path in pictures:
+        print(path)
 
 
 @app.command("check-imu")
