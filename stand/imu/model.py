@@ -163,6 +163,8 @@ class Temperature:
     def __post_init__(self) -> None:
         m = len(self.t)
         set_owned(self, t=(self.t, (m,), float), value=(self.value, (m,), float))
+        if m == 0 or (np.diff(self.t) <= 0).any():
+            raise ValueError("t: must hold a time at least, and increase")
 
     def at(self, t: Array) -> Array:
         """Temperature [deg C] at times (n,) [s]."""
