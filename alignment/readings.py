@@ -63,8 +63,10 @@ class ImuReadings:
 
         A sample that began before `t_from` mixes in what happened then, so it is left out.
         """
-        starts = np.concatenate([self.t[:1] - self.interval, self.t[:-1]])
-        first = np.searchsorted(starts, t_from - EDGE)
+        # sample i began at stamp i - 1, and the first one interval before its stamp
+        first = np.searchsorted(self.t, t_from - EDGE) + 1
+        if self.t[0] - self.interval >= t_from - EDGE:
+            first = 0
         last = max(first, np.searchsorted(self.t, t_to + EDGE))
         part = slice(int(first), int(last))
         return ImuReadings(self.t[part], self.w_ib_b[part], self.f_b[part])
