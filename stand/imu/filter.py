@@ -4,6 +4,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from alignment.arrays import Array
+from stand.imu.recursion import Recursion
 
 
 class LowPass:
@@ -30,20 +31,16 @@ class LowPass:
             [[0.0, w0, 0.0, 0.0], [-w0, -np.sqrt(2) * w0, 0.0, w0], [1 / dt, 0, 0, 0], [0, 0, 0, 0]]
         )
         step = expm(flow * dt)
-        self._denominator, self._numerator = _transfer(
-            step[:2, :2], step[:2, 3], step[2, :2], step[2, 3]
-        )
-        self._memory: Array | None = None
+        denominator, numerator = _transfer(step[:2, :2], step[:2, 3], step[2, :2], step[2, 3])
+        self._recursion = Recursion(numerator, denominator)
+        self._begun = False
 
     def apply(self, u: Array) -> Array:
         """The next samples (3, n), filtered."""
-        from scipy.signal import lfilter, lfilter_zi  # slow to import: only where it is needed
-
-        if self._memory is None:
-            settled = lfilter_zi(self._numerator, self._denominator)
-            self._memory = settled * u[:, :1]
-        y, self._memory = lfilter(self._numerator, self._denominator, u, axis=-1, zi=self._memory)
-        return y
+        if not self._begun:
+            self._begun = True
+            self._recursion.settle(u[:, 0], u[:, 0])
+        return self._recursion.apply(u)
 
 
 def _transfer(A: Array, B: Array, C: Array, D: float) -> tuple[Array, Array]:

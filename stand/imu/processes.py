@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from alignment.arrays import Array
+from stand.imu.recursion import Recursion
 
 PEAK = 1.8926  # tau over correlation time where one Gauss-Markov process's Allan deviation peaks
 STEPS_PER_CORNER = 50  # of the slow grid within the shortest correlation time
@@ -77,27 +78,20 @@ class BiasInstability:
         self, streams: Sequence[np.random.Generator], corners: Sequence[float], step: float
     ) -> None:
         self._streams = streams
-        self._decay = np.exp(-step / np.asarray(corners))
+        decay = np.exp(-step / np.asarray(corners))
+        self._kick = np.sqrt(1 - decay**2)
         self._sigma = 1.0 / plateau(corners)
-        self._state = np.empty((3, 0))  # of each process, once begun
+        stationary = np.stack([s.standard_normal(len(corners)) for s in streams])
+        self._memories = [Recursion([1.0], [1.0, -phi]) for phi in decay]
+        for memory, state in zip(self._memories, stationary.T, strict=True):
+            memory.settle(np.zeros(3), state)
 
     def next(self, n: int) -> Array:
         """The next n >= 1 values of each axis."""
-        from scipy.signal import lfilter  # slow to import: only where it is needed
-
-        draws = np.stack([s.standard_normal((n, len(self._decay))) for s in self._streams])
-        begun = self._state.size > 0
-        total, last = np.zeros((3, n)), np.empty((3, len(self._decay)))
-        for i, decay in enumerate(self._decay):
-            kicks = np.sqrt(1 - decay**2) * draws[:, :, i]
-            if begun:
-                memory = decay * self._state[:, i : i + 1]
-            else:  # the first value is the stationary state itself
-                kicks[:, 0], memory = draws[:, 0, i], np.zeros((3, 1))
-            values, _ = lfilter([1.0], [1.0, -decay], kicks, axis=-1, zi=memory)
-            last[:, i] = values[:, -1]
-            total += values
-        self._state = last
+        draws = np.stack([s.standard_normal((n, len(self._kick))) for s in self._streams])
+        total = np.zeros((3, n))
+        for i, memory in enumerate(self._memories):
+            total += memory.apply(self._kick[i] * draws[:, :, i])
         return self._sigma * total
 
 
