@@ -25,7 +25,7 @@ from alignment.static import (
 )
 
 METHOD = "rk4"
-_CHUNK = 65536  # samples integrated at once: bounds the memory of hour-long records
+_CHUNK = 16384  # samples integrated at once: bounds the memory of hour-long records
 
 
 def multiply(p: Array, q: Array) -> Array:
@@ -87,16 +87,18 @@ def integrate(
     The rates minus `offset` (3,) are integrated against inertial space; the turn of n with the
     Earth, ``w_ie_n`` (3,) times time, is then taken out exactly (a stand does not travel).
     """
-    h = np.diff(readings.t, prepend=readings.t[0] - readings.interval)
+    start_t = readings.t[0] - readings.interval
     q = np.empty((len(ends), 4))
     total = np.array([0.0, 0.0, 0.0, 1.0])
     for first in range(0, len(readings), _CHUNK):
         part = slice(first, min(first + _CHUNK, len(readings)))
-        run = prefix_product(rk4_steps(readings.w_ib_b[part] - offset, h[part]))
+        before = start_t if first == 0 else readings.t[first - 1]
+        h = np.diff(readings.t[part], prepend=before)
+        run = prefix_product(rk4_steps(readings.w_ib_b[part] - offset, h))
         here = (ends > part.start) & (ends <= part.stop)
         q[here] = multiply(total, run[ends[here] - 1 - part.start])
         total = normalised(multiply(total, run[-1]))
-    elapsed = readings.t[ends - 1] - (readings.t[0] - h[0])
+    elapsed = readings.t[ends - 1] - start_t
     earth = Rotation.from_rotvec(-elapsed[:, None] * np.asarray(w_ie_n))
     return earth * start * Rotation.from_quat(q)
 

@@ -41,7 +41,7 @@ class ImuReadings:
             w_ib_b=(self.w_ib_b, (n, 3), float),
             f_b=(self.f_b, (n, 3), float),
         )
-        back = np.flatnonzero(np.diff(self.t) <= 0)
+        back = np.flatnonzero(self.t[1:] <= self.t[:-1])
         if len(back):
             k = int(back[0]) + 1
             raise ValueError(

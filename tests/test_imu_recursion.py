@@ -1,5 +1,7 @@
 """The recursion against SciPy's own filter, and by hand."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -38,7 +40,7 @@ def test_the_same_bits_wherever_it_is_cut(b, a, cuts):
     u = np.random.default_rng(3).normal(size=(3, 400))
     edges = [0, *sorted(cuts), 400]
     recursion = from_rest(b, a, 3)
-    parts = [recursion.apply(u[:, i:j]) for i, j in zip(edges[:-1], edges[1:], strict=True)]
+    parts = [recursion.apply(u[:, i:j]) for i, j in pairwise(edges)]
     assert np.array_equal(np.hstack(parts), from_rest(b, a, 3).apply(u))
 
 
