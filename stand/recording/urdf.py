@@ -1,6 +1,7 @@
 """The stand as URDF, for viewers that draw robots."""
 
 import math
+from functools import cache
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -94,8 +95,12 @@ def _joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Ele
 
 
 def _add_origin(element: Element, position: Array, rotation: Array) -> None:
-    rpy = _roll_pitch_yaw(Rotation.from_quat(rotation).as_matrix())
-    SubElement(element, "origin", xyz=_numbers(position), rpy=_numbers(rpy))
+    SubElement(element, "origin", xyz=_numbers(position), rpy=_numbers(_angles(*rotation)))
+
+
+@cache  # hundreds of solids share a few rotations
+def _angles(x: float, y: float, z: float, w: float) -> tuple[float, float, float]:
+    return _roll_pitch_yaw(Rotation.from_quat([x, y, z, w]).as_matrix())
 
 
 def _roll_pitch_yaw(C: Array) -> tuple[float, float, float]:
