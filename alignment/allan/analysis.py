@@ -8,7 +8,7 @@ from scipy.special import chdtri
 
 from alignment.allan.covariance import degrees_of_freedom
 from alignment.allan.deviation import Deviation, deviation, octaves
-from alignment.allan.fit import Fit, evidence, fit, interval, problem, solve
+from alignment.allan.fit import Fit, evidence, fit, interval, problem, solve, worse_with
 from alignment.allan.stretches import Interruption, interruptions, longest
 from alignment.allan.terms import KEYS, design, index, value, variance, weight
 from alignment.arrays import Array, set_owned
@@ -72,6 +72,8 @@ class Channel:
         Every term is in one of them.
     first_tau : float
         From which on the terms describe the curve [s].
+    onset : float
+        Shortest correlation time of the bias instability [s], an octave or so; 0: none is seen.
     model_error : float
         Relative error of the deviation that the five terms leave, 0 if within their certainty.
     """
@@ -86,6 +88,7 @@ class Channel:
     found: tuple[Found, ...]
     missing: tuple[Missing, ...]
     first_tau: float
+    onset: float
     model_error: float
 
     def __post_init__(self) -> None:
@@ -96,7 +99,7 @@ class Channel:
 
     def fitted(self, tau: Array) -> Array:
         """The fitted deviation at tau [s]."""
-        return np.sqrt(variance(self.values, tau))
+        return np.sqrt(variance(self.values, tau, self.onset))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,7 +189,7 @@ def channel(
     low, high = _bounds(curve, fitted.weights)
     found, missing = [], []
     for k, key in enumerate(KEYS):
-        ends = interval(fitted.problem, fitted.weights, k)
+        ends = interval(fitted, k)
         if shown(fitted, k):
             values = (fitted.weights[k], *ends)
             found.append(Found(key, *(value(w, k, step) for w in values)))
@@ -203,6 +206,7 @@ def channel(
         tuple(found),
         tuple(missing),
         float(curve.tau[fitted.first]),
+        fitted.onset * step if fitted.weights[index("B")] > 0 else 0.0,
         fitted.problem.excess / 2,  # of the deviation: half of that of its square
     )
 
@@ -210,7 +214,7 @@ def channel(
 def shown(fitted: Fit, term: int) -> bool:
     """Whether the record shows a term: it cannot be left out, and is a fair part at some tau."""
     return _part(fitted.weights, fitted.problem.design, term) >= PART and (
-        evidence(fitted.problem, fitted.weights, term, 0.0) >= SEEN
+        evidence(fitted, term) >= SEEN
     )
 
 
@@ -232,7 +236,7 @@ def _silent(sensor: str, axis: str, curve: Deviation) -> Channel:
     missing = tuple(Missing(key, 0.0, 0.0, None) for key in KEYS)
     zeros = np.zeros(len(KEYS))
     return Channel(
-        sensor, axis, curve.tau, none, none, none, zeros, (), missing, float(curve.tau[0]), 0.0
+        sensor, axis, curve.tau, none, none, none, zeros, (), missing, float(curve.tau[0]), 0.0, 0.0
     )
 
 
@@ -278,7 +282,7 @@ def _expected(weights: Array, term: int, n: int) -> bool:
     if _part(weights, columns, term) < PART:
         return False
     posed = problem(Deviation(n, 1.0, m, columns @ weights))
-    return evidence(posed, weights, term, 0.0) >= EXPECTED
+    return worse_with(posed, weights, term, 0.0) >= EXPECTED
 
 
 def _refuse_unless_shown(term: str, channels: tuple[Channel, ...], duration: float) -> None:

@@ -13,11 +13,13 @@ are well above zero, and 5.14, right where one of them is as likely as not held 
 chi-square of 1, half of 2: Self and Liang, 1987). Measured coverage of white noise, walk, plateau,
 quantisation, ramp and sums of them: 93 to 100 % (tests/test_allan.py).
 
-A plateau is never flat: sums of Gauss-Markov processes ripple by 2 % of the deviation and fall at
-both ends, so that B^2 is allowed `PLATEAU` at each tau. Where the five terms still do not describe
-the curve (p < 0.001), up to `MOST_DROPPED` of the shortest taus are left out, where a sensor's
-bandwidth shows; if that does not help, the least relative model error common to all taus that
-explains the misfit is added (Paule and Mandel, 1982).
+A plateau is never flat: sums of Gauss-Markov processes ripple by 2 % of the deviation, so that B^2
+is allowed `PLATEAU` at each tau. Nor does it go on to the shortest tau: it is fitted without a
+beginning and with some (`terms.plateau`); intervals are those of the likeliest and of the outermost
+that are nearly as likely. Where the terms still do not describe the curve (p < 0.001), up to
+`MOST_DROPPED` of the shortest taus are left out, where a sensor's bandwidth shows; if that does not
+help, the least relative model error common to all taus that explains the misfit is added (Paule and
+Mandel, 1982).
 """
 
 import math
@@ -39,6 +41,7 @@ DESCRIBED = 1e-3  # probability of a misfit below which the terms do not describ
 MOST_DROPPED = 5  # octaves
 FEWEST_TAUS = 6  # that must remain when some are dropped
 PLATEAU = 0.03  # of B^2, at each tau by itself: no real plateau is flat
+LEAST_PLATEAU = 30  # onsets that a plateau must be seen over
 LEAST_EIGENVALUE = 1e-3  # of the correlations between taus
 ROUNDING = 1e-6  # least relative error of a variance: a ramp alone would have none
 _ROUNDS = 40
@@ -123,18 +126,30 @@ class White:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Rival:
+    """Another beginning of the plateau, nearly as likely: `worse` is twice the log ratio."""
+
+    problem: Problem
+    weights: Array
+    worse: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """Weights (5,) as in `terms`, the problem they solve, and how well.
 
-    `first` is the first tau used, `chi2` the misfit before any `problem.excess` was allowed and
+    `first` is the first tau used, `onset` where the plateau begins [samples; 0: nowhere],
+    `chi2` the misfit before any `problem.excess` was allowed and
     `freedom` what it should be.
     """
 
     weights: Array
     problem: Problem
     first: int
+    onset: float
     chi2: float
     freedom: int
+    rivals: tuple[Rival, ...] = ()
 
 
 def _whitener(relative: Array) -> tuple[Array, float]:
@@ -162,19 +177,46 @@ def fit(curve: Deviation) -> Fit:
     return _with_excess(whole)
 
 
-def problem(curve: Deviation, first: int = 0) -> Problem:
-    """The problem of a curve from its tau number `first` on."""
+def problem(curve: Deviation, first: int = 0, onset: float = 0.0) -> Problem:
+    """The problem of a curve from its tau number `first` on; `onset` [samples] of its plateau."""
     m = tuple(int(k) for k in curve.m)
     T = table(curve.n, m)[:, :, first:, first:].copy()
     T[_B, _B] += PLATEAU**2 * np.eye(len(m) - first)
-    return Problem(design(curve.m[first:]), curve.variance[first:], T)
+    return Problem(design(curve.m[first:], onset), curve.variance[first:], T)
 
 
 def _fit(curve: Deviation, first: int) -> Fit:
-    posed = problem(curve, first)
+    """The likeliest of the fits with the plateau beginning somewhere or nowhere."""
+    found = [_fit_with(curve, first, onset) for onset in _onsets(curve)]
+    best = min(found, key=_cost)
+    if not best.weights[_B] > 0:
+        return best
+    for part in (0.5, 0.25) if best.onset > 0 else ():
+        found += [_fit_with(curve, first, best.onset * 2**k) for k in (-part, part)]
+        best = min(found, key=_cost)
+    found.sort(key=lambda one: one.onset)
+    worse = [_cost(one) - _cost(best) for one in found]
+    near = [k for k, one in enumerate(found) if worse[k] < LIMIT and one is not best]
+    outer = sorted({near[0], near[-1]}) if near else []
+    return replace(
+        best, rivals=tuple(Rival(found[k].problem, found[k].weights, worse[k]) for k in outer)
+    )
+
+
+def _fit_with(curve: Deviation, first: int, onset: float) -> Fit:
+    posed = problem(curve, first, onset)
     weights = solve(posed)
-    freedom = len(posed.variance) - int(np.count_nonzero(weights))
-    return Fit(weights, posed, first, posed.whiten(weights).chi2(weights), freedom)
+    freedom = len(posed.variance) - int(np.count_nonzero(weights)) - (onset > 0)
+    return Fit(weights, posed, first, onset, posed.whiten(weights).chi2(weights), freedom)
+
+
+def _cost(found: Fit) -> float:
+    return found.problem.whiten(found.weights).cost(found.weights)
+
+
+def _onsets(curve: Deviation) -> list[float]:
+    """Beginnings of a plateau [samples] to try: none, and octaves that leave some of it."""
+    return [0.0, *(float(m) for m in curve.m if LEAST_PLATEAU * m <= curve.m[-1])]
 
 
 def _described(found: Fit) -> bool:
@@ -267,20 +309,32 @@ def _iterated(posed: Problem, weights: Array, free: IntArray) -> Array:
     return weights
 
 
-def evidence(posed: Problem, best: Array, term: int, at: float) -> float:
-    """How much worse the fit is with a term held `at` a weight: chi-square of 1 if that is true."""
+def evidence(fitted: Fit, term: int) -> float:
+    """How much worse the curve is described without a term: chi-square of 1 if there is none."""
+    rivals = (r.worse + worse_with(r.problem, r.weights, term, 0.0) for r in fitted.rivals)
+    return min(worse_with(fitted.problem, fitted.weights, term, 0.0), *rivals, np.inf)
+
+
+def interval(fitted: Fit, term: int) -> tuple[float, float]:
+    """The 95 % interval of a term's weight; the lower end is 0 where it may be absent."""
+    ends = [_interval(fitted.problem, fitted.weights, term, LIMIT)]
+    ends += [_interval(r.problem, r.weights, term, LIMIT - r.worse) for r in fitted.rivals]
+    return min(low for low, _ in ends), max(high for _, high in ends)
+
+
+def worse_with(posed: Problem, best: Array, term: int, at: float) -> float:
+    """How much worse a fit is with a term held `at` a weight: chi-square of 1 if that is true."""
     held = solve(posed, term, at, near=best)
     white, own = posed.whiten(held), posed.whiten(best)
     return min(white.cost(held) - own.cost(best), white.chi2(held) - white.chi2(best))
 
 
-def interval(posed: Problem, best: Array, term: int) -> tuple[float, float]:
-    """The 95 % interval of a term's weight; the lower end is 0 where it may be absent."""
+def _interval(posed: Problem, best: Array, term: int, limit: float) -> tuple[float, float]:
     peak = float(np.cbrt(best[term]))
 
     def beyond(cube_root: float) -> float:
-        worse = evidence(posed, best, term, cube_root**3)
-        return float(np.sqrt(max(worse, 0.0)) - np.sqrt(LIMIT))
+        worse = worse_with(posed, best, term, cube_root**3)
+        return float(np.sqrt(max(worse, 0.0)) - np.sqrt(limit))
 
     width = _guess(posed, best, term)
     high = _edge(beyond, peak, width)

@@ -40,6 +40,11 @@ TERMS = (
     Term("K", "rate random walk", 1 / 3, 1),
     Term("R", "ramp", 0.5, 2),
 )
+_TIMES = 10.0 ** np.arange(5)
+_FLAT = 30.0  # onsets from which on the plateau is flat within 2 %
+_LEAST = 0.5856  # its least height between 10 and 1000 peaks, per variance of one process: B^2
+_USUAL = 0.5957  # its mean height there
+_SMALL = 1e-3  # below, the closed form loses its digits, and its first term is as good
 KEYS = tuple(term.key for term in TERMS)
 FACTORS = np.array([term.factor for term in TERMS])
 SLOPES = np.array([term.slope for term in TERMS])
@@ -52,9 +57,30 @@ def index(key: str) -> int:
     return KEYS.index(key)
 
 
-def design(tau: Sequence[float] | Array) -> Array:
-    """Variances (k, 5) of terms of value 1 at `tau` (k,), both in s or both in samples."""
-    return FACTORS * np.asarray(tau, dtype=float)[:, None] ** SLOPES
+def design(tau: Sequence[float] | Array, onset: float = 0.0) -> Array:
+    """Variances (k, 5) of terms of value 1 at `tau` (k,), all in s or all in samples.
+
+    `onset` is the shortest correlation time of the bias instability: see `plateau`.
+    """
+    tau = np.asarray(tau, dtype=float)
+    columns = FACTORS * tau[:, None] ** SLOPES
+    if onset > 0:
+        columns[:, index("B")] = plateau(tau / onset)
+    return columns
+
+
+def plateau(x: Array) -> Array:
+    """Height (k,) of the bias instability at x = tau / onset, over its least: 1.017 on the plateau.
+
+    Flicker noise has no shortest correlation time and its plateau no beginning; a sum of
+    Gauss-Markov processes has both. Here: correlation times of 1, 10, 100, ... onsets, of equal
+    variance, each of Allan variance ``(2/y) (1 - (3 - 4 exp(-y) + exp(-2y)) / (2y))`` at
+    y = tau/T (IEEE Std 952 eq. C.22).
+    """
+    y = np.minimum(x, _FLAT)[:, None] / _TIMES
+    exact = 2 / y * (1 + (4 * np.expm1(-y) - np.expm1(-2 * y)) / (2 * y))
+    total = np.where(y < _SMALL, 2 * y / 3, exact).sum(axis=1)
+    return np.where(x >= _FLAT, _USUAL, total) / _LEAST
 
 
 def value(weight: float, term: int, interval: float) -> float:
@@ -67,6 +93,8 @@ def weight(value: float, term: int, interval: float) -> float:
     return float(value**2 * interval ** float(SLOPES[term]))
 
 
-def variance(values: Sequence[float] | Array, tau: Sequence[float] | Array) -> Array:
-    """Allan variance (k,) of terms of the given SI values (5,) at `tau` (k,) [s]."""
-    return design(tau) @ np.asarray(values, dtype=float) ** 2
+def variance(
+    values: Sequence[float] | Array, tau: Sequence[float] | Array, onset: float = 0.0
+) -> Array:
+    """Allan variance (k,) of terms of the given SI values (5,) at `tau` (k,), `onset` [s]."""
+    return design(tau, onset) @ np.asarray(values, dtype=float) ** 2
