@@ -41,6 +41,7 @@ DESCRIBED = 1e-3  # probability of a misfit below which the terms do not describ
 MOST_DROPPED = 5  # octaves
 FEWEST_TAUS = 6  # that must remain when some are dropped
 PLATEAU = 0.03  # of B^2, at each tau by itself: no real plateau is flat
+MOST_EXCESS = 2.0  # relative error of v: a deviation known to a factor of two
 LEAST_PLATEAU = 30  # onsets that a plateau must be seen over
 LEAST_EIGENVALUE = 1e-3  # of the correlations between taus
 ROUNDING = 1e-6  # least relative error of a variance: a ramp alone would have none
@@ -63,12 +64,17 @@ class Problem:
     T: Array
     excess: float = 0.0
 
+    @property
+    def root_slope(self) -> float:
+        """Power of mu in the change from v to cube roots; a model error is in cube roots itself."""
+        return 0.0 if self.excess > 0 else 1 / 3
+
     def whiten(self, weights: Array) -> "White":
         """The residuals for `weights` and their derivative, scaled to unit covariance."""
         mu = self.design @ weights
         relative = covariance(self.T, weights) / np.outer(mu, mu)
-        relative[np.diag_indices_from(relative)] += self.excess**2 + ROUNDING**2
         centre = 1 - np.diag(relative) / 9  # 2/(9 nu) with nu = 2 / relative variance
+        relative[np.diag_indices_from(relative)] += self.excess**2 + ROUNDING**2
         return White(self, centre, *_whitener(relative))
 
 
@@ -93,7 +99,8 @@ class White:
     def cost(self, weights: Array) -> float:
         """Minus twice the log likelihood but for a constant, if this is the weights' covariance."""
         mu = self.problem.design @ weights
-        return self.chi2(weights) + self.log_det + 2 / 3 * float(np.sum(np.log(mu)))
+        log_slopes = self.problem.root_slope * float(np.sum(np.log(mu)))
+        return self.chi2(weights) + self.log_det + 2 * log_slopes
 
     def scoring_step(self, weights: Array, free: IntArray) -> Array:
         """The step (5,) to the non-negative optimum of the likelihood's quadratic model."""
@@ -117,7 +124,7 @@ class White:
         rows *= 2 / np.outer(mu, mu)
         rows -= relative * (slope.T[:, :, None] + slope.T[:, None, :])
         S = self.whitener @ rows @ self.whitener.T
-        gradient = J.T @ residuals - slope.sum(axis=0) / 3
+        gradient = J.T @ residuals - self.problem.root_slope * slope.sum(axis=0)
         gradient += (np.einsum("pij,i,j->p", S, residuals, residuals) - np.einsum("pii->p", S)) / 2
         information = J.T @ J + np.einsum("pij,qij->pq", S, S) / 2
         # A trace keeps terms that the curve cannot tell apart from making it singular.
@@ -234,7 +241,7 @@ def _with_excess(found: Fit) -> Fit:
         posed, weights = solved(log_excess)
         return math.log(posed.whiten(weights).chi2(weights) / found.freedom)
 
-    low, high = math.log(1e-5), math.log(10.0)
+    low, high = math.log(1e-4), math.log(MOST_EXCESS)
     at = low if over(low) <= 0 else high if over(high) >= 0 else _crossing(over, low, high, 1e-2)
     posed, weights = solved(at)
     return replace(found, problem=posed, weights=weights)
