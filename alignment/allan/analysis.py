@@ -20,7 +20,8 @@ SENSORS = ("gyro", "accel")
 AXES = ("x", "y", "z")
 
 SEEN = 10.83  # chi-square of absence (p = 0.001) from which a term is reported
-EXPECTED = 25.0  # chi-square expected of a record long enough: 19 of 20 such records exceed SEEN
+EXPECTED = 25.0  # chi-square expected of a record long enough: nearly all such records exceed SEEN
+EXPECTED_OF_WALK = 50.0  # the few long taus that show K scatter more: four in five do
 PART = 0.1  # of the whole variance that a term must be at some tau
 LONGEST_ADVICE = 87_600 * 3600.0  # s: ten years; beyond that no record is long enough
 
@@ -257,8 +258,8 @@ def needed(weights: Array, term: int, n: int, step: float) -> float | None:
     """How long a record [s] must be to show a term of these weights, None if no length would do.
 
     The curve that is expected of the longer record goes through the very test that real ones do,
-    with room for chance: chi-square 25 where 10.8 is asked. The value is then known to about 20 %
-    (95 %). Lengths go in steps of a factor 1.41, from n samples of `step` [s] to ten years.
+    with room for chance: chi-square 25 (K: 50) where 10.8 is asked. The value is then known to
+    about 20 % (95 %). Lengths go in steps of 1.41, from n samples of `step` [s] to ten years.
     """
     most = int(2 * np.log2(max(1.0, LONGEST_ADVICE / (n * step))))
     lengths = [int(np.ceil(n * 2 ** (k / 2))) for k in range(most + 1)]
@@ -278,11 +279,13 @@ def needed(weights: Array, term: int, n: int, step: float) -> float | None:
 
 def _expected(weights: Array, term: int, n: int) -> bool:
     m = octaves(n)
+    m = np.unique([1, *m[::-2]])  # half of them tell nearly as much, in a third of the time
     columns = design(m)
     if _part(weights, columns, term) < PART:
         return False
     posed = problem(Deviation(n, 1.0, m, columns @ weights))
-    return worse_with(posed, weights, term, 0.0) >= EXPECTED
+    enough = EXPECTED_OF_WALK if KEYS[term] == "K" else EXPECTED
+    return worse_with(posed, weights, term, 0.0) >= enough
 
 
 def _refuse_unless_shown(term: str, channels: tuple[Channel, ...], duration: float) -> None:

@@ -70,7 +70,8 @@ def covariance(T: Array, weights: Array) -> Array:
 def degrees_of_freedom(n: int, m: tuple[int, ...], weights: Array) -> Array:
     """Equivalent degrees of freedom (k,): ``2 E[v]^2 / Var v``, noise and ramp of these weights."""
     expected = design(m) @ weights
-    return 2 * expected**2 / np.diag(covariance(table(n, m), weights))
+    variances = np.diag(covariance(table(n, m), weights))
+    return 2 * expected**2 / np.maximum(variances, 2e-12 * expected**2)  # a ramp alone has none
 
 
 def _pair(n: int, m_i: int, m_j: int) -> Array:

@@ -10,6 +10,7 @@ from alignment.errors import TooShort
 
 LONGEST = 8  # parts of a record that the longest averaging time must fit in
 FEWEST = 96  # samples: four octaves, 1 to 8 samples, with 12 averages at the longest
+CANCELLED = 1e-12  # of the largest variance: less is a pattern that repeats
 SILENT = 1e-13  # of the signal's size: a scatter this small is rounding
 
 
@@ -46,7 +47,7 @@ class Deviation:
     @property
     def silent(self) -> bool:
         """Whether there is nothing to see: a signal that is constant but for rounding."""
-        return not self.variance.all()
+        return not self.variance.any()
 
 
 def octaves(n: int) -> np.ndarray:
@@ -87,10 +88,13 @@ def deviation(signal: Array, interval: float) -> Deviation:
         return Deviation(n, interval, m, np.zeros(len(m)))
     offset -= offset.mean()
     phase = np.concatenate([[0.0], np.cumsum(offset, out=offset)])
-    return Deviation(n, interval, m, _variances(phase, m))
+    found = variances(phase, m)
+    # A pattern can cancel at one tau; a logarithm of it is needed all the same.
+    return Deviation(n, interval, m, np.maximum(found, CANCELLED * found.max()))
 
 
-def _variances(phase: Array, m: np.ndarray) -> Array:
+def variances(phase: Array, m: np.ndarray) -> Array:
+    """Overlapping Allan variances (k,) of the running sum `phase` (n + 1,) at m (k,) samples."""
     import allantools  # brings scipy.stats, 1.5 s of start-up
 
     found = np.zeros(len(m))

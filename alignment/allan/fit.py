@@ -38,7 +38,7 @@ from alignment.arrays import Array, IntArray
 
 LIMIT = 4.5  # chi-square of a 95 % interval: see above
 DESCRIBED = 1e-3  # probability of a misfit below which the terms do not describe the curve
-MOST_DROPPED = 5  # octaves
+MOST_DROPPED = 8  # octaves
 FEWEST_TAUS = 6  # that must remain when some are dropped
 PLATEAU = 0.03  # of B^2, at each tau by itself: no real plateau is flat
 MOST_EXCESS = 2.0  # relative error of v: a deviation known to a factor of two
@@ -178,9 +178,9 @@ def fit(curve: Deviation) -> Fit:
     if _described(whole):
         return whole
     for first in range(1, min(MOST_DROPPED, len(curve.m) - FEWEST_TAUS) + 1):
-        part = _fit(curve, first)
-        if _described(part):
-            return part
+        for onset in {0.0, whole.onset}:
+            if _described(_fit_with(curve, first, onset)):
+                return _fit(curve, first)
     return _with_excess(whole)
 
 
@@ -194,12 +194,14 @@ def problem(curve: Deviation, first: int = 0, onset: float = 0.0) -> Problem:
 
 def _fit(curve: Deviation, first: int) -> Fit:
     """The likeliest of the fits with the plateau beginning somewhere or nowhere."""
-    found = [_fit_with(curve, first, onset) for onset in _onsets(curve)]
+    flat = _fit_with(curve, first, 0.0)
+    found = [flat, *(_fit_with(curve, first, onset, flat.weights) for onset in _onsets(curve))]
     best = min(found, key=_cost)
     if not best.weights[_B] > 0:
         return best
-    for part in (0.5, 0.25) if best.onset > 0 else ():
-        found += [_fit_with(curve, first, best.onset * 2**k) for k in (-part, part)]
+    for part in (1, 0.5, 0.25) if best.onset > 0 else ():
+        beside = (best.onset * 2**k for k in (-part, part))
+        found += [_fit_with(curve, first, onset, best.weights) for onset in beside]
         best = min(found, key=_cost)
     found.sort(key=lambda one: one.onset)
     worse = [_cost(one) - _cost(best) for one in found]
@@ -210,9 +212,9 @@ def _fit(curve: Deviation, first: int) -> Fit:
     )
 
 
-def _fit_with(curve: Deviation, first: int, onset: float) -> Fit:
+def _fit_with(curve: Deviation, first: int, onset: float, near: Array | None = None) -> Fit:
     posed = problem(curve, first, onset)
-    weights = solve(posed)
+    weights = solve(posed, near=near)
     freedom = len(posed.variance) - int(np.count_nonzero(weights)) - (onset > 0)
     return Fit(weights, posed, first, onset, posed.whiten(weights).chi2(weights), freedom)
 
@@ -222,8 +224,8 @@ def _cost(found: Fit) -> float:
 
 
 def _onsets(curve: Deviation) -> list[float]:
-    """Beginnings of a plateau [samples] to try: none, and octaves that leave some of it."""
-    return [0.0, *(float(m) for m in curve.m if LEAST_PLATEAU * m <= curve.m[-1])]
+    """Beginnings of a plateau [samples] to try first, two octaves apart, that leave some of it."""
+    return [float(m) for m in curve.m[::2] if LEAST_PLATEAU * m <= curve.m[-1]]
 
 
 def _described(found: Fit) -> bool:
@@ -332,8 +334,10 @@ def interval(fitted: Fit, term: int) -> tuple[float, float]:
 def worse_with(posed: Problem, best: Array, term: int, at: float) -> float:
     """How much worse a fit is with a term held `at` a weight: chi-square of 1 if that is true."""
     held = solve(posed, term, at, near=best)
-    white, own = posed.whiten(held), posed.whiten(best)
-    return min(white.cost(held) - own.cost(best), white.chi2(held) - white.chi2(best))
+    white = posed.whiten(held)
+    return min(
+        white.cost(held) - posed.whiten(best).cost(best), white.chi2(held) - white.chi2(best)
+    )
 
 
 def _interval(posed: Problem, best: Array, term: int, limit: float) -> tuple[float, float]:

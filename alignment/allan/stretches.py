@@ -11,6 +11,7 @@ from alignment.arrays import Array
 GAP = 1.5  # median steps
 RATE = 0.01  # relative change of the mean step
 WINDOW = 1000  # steps whose mean is compared with that of as many before
+LATE = 3.0  # steps that single stamps may be off by: no change of rate, in a short window
 _AROUND = 8  # steps to either side that may make up for a late stamp
 
 
@@ -35,7 +36,8 @@ def interruptions(t: Array) -> list[Interruption]:
 
     A step is a gap if it is longer than `GAP` medians and the `_AROUND` steps to either side do not
     make up for it: a stamp that was only late is jitter. The rate changes where the mean of
-    `WINDOW` steps (a tenth of a shorter stretch's) differs by `RATE` from that of as many before.
+    `WINDOW` steps (a tenth of a shorter stretch's) differs by `RATE` from that of as many before,
+    or by `LATE` steps in a window of fewer than 300.
     """
     if len(t) < 3:
         return []
@@ -76,7 +78,7 @@ def _changes(t: Array, start: int, stop: int) -> list[Interruption]:
     here = t[start:stop]
     mean = (here[window:] - here[:-window]) / window
     ratio = np.abs(np.log(mean[window:] / mean[:-window]))
-    at = np.flatnonzero(ratio > RATE)
+    at = np.flatnonzero(ratio > max(RATE, LATE / window))
     found = []
     for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
         if len(run):
