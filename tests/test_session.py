@@ -1,4 +1,4 @@
-"""Whole runs: what the recording holds, and what the issue of a six-position test must show."""
+"""Whole runs: what the recording holds, and what a six-position test must show."""
 
 import json
 import os
