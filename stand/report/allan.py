@@ -103,9 +103,10 @@ def in_percent(value: float, low: float, high: float) -> str:
     """A value with its interval: '0.150 ±1.2 %', '5.0 -9/+12 %' where it is lopsided."""
     below, above = 100 * (1 - low / value), 100 * (high / value - 1)
     digits = int(np.clip(np.ceil(-log10(max(below, above, 1e-9) / 100)) + 1, 2, 6))
+    shown = f"{value:#.{digits}g}".rstrip(".")  # with the zeros that are known to be zeros
     if max(below, above) < 1.25 * min(below, above):
-        return f"{value:.{digits}g} ±{(below + above) / 2:.2g} %"
-    return f"{value:.{digits}g} -{below:.2g}/+{above:.2g} %"
+        return f"{shown} ±{(below + above) / 2:.2g} %"
+    return f"{shown} -{below:.2g}/+{above:.2g} %"
 
 
 def needs_text(missing: Missing) -> str:
