@@ -28,12 +28,13 @@ from stand.recording.interchange import (
     McapWriter,
     cdr,
     read_imu,
+    read_joints,
     read_metadata,
     read_truth,
     schemas,
     write_imu_log,
 )
-from stand.recording.interchange.decode import decode_imu, frame_id
+from stand.recording.interchange.decode import decode_imu, decode_joints, frame_id
 from stand.samples import ImuBlock, TruthBlock
 
 MS = 1_000_000
@@ -67,7 +68,8 @@ def blocks(n, dt_ns=MS, seed=1):
     t_ns = (np.arange(n) + 1) * dt_ns
     q = Rotation.random(n, rng).as_quat()
     vectors = rng.normal(size=(4, n, 3))
-    truth = TruthBlock(t_ns, vectors[0], vectors[1], q, *rng.normal(size=(2, n, len(JOINTS))))
+    # true angles and rates, then what the encoders say of them
+    truth = TruthBlock(t_ns, vectors[0], vectors[1], q, *rng.normal(size=(4, n, len(JOINTS))))
     return truth, ImuBlock(t_ns, vectors[2], vectors[3])
 
 
@@ -167,13 +169,18 @@ def test_truth_has_the_orientation(run):
     assert {m.orientation_covariance[0] for m in messages} == {0.0}
 
 
-def test_joint_states_bit_exact_in_rosbags(run):
+@pytest.mark.parametrize(
+    ("topic", "angles", "rates"),
+    [("/joint_states", "encoders", "encoder_rates"), ("/joint_truth", "joints", "joint_rates")],
+)
+def test_joint_topics_bit_exact_in_rosbags(run, topic, angles, rates):
     path, truth, _ = run
-    messages = decoded(path)["/joint_states"]
+    messages = decoded(path)[topic]
     columns = [0, 5]  # base_roll and inner, of the six
     np.testing.assert_array_equal([stamp(m.header) for _, m in messages], EPOCH_NS + truth.t_ns)
-    np.testing.assert_array_equal([m.position for _, m in messages], truth.joints[:, columns])
-    np.testing.assert_array_equal([m.velocity for _, m in messages], truth.joint_rates[:, columns])
+    for field, name in (("position", angles), ("velocity", rates)):
+        shown = [getattr(m, field) for _, m in messages]
+        np.testing.assert_array_equal(shown, getattr(truth, name)[:, columns])
     assert {(*m.name, len(m.effort)) for _, m in messages} == {("base_roll", "inner", 0)}
 
 
@@ -224,11 +231,15 @@ def chained(transforms, child):
 
 
 def test_transform_chain_by_hand(tmp_path):
-    """Both hinges at +90 deg: X1 up, Y1 east, Z1 north, the point 0.1 m east of the plate."""
+    """Both hinges at +90 deg: X1 up, Y1 east, Z1 north, the point 0.1 m east of the plate.
+
+    The encoders say something else: transforms follow what is.
+    """
     angles = np.zeros((2, 6))
     angles[1, [0, 5]] = np.pi / 2
     still, imu = blocks(2, dt_ns=30 * MS)
-    truth = TruthBlock(still.t_ns, still.w_ib_b, still.f_b, still.q_wb, angles, 0 * angles)
+    motion = (angles, 0 * angles, angles + 0.1, 0 * angles)
+    truth = TruthBlock(still.t_ns, still.w_ib_b, still.f_b, still.q_wb, *motion)
     with writer(tmp_path / "run.mcap") as file:
         file.write(truth, imu)
     messages = decoded(tmp_path / "run.mcap")
@@ -400,9 +411,40 @@ def test_read_truth_bit_exact(run):
     np.testing.assert_array_equal(read_imu(path, "/imu/truth").w_ib_b, truth.w_ib_b)
 
 
+@pytest.mark.parametrize(
+    ("topic", "angles", "rates"),
+    [
+        (None, "encoders", "encoder_rates"),
+        ("/joint_states", "encoders", "encoder_rates"),
+        ("/joint_truth", "joints", "joint_rates"),
+    ],
+)
+def test_read_joints_bit_exact(run, topic, angles, rates):
+    path, truth, _ = run
+    log = read_joints(path, topic)
+    assert (log.path, log.topic) == (str(path), topic or "/joint_states")
+    assert log.names == ("base_roll", "inner")
+    assert len(log) == len(truth)
+    np.testing.assert_array_equal(log.t_ns, EPOCH_NS + truth.t_ns)
+    np.testing.assert_array_equal(log.angles, getattr(truth, angles)[:, [0, 5]])
+    np.testing.assert_array_equal(log.rates, getattr(truth, rates)[:, [0, 5]])
+
+
+def test_a_late_metadata_record(tmp_path):
+    with writer(tmp_path / "run.mcap") as file:
+        file.write(*blocks(10))
+        file.metadata("settled", {"X1 up": "1.25"})
+    assert read_metadata(tmp_path / "run.mcap") == METADATA | {"settled": {"X1 up": "1.25"}}
+    with open(tmp_path / "run.mcap", "rb") as opened:
+        names = [m.name for m in make_reader(opened, validate_crcs=True).iter_metadata()]
+    assert names == [*METADATA, "settled"]
+
+
 def test_logs_are_read_only(run):
-    for log in (read_imu(run[0]), read_truth(run[0])):
-        for values in (log.t_ns, log.w_ib_b, log.f_b):
+    joints = read_joints(run[0])
+    logs = [(log.t_ns, log.w_ib_b, log.f_b) for log in (read_imu(run[0]), read_truth(run[0]))]
+    for arrays in (*logs, (joints.t_ns, joints.angles, joints.rates)):
+        for values in arrays:
             with pytest.raises(ValueError, match="read-only"):
                 values[0] = 0
 
@@ -519,6 +561,97 @@ def test_any_mixture_of_messages_is_decoded(drawn):
     np.testing.assert_array_equal(batch.f_b, [m[4][3:6] for m in drawn])
     np.testing.assert_array_equal(batch.q, [m[4][6:] for m in drawn])
     assert [frame_id(raw, at) for at in starts] == [m[2] for m in drawn]
+
+
+# --- JointState by an independent writer: rosbags, and big endian by hand
+
+
+def joint_state(t_ns, names, angles, rates=(), frame="", order="<", efforts=()):
+    """A sensor_msgs/msg/JointState, field by field; an empty sequence has no padding."""
+    text = frame.encode() + b"\0"
+    body = struct.pack(f"{order}iI", *divmod(t_ns, S)) + struct.pack(f"{order}I", len(text)) + text
+    body += bytes(-len(body) % 4) + struct.pack(f"{order}I", len(names))
+    for name in names:
+        text = name.encode() + b"\0"
+        body += bytes(-len(body) % 4) + struct.pack(f"{order}I", len(text)) + text
+    for values in (angles, rates, efforts):
+        body += bytes(-len(body) % 4) + struct.pack(f"{order}I", len(values))
+        if len(values):
+            body += bytes(-len(body) % 8) + struct.pack(f"{order}{len(values)}d", *values)
+    return bytes([0, 1 if order == "<" else 0, 0, 0]) + body
+
+
+def test_joint_bytes_by_hand_are_those_of_rosbags_and_ours():
+    from rosbags.typesys import Stores, get_typestore
+
+    names, angles, rates = ("outer", "inner_long"), [[0.5, -2.0], [3.0, 4.0]], [[1.0, 7.0]] * 2
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    time, header, state = (
+        store.types[name]
+        for name in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header", schemas.JOINT_STATE)
+    )
+    stamps = np.array([5, 3 * S + 7])
+    ours = cdr.joint_states(stamps, names, np.array(angles), np.array(rates))
+    for row, t_ns, q, w in zip(ours, stamps.tolist(), angles, rates, strict=True):
+        message = state(
+            header(time(*divmod(t_ns, S)), ""), list(names), np.array(q), np.array(w), np.empty(0)
+        )
+        hand = joint_state(t_ns, names, q, w)
+        assert row.tobytes() == hand
+        assert bytes(store.serialize_cdr(message, schemas.JOINT_STATE)) == hand
+
+
+NAMES = ("outer", "arm/middle", "\u00fc")
+joint_messages = st.tuples(
+    st.integers(0, 2**31 - 1),
+    st.permutations(range(3)),
+    st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=9),
+    st.sampled_from("<>"),
+    st.lists(st.floats(allow_nan=False), min_size=6, max_size=6),
+    st.booleans(),
+    st.booleans(),
+    st.binary(max_size=5),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(joint_messages, min_size=1, max_size=6))
+def test_any_mixture_of_joint_states_is_decoded(drawn):
+    data, starts, sizes = b"", [], []
+    for sec, places, frame, order, x, with_rates, with_efforts, before in drawn:
+        data += before
+        starts.append(len(data))
+        q, w = [x[k] for k in places], [x[3 + k] for k in places]
+        data += joint_state(
+            sec * S + 3,
+            [NAMES[k] for k in places],
+            q,
+            w if with_rates else (),
+            frame,
+            order,
+            q if with_efforts else (),
+        )
+        sizes.append(len(data) - starts[-1])
+    raw = np.frombuffer(data, np.uint8)
+    batch = decode_joints(raw, np.array(starts), np.array(sizes), names=NAMES)
+    assert batch.names == NAMES
+    np.testing.assert_array_equal(batch.t_ns, [m[0] * S + 3 for m in drawn])
+    np.testing.assert_array_equal(batch.angles, [m[4][:3] for m in drawn])
+    rates = [m[4][3:] if m[5] else [np.nan] * 3 for m in drawn]
+    np.testing.assert_array_equal(batch.rates, rates)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 200), st.integers(0, 255), st.integers(0, 60))
+def test_damaged_joint_states_never_lead_to_another_exception(at, value, cut_off):
+    message = bytearray(joint_state(5, NAMES, [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]))
+    message[at % len(message)] = value
+    raw = np.frombuffer(bytes(message), np.uint8)
+    try:
+        decode_joints(raw, np.array([0]), np.array([len(message) - cut_off]))
+    except StandError as error:
+        if not str(error).startswith("message 0: "):
+            raise
 
 
 # --- foreign files
@@ -748,3 +881,83 @@ def test_times_of_an_imported_log(tmp_path, times, match):
     with pytest.raises(StandError, match=match):
         write_imu_log(path, t_ns=np.array(times), w_ib_b=zero, f_b=zero, epoch_ns=0, metadata={})
     assert not path.exists()
+
+
+# --- foreign logs of joints
+
+
+def turning(n, **options):
+    return [joint_state(k * MS + 1, ("table",), [k], [2.0 * k], **options) for k in range(n)]
+
+
+def joint_file(path, topics):
+    return foreign(path, topics, type_name=schemas.JOINT_STATE, chunk_size=4000)
+
+
+def test_joints_of_a_foreign_file(tmp_path):
+    """Names in another order from message to message, two byte orders, over many chunks."""
+    messages = []
+    for k in range(3000):
+        names, values = ("a", "b"), [k, -k]
+        if k % 3 == 1:
+            names, values = names[::-1], values[::-1]
+        rates = [values[0] + 0.5, values[1] + 0.5]
+        messages.append(joint_state(k * MS + 1, names, values, rates, "f" * (k % 4), "<>"[k % 2]))
+    log = read_joints(joint_file(tmp_path / "log.mcap", {"/table/joints": messages}))
+    assert (log.topic, log.names) == ("/table/joints", ("a", "b"))
+    k = np.arange(3000)
+    np.testing.assert_array_equal(log.t_ns, k * MS + 1)
+    np.testing.assert_array_equal(log.angles, np.stack([k, -k], axis=1))
+    np.testing.assert_array_equal(log.rates, np.stack([k, -k], axis=1) + 0.5)
+
+
+@pytest.mark.parametrize("rates", [(), (float("nan"),)])
+def test_joints_without_rates(tmp_path, rates):
+    messages = [*turning(2), joint_state(S, ("table",), [9.0], rates)]
+    log = read_joints(joint_file(tmp_path / "log.mcap", {"/joint_states": messages}))
+    assert log.rates is None
+    np.testing.assert_array_equal(log.angles[:, 0], [0.0, 1.0, 9.0])
+
+
+@pytest.mark.parametrize(
+    ("topics", "match"),
+    [
+        ({}, r"no topic with sensor_msgs/msg/JointState; it has: no topics$"),
+        ({"/j": []}, r"/j: has no messages$"),
+        (
+            {"/b": turning(1), "/a": turning(1)},
+            r"several topics with sensor_msgs/msg/JointState and none is /joint_states: /a, /b$",
+        ),
+        ({"/j": [*turning(2), turning(1)[0]]}, r"/j: message 2: header stamp 1 ns is not later"),
+        (
+            {"/j": [*turning(1), joint_state(S, ("table", "x"), [1, 2])]},
+            r"/j: message 1: joints table, x, must be table as before$",
+        ),
+        (
+            {"/j": [joint_state(1, ("a", "a"), [1, 2])]},
+            r"/j: message 0: joints a, a: must be one or more, each once$",
+        ),
+        (
+            {"/j": [joint_state(1, ("a", "b"), [1])]},
+            r"/j: message 0: 1 angles, must be 2, one for each joint$",
+        ),
+        (
+            {"/j": [joint_state(1, ("a", "b"), [1, 2], [1])]},
+            r"/j: message 0: 1 rates, must be 2, one for each joint, or none$",
+        ),
+        (
+            {"/j": [*turning(1), joint_state(S, ("table",), [float("inf")])]},
+            r"/j: message 1: position \[inf\] is not finite$",
+        ),
+        (
+            {"/j": [*turning(1), turning(2)[1][:40]]},
+            r"/j: message 1: 40 bytes, sensor_msgs/msg/JointState needs \d+ or more$",
+        ),
+    ],
+)
+def test_faults_of_joints(tmp_path, topics, match):
+    path = joint_file(tmp_path / "log.mcap", topics)
+    with pytest.raises(StandError, match=match) as caught:
+        read_joints(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)

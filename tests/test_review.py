@@ -279,6 +279,95 @@ def test_phases_events_and_texts(rrd):
     assert table(rrd, "/__properties/run", "seed")[1] == [["7"]]
 
 
+def following(n: int) -> np.ndarray:
+    """Six columns, told apart by their size; one spike of an arc minute."""
+    lag = np.outer(np.sin(np.arange(n)), np.arange(1.0, 7.0)) * np.pi / 180 / 3600
+    lag[n // 3, 4] = np.pi / 180 / 60
+    return lag
+
+
+def servo_review(path: Path, model: StandModel, n: int, rate_hz: int) -> Path:
+    truth, imu = samples(n, rate_hz)
+    lag = following(n)
+    options = {"run_id": "s", "title": "S", "phases": PHASES, "properties": {}}
+    with ReviewWriter(
+        path,
+        model=model,
+        duration_s=n / rate_hz,
+        rate_hz=rate_hz,
+        w_ie_enu=[0.0, 4e-5, 6e-5],
+        following=True,
+        **options,
+    ) as writer:
+        for rows in pieces(n, 250):
+            block, reported = TruthBlock(**cut(truth, rows)), ImuBlock(**cut(imu, rows))
+            writer.write(block, reported, lag[rows])
+        with pytest.raises(ValueError, match="following: must be given if and only if"):
+            writer.write(block, reported)
+    return path
+
+
+def test_following_error_of_a_servo_run(model, rrd, tmp_path):
+    path = servo_review(tmp_path / "servo.rrd", model, 600, 200)
+    _, rows = scalars(path, "/stand/following")
+    # 206264.806 arc seconds are a radian; the order of two factors may cost the last bits
+    np.testing.assert_allclose(rows, following(600) * 206264.80624709636, rtol=1e-13)
+    names = [name for (name,) in blueprint_values(path, "ViewBlueprint:display_name")]
+    assert "Following error [arc s], -6 to 60" in names
+    assert "Following error [arc s]" not in str(blueprint_values(rrd, "ViewBlueprint:display_name"))
+    (styles,) = table(path, "/stand/following", "SeriesLines:names")[1]
+    assert styles == ["base_roll", "base_pitch", "base_yaw", "outer", "middle", "inner"]
+
+
+def test_a_spike_of_following_error_survives_thinning(model, tmp_path, monkeypatch):
+    monkeypatch.setattr(review, "ROW_BUDGET", 300)
+    path = servo_review(tmp_path / "long.rrd", model, 5003, 1000)
+    t_ns, rows = scalars(path, "/stand/following")
+    assert len(t_ns) <= 302
+    assert rows[:, 4].max() == pytest.approx(60.0, rel=1e-12)
+    assert rows[:, 3].max() == pytest.approx(4.0, rel=1e-5)  # the sine's own peak
+
+
+def lab(colors: np.ndarray) -> np.ndarray:
+    """CIE L*a*b* (n, 3) of sRGB colours (n, 3; 0 to 255), white D65."""
+    linear = colors / 255.0
+    linear = np.where(linear <= 0.04045, linear / 12.92, ((linear + 0.055) / 1.055) ** 2.4)
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    t = linear @ np.transpose(to_xyz) / [0.9505, 1.0, 1.089]
+    f = np.where(t > (6 / 29) ** 3, np.cbrt(t), t / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.stack(
+        [116 * f[:, 1] - 16, 500 * (f[:, 0] - f[:, 1]), 200 * (f[:, 1] - f[:, 2])], axis=1
+    )
+
+
+# Machado, Oliveira and Fernandes 2009, severity 1.0, applied to linear RGB there; to sRGB values
+# directly, as many simulators do, which is enough for a comparison.
+VISION = {
+    "usual": np.eye(3),
+    "protan": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "deutan": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+}
+
+
+@pytest.mark.parametrize("vision", VISION)
+def test_colours_of_the_kinds_are_told_apart(vision):
+    """A difference of 10 in L*a*b* is seen at once; 2 is just noticeable."""
+    colors = np.array(list(review.KIND_COLORS.values()), float)
+    seen = lab(np.clip(colors @ np.transpose(VISION[vision]), 0.0, 255.0))
+    apart = np.linalg.norm(seen[:, None] - seen[None, :], axis=2)
+    assert apart[~np.eye(len(colors), dtype=bool)].min() > 10.0
+
+
+def test_every_kind_of_step_has_a_colour():
+    from typing import get_args
+
+    from stand.steps import Step
+
+    union, *_ = get_args(Step)
+    kinds = {get_args(entry.model_fields["kind"].annotation)[0] for entry in get_args(union)}
+    assert set(review.KIND_COLORS) == kinds
+
+
 def test_layout_is_paused_and_names_method_factor_and_range(rrd):
     paused = [[PlayState.Paused.value]]
     assert blueprint_values(rrd, "TimePanelBlueprint:play_state") == 2 * paused

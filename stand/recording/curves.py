@@ -50,7 +50,7 @@ class AngleCurves:
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """A step of the procedure as it ran: `kind` is 'dwell' or 'move'."""
+    """A step of the procedure as it ran; `kind` as in the procedure: 'dwell', 'move', 'rate'."""
 
     t_from_ns: int
     t_to_ns: int

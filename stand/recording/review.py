@@ -18,6 +18,7 @@ from rerun.components import AggregationPolicy
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray, owned
+from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G, STANDARD_GRAVITY
 from stand.errors import StandError
 from stand.physics.description import JOINTS, Body, Geom, StandModel
 from stand.recording.curves import ANGLES, AngleCurves, Phase
@@ -38,10 +39,6 @@ ESTIMATE_BUDGET = 5_000
 AXIS_LENGTH = 0.35
 """Of the axes at the instrument, in radii of the stand."""
 
-DEG = np.pi / 180.0
-DEG_PER_HOUR = DEG / 3600.0
-G0 = 9.80665
-
 # Okabe and Ito's palette, its dark blues lightened for a dark background: distinct to
 # colour-blind eyes too.
 Color = tuple[int, int, int]
@@ -51,7 +48,19 @@ GREY, WHITE = (140, 140, 140), (235, 235, 235)
 XYZ = (RED, GREEN, SKY)
 XYZ_PALE = ((255, 178, 140), (140, 230, 200), (190, 228, 255))
 METHOD_COLORS = (SKY, ORANGE, PINK, YELLOW, GREEN)
-KIND_COLORS = {"dwell": (38, 110, 170), "move": (190, 120, 30)}
+# One per kind of step, darker ones for what fills most of a run.
+KIND_COLORS = {
+    "dwell": (38, 110, 170),
+    "move": (190, 120, 30),
+    "rate": (17, 119, 51),
+    "sweep": (68, 170, 153),
+    "sine": (180, 80, 220),
+    "scorsby": (221, 204, 119),
+    "coning": (136, 204, 238),
+    "sway": (204, 102, 119),
+    "vibration": (136, 34, 85),
+    "profile": (221, 221, 221),
+}
 BACKGROUND = (24, 26, 30)
 
 
@@ -77,7 +86,13 @@ CHANNELS = (
     Channel("residual/accel", AXES, XYZ, "Accelerometers minus truth [mg]"),
     Channel("residual/gyro", AXES, XYZ, "Gyros minus truth [deg/h]"),
 )
-WIDTH = sum(len(channel.names) for channel in CHANNELS)
+FOLLOWING = Channel(
+    "stand/following",
+    JOINTS,
+    (YELLOW, PINK, RED, SKY, ORANGE, GREEN),
+    "Following error [arc s]",
+)
+"""Of a servo run: demanded minus realised angle of every axis."""
 
 # A pose is sent when the joints [rad], the rate [rad/s] or the specific force [m/s^2] have left
 # these steps: too small to see in 3D, too large for rounding to pass them.
@@ -112,7 +127,7 @@ class Scene(NamedTuple):
 
 
 class Screen(NamedTuple):
-    """What the layout is made for.
+    """What the layout is made for: the plots of samples, and how they are shown.
 
     `ranges` are the extremes of each plot by its entity, `limits` what its axis shows if that is
     less; `tested` are the methods whose axes are shown in 3D, their error times `factor`.
@@ -120,6 +135,7 @@ class Screen(NamedTuple):
 
     scene: Scene
     duration_s: float
+    channels: tuple[Channel, ...]
     ranges: dict[str, tuple[float, float]]
     limits: dict[str, tuple[float, float]]
     tested: tuple[str, ...] = ()
@@ -144,6 +160,8 @@ class ReviewWriter:
         Earth rate [rad/s].
     properties : mapping
         Shown with the recording: seed, versions, hashes.
+    following : bool
+        Whether the joints follow a servo, whose error is shown then.
 
     Raises
     ------
@@ -170,12 +188,15 @@ class ReviewWriter:
         phases: Sequence[Phase],
         w_ie_enu: ArrayLike,
         properties: Mapping[str, str | int | float],
+        following: bool = False,
     ) -> None:
         n = round(duration_s * rate_hz)
         w_ie = owned(w_ie_enu, "w_ie_enu", (3,))
         self._model, self._scene, self._w_ie = model, _scene(model), float(np.linalg.norm(w_ie))
-        self._screen = Screen(self._scene, duration_s, {}, {})
-        self._samples = Thinned(WIDTH, bin_length(n, ROW_BUDGET), BLOCK_ROWS)
+        self._channels = (*CHANNELS, FOLLOWING) if following else CHANNELS
+        self._screen = Screen(self._scene, duration_s, self._channels, {}, {})
+        width = sum(len(channel.names) for channel in self._channels)
+        self._samples = Thinned(width, bin_length(n, ROW_BUDGET), BLOCK_ROWS)
         step = max(-(-rate_hz // POSE_HZ), -(-n // POSE_BUDGET), 1)
         self._moved = Moved(step, POSE_QUANTA)
         self._poses = Thinned(len(POSE_QUANTA), 1, BLOCK_ROWS // 4)
@@ -190,7 +211,7 @@ class ReviewWriter:
         self._send_scene(w_ie)
         self._send_phases(phases)
 
-    def write(self, truth: TruthBlock, imu: ImuBlock) -> None:
+    def write(self, truth: TruthBlock, imu: ImuBlock, following: Array | None = None) -> None:
         """Take the next samples.
 
         Parameters
@@ -198,10 +219,14 @@ class ReviewWriter:
         truth : TruthBlock, n rows
         imu : ImuBlock, n rows
             At the same times.
+        following : (n, 6) or None
+            Demanded minus realised joint angles [rad], of a review made for them.
         """
         if not np.array_equal(truth.t_ns, imu.t_ns):
             raise ValueError("truth and imu must have the same t_ns")
-        for block in self._samples.add(truth.t_ns, _samples(truth, imu)):
+        if (following is not None) != (FOLLOWING in self._channels):
+            raise ValueError("following: must be given if and only if the review is made for it")
+        for block in self._samples.add(truth.t_ns, _samples(truth, imu, following)):
             self._send_samples(block)
         poses = np.hstack([truth.joints, truth.w_ib_b, truth.f_b])
         for block in self._poses.add(*self._moved.add(truth.t_ns, poses)):
@@ -288,7 +313,7 @@ class ReviewWriter:
     def _send_samples(self, block: Rows) -> None:
         t_ns, values = block
         first = 0
-        for channel in CHANNELS:
+        for channel in self._channels:
             last = first + len(channel.names)
             # A copy: rerun writes later, from another thread, when the buffer is in use again.
             rows = values[:, first:last].copy()
@@ -303,7 +328,7 @@ class ReviewWriter:
             if body.joint is not None:
                 self._send_hinge(body, t_ns, joints[:, JOINTS.index(body.joint.name)])
         length = 0.6 * self._scene.radius
-        arrows = {"w": _rate_arrow(w, self._w_ie), "f": f / G0}
+        arrows = {"w": _rate_arrow(w, self._w_ie), "f": f / STANDARD_GRAVITY}
         for name, arrow in arrows.items():
             columns = rr.Arrows3D.columns(vectors=(arrow * length).astype(np.float32))
             self._send(f"{self._scene.imu}/{name}", t_ns, columns)
@@ -343,7 +368,7 @@ class ReviewWriter:
                 self._log(f"{entity}/solids/{kind}", solids)
         self._log(scene.imu, _transform(self._model.imu_position, self._model.imu_rotation))
         self._send_arrow_styles(w_ie)
-        for channel in CHANNELS:
+        for channel in self._channels:
             self._log(channel.entity, _lines(channel.names, channel.colors, width=1.2))
 
     def _send_arrow_styles(self, w_ie: Array) -> None:
@@ -448,17 +473,16 @@ def _open_stream(
     return stream
 
 
-def _samples(truth: TruthBlock, imu: ImuBlock) -> Array:
-    """The columns of `CHANNELS`, in their units."""
-    return np.hstack(
-        [
-            truth.joints / DEG,
-            imu.f_b,
-            imu.w_ib_b / DEG,
-            (imu.f_b - truth.f_b) / (1e-3 * G0),
-            (imu.w_ib_b - truth.w_ib_b) / DEG_PER_HOUR,
-        ]
-    )
+def _samples(truth: TruthBlock, imu: ImuBlock, following: Array | None) -> Array:
+    """The columns of `CHANNELS`, and of `FOLLOWING` if given, in their units."""
+    columns = [
+        truth.joints / DEG,
+        imu.f_b,
+        imu.w_ib_b / DEG,
+        (imu.f_b - truth.f_b) / MILLI_G,
+        (imu.w_ib_b - truth.w_ib_b) / DEG_PER_HOUR,
+    ]
+    return np.hstack(columns if following is None else [*columns, following / ARC_SECOND])
 
 
 def _state(phase: Phase) -> str:
@@ -648,15 +672,16 @@ def _texts() -> rrb.Tabs:
 
 
 def _plots(screen: Screen) -> rrb.Vertical:
-    base, table, accel, gyro, *residuals = (_plot(screen, c.entity, c.title) for c in CHANNELS)
+    plots = {c.entity: _plot(screen, c.entity, c.title) for c in screen.channels}
+    following = [plots[c.entity] for c in screen.channels if c is FOLLOWING]
     shown = ANGLES if screen.tested else ()
     values = [_plot(screen, "angles/values", "Estimated angles [deg]")] if shown else []
     rows = [
         rrb.StateTimelineView(origin="phase", name="Phase", time_view=LINKED),
-        rrb.Tabs(table, base, *values, active_tab=0),
-        accel,
-        gyro,
-        rrb.Tabs(*residuals, active_tab=0),
+        rrb.Tabs(plots["stand/table"], plots["stand/base"], *following, *values, active_tab=0),
+        plots["imu/accel"],
+        plots["imu/gyro"],
+        rrb.Tabs(plots["residual/accel"], plots["residual/gyro"], active_tab=0),
         *(_plot(screen, f"angles/{k}", f"{k.capitalize()} error, ±3σ [deg]") for k in shown),
     ]
     return rrb.Vertical(*rows, row_shares=[0.1 * len(rows)] + [1.0] * (len(rows) - 1))

@@ -12,7 +12,7 @@ from rich.text import Text
 from stand.report.document import TableData
 
 WIDTH = 132  # where no terminal says its own
-LEFT = ("turns", "title", "source", "place", "finding")
+LEFT = ("turns", "title", "source", "place", "finding", "kind", "steps", "estimates")
 
 
 def console(stderr: bool = False) -> Console:
@@ -33,9 +33,12 @@ def _grid(table: TableData) -> Table:
     grid = Table(box=SIMPLE_HEAD, pad_edge=False, header_style="bold")
     for k, name in enumerate(table.columns):
         left = k == 0 or name in LEFT
-        numbers = bool(table.optional) or k == 0  # words may wrap, numbers may not
+        # words may wrap, numbers may not: their heading stands on as many lines as it has words
+        single = not any(" " in row[k] for row in (*table.rows, *table.footers))
+        numbers = bool(table.optional) or k == 0 or (single and not left)
+        heading = name if table.optional or not numbers else name.replace(" ", "\n")
         justify = "left" if left else "right"
-        grid.add_column(name, justify=justify, no_wrap=numbers, overflow="fold")
+        grid.add_column(heading, justify=justify, no_wrap=numbers, overflow="fold")
     for k, row in enumerate(table.rows):
         grid.add_row(*map(Text, row), end_section=k == len(table.rows) - 1)
     for row in table.footers:

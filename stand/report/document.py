@@ -10,7 +10,9 @@ import numpy as np
 
 from alignment import ESTIMATORS
 from alignment.arrays import Array
-from alignment.units import DEG
+from alignment.units import ARC_SECOND, DEG
+from stand.physics.description import JOINTS
+from stand.record import StepRecord
 from stand.score import PUBLISHED, Refusal, Score, Spread, by_method, spreads
 
 if TYPE_CHECKING:
@@ -176,6 +178,55 @@ def _notes(scores: Sequence[Score]) -> list[str]:
     ]
 
 
+MOTION_COLUMNS = (
+    "step",
+    "kind",
+    "error max arc s",
+    "rms arc s",
+    "settled after s",
+    "saturated s",
+    "torque % of limit",
+)
+MOTION_NOTES = (
+    "error: demanded minus realised joint angle while the step was steady, of the axis where it "
+    "was greatest; rms: of the same axis.",
+    "saturated, torque: over the whole step, of the axis where they were greatest; a rest counts "
+    "once it has settled.",
+)
+
+
+def motion_table(records: Sequence[StepRecord]) -> TableData:
+    """How the servo followed, a row per step."""
+    rows = tuple(_motion_row(record) for record in records)
+    title = "servo: following error, settling, saturation, torque"
+    return TableData(title, MOTION_COLUMNS, rows, (), MOTION_NOTES, ("rms arc s", "kind"))
+
+
+def _motion_row(record: StepRecord) -> tuple[str, ...]:
+    worst = int(np.argmax(record.following_max))
+    settled = "never" if record.settled is None else f"{record.settled:.2f}"
+    return (
+        record.label,
+        record.kind,
+        _of_axis(record.following_max / ARC_SECOND),
+        _short(record.following_rms[worst] / ARC_SECOND),
+        settled if record.rests else "",
+        _of_axis(record.saturated),
+        _of_axis(100.0 * record.torque_ratio),
+    )
+
+
+def _of_axis(values: Array) -> str:
+    """The greatest value and its axis; plain 0 where all are."""
+    worst = int(np.argmax(values))
+    return f"{_short(values[worst])} {JOINTS[worst]}" if values[worst] else "0"
+
+
+def _short(value: float) -> str:
+    """Three digits, or all of those before the point."""
+    return f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
+
+
 def markdown(table: TableData) -> str:
     """The table as GitHub markdown."""
     lines = [f"### {table.title}", "", _line(table.columns)]
@@ -205,7 +256,10 @@ def report_document(result: RunResult) -> str:
         f"g = {s.site.gravity:.7f} m/s2.",
         "",
     ]
-    body = [markdown(table) for table in score_tables(result.scores)]
+    tables = score_tables(result.scores)
+    if result.records:
+        tables.append(motion_table(result.records))
+    body = [markdown(table) for table in tables]
     return "\n".join([*head, *body, *refusal_lines(result.refusals), ANGLE_NOTE, ""])
 
 

@@ -2,12 +2,22 @@
 
 from collections.abc import Callable
 
+from alignment import ESTIMATORS
+from alignment.units import DEG
 from stand import catalogue
+from stand.imu import Stated, load_imu
+from stand.physics.description import JOINTS
+from stand.procedure import load_procedure
+from stand.steps import Move, Profile, Rate, Step, Sweep
+from stand.table import Table, load_table
+
+BASE = 3  # the first three joints are the rocking base's
+Row = dict[str, str | float | None]
 
 
-def listing(what: str) -> list[dict[str, str | float | None]]:
+def listing(what: str) -> list[Row]:
     """Entries of 'procedures', 'imus', 'tables' or 'methods', one dictionary per row."""
-    makers: dict[str, Callable[[], list[dict[str, str | float | None]]]] = {
+    makers: dict[str, Callable[[], list[Row]]] = {
         "procedures": _procedures,
         "imus": _imus,
         "tables": _tables,
@@ -16,32 +26,47 @@ def listing(what: str) -> list[dict[str, str | float | None]]:
     return makers[what]()
 
 
-def _procedures() -> list[dict[str, str | float | None]]:
-    from stand.procedure import Dwell, load_procedure
-
-    rows: list[dict[str, str | float | None]] = []
+def _procedures() -> list[Row]:
+    rows: list[Row] = []
     for name in catalogue.ids("procedures"):
         entry = load_procedure(name).entry
-        dwells = [step.duration_s for step in entry.step if isinstance(step, Dwell)]
+        kinds = [step.kind for step in entry.step]
+        counted = [f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds) if kind != "move"]
         rows.append(
             {
                 "id": name,
                 "title": entry.title,
-                "dwells": len(dwells),
-                "rest_s": sum(dwells),
+                "table": entry.table,
+                "steps": ", ".join(counted)
+                + "".join(f"; {b.kind} behind" for b in entry.background),
+                "steady_s": sum(_steady(step) for step in entry.step),
                 "estimates": ", ".join(entry.estimate.methods),
             }
         )
     return rows
 
 
-def _imus() -> list[dict[str, str | float | None]]:
-    from stand.imu import Stated, load_imu
+def _steady(step: Step) -> float:
+    """How long a step does what it is for [s]; moves, ramps and profiles need a plan to tell."""
+    if isinstance(step, Move | Profile):
+        return 0.0
+    rates = step.rates_deg_s if isinstance(step, Sweep) else ()
+    if isinstance(step, Rate):
+        rates = (step.rate_deg_s,)
+    if not isinstance(step, Rate | Sweep):
+        return step.duration_s
+    ways = 2 if step.directions == "both" else 1
+    if step.duration_s is not None:
+        return ways * len(rates) * step.duration_s
+    assert step.turns is not None
+    return ways * sum(360.0 * step.turns / abs(rate) for rate in rates)
 
+
+def _imus() -> list[Row]:
     def value(stated: Stated | None) -> float | None:
         return None if stated is None else stated.value
 
-    rows: list[dict[str, str | float | None]] = []
+    rows: list[Row] = []
     for name in catalogue.ids("imus"):
         entry = load_imu(name).entry
         rows.append(
@@ -59,24 +84,38 @@ def _imus() -> list[dict[str, str | float | None]]:
     return rows
 
 
-def _tables() -> list[dict[str, str | float | None]]:
-    from alignment.units import DEG
-    from stand.table import load_table
-
-    return [
-        {
-            "id": name,
-            "title": (table := load_table(name)).title,
-            "gimbal rate deg/s": f"{table.rate[3:].min() / DEG:g}",
-            "base travel deg": f"{table.low[0] / DEG:g} to {table.high[0] / DEG:g}",
-        }
-        for name in catalogue.ids("tables")
-    ]
+def _tables() -> list[Row]:
+    return [_table(load_table(name)) for name in catalogue.ids("tables")]
 
 
-def _methods() -> list[dict[str, str | float | None]]:
-    from alignment import ESTIMATORS
+def _table(table: Table) -> Row:
+    """A table class: what each gimbal can do and how true the worst is; the base's travel.
 
+    Accuracy figures are standard deviations; without a servo bandwidth the class has no motors.
+    """
+    gimbals = [table.entry.axis[name] for name in JOINTS[BASE:]]
+    errors = [axis.errors for axis in gimbals]
+
+    def largest(name: str) -> float:
+        return max(getattr(own, name) for own in errors)
+
+    bandwidths = [axis.motor.bandwidth_hz for axis in gimbals if axis.motor is not None]
+    low, high = table.low[:BASE], table.high[:BASE]
+    fixed = not any(abs(angle) > 0 for angle in (*low, *high))
+    return {
+        "id": table.id,
+        "title": table.title,
+        "rate deg/s": float(table.rate[BASE:].min() / DEG),
+        "accel deg/s2": float(table.acceleration[BASE:].min() / DEG),
+        "base deg": "fixed" if fixed else f"±{max(map(abs, (*low, *high))) / DEG:g}",
+        "servo Hz": min(bandwidths) if len(bandwidths) == len(gimbals) else None,
+        "place. arc s": largest("placement_arc_s"),
+        "orth. arc s": largest("non_orthogonality_arc_s"),
+        "wobble arc s": largest("wobble_arc_s"),
+    }
+
+
+def _methods() -> list[Row]:
     return [
         {
             "id": name,

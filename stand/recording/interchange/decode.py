@@ -1,6 +1,6 @@
-"""Reading sensor_msgs/msg/Imu from CDR bytes, many messages at once, whoever wrote them."""
+"""Reading Imu and JointState from CDR bytes, many messages at once, whoever wrote them."""
 
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -8,9 +8,13 @@ from numpy.typing import DTypeLike, NDArray
 from alignment.arrays import Array, IntArray
 from stand.errors import StandError
 
+from . import schemas
 from .cdr import NS_PER_S, Bytes
 
+Order = Literal[">", "<"]
+
 _ENCAPSULATION_SIZE = 4
+_STAMP_END = _ENCAPSULATION_SIZE + 8
 _HEADER = np.dtype([("sec", "i4"), ("nanosec", "u4"), ("frame_size", "u4")])
 _NUMBERS = np.dtype(
     [
@@ -22,11 +26,8 @@ _NUMBERS = np.dtype(
         ("f_covariance", "f8", 9),
     ]
 )
-_LAYOUTS = {
-    0x0000: (_HEADER.newbyteorder(">"), _NUMBERS.newbyteorder(">")),
-    0x0001: (_HEADER.newbyteorder("<"), _NUMBERS.newbyteorder("<")),
-}
-"""Of header and numbers, by the encapsulation's identifier."""
+_ORDERS: dict[int, Order] = {0x0000: ">", 0x0001: "<"}
+"""Of the bytes, by the encapsulation's identifier."""
 
 
 class ImuBatch(NamedTuple):
@@ -38,13 +39,25 @@ class ImuBatch(NamedTuple):
     q: Array
 
 
+class JointBatch(NamedTuple):
+    """Decoded messages: `t_ns` (n,), `angles`, `rates` (n, k) in the order of `names`.
+
+    Where a message has no rates they are NaN.
+    """
+
+    names: tuple[str, ...]
+    t_ns: IntArray
+    angles: Array
+    rates: Array
+
+
 def decode_imu(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0) -> ImuBatch:
-    """Decode the messages at `starts` in `data`.
+    """Decode the sensor_msgs/msg/Imu at `starts` in `data`.
 
     Parameters
     ----------
     data : (bytes,) uint8
-    starts, sizes : (n,) int64
+    starts, sizes : (n,) int64, n >= 1
         Where each message begins, and its length; all within `data`.
     first : int
         Number of the first message, for errors.
@@ -54,19 +67,17 @@ def decode_imu(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0) -
     StandError
         A message too short for its type, or not in plain CDR.
     """
-    _check_sizes(sizes, np.full_like(sizes, _ENCAPSULATION_SIZE + _HEADER.itemsize), first)
-    kinds = data[starts].astype(np.int64) << 8 | data[starts + 1]
-    _check_kinds(kinds, first)
+    kinds = _kinds(data, starts, sizes, first, schemas.IMU)
     n = len(starts)
     batch = ImuBatch(np.empty(n, np.int64), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 4)))
-    for kind, (header_layout, numbers_layout) in _LAYOUTS.items():
+    for kind, order in _ORDERS.items():
         rows = np.flatnonzero(kinds == kind)
         if len(rows):
-            header = gather(data, starts[rows] + _ENCAPSULATION_SIZE, header_layout)
+            header = _headers(data, starts[rows], order)
             numbers = _numbers_start(header["frame_size"])
-            _check_sizes(sizes[rows], numbers + _NUMBERS.itemsize, first)
-            values = gather(data, starts[rows] + numbers, numbers_layout)
-            batch.t_ns[rows] = header["sec"].astype(np.int64) * NS_PER_S + header["nanosec"]
+            _check_sizes(sizes[rows], numbers + _NUMBERS.itemsize, first, schemas.IMU)
+            values = gather(data, starts[rows] + numbers, _NUMBERS.newbyteorder(order))
+            batch.t_ns[rows] = _stamp_ns(header)
             batch.w_ib_b[rows] = values["w"]
             batch.f_b[rows] = values["f"]
             batch.q[rows] = values["q"]
@@ -75,11 +86,137 @@ def decode_imu(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0) -
 
 def frame_id(data: Bytes, start: int) -> str:
     """The header's frame_id of the message at `start`, which `decode_imu` has accepted."""
-    layout, _ = _LAYOUTS[int(data[start]) << 8 | int(data[start + 1])]
-    at = start + _ENCAPSULATION_SIZE
-    header = gather(data, np.array([at]), layout)
-    text = data[at + _HEADER.itemsize :][: int(header["frame_size"][0])].tobytes()
-    return text.rstrip(b"\0").decode(errors="replace")
+    order = _ORDERS[int(data[start]) << 8 | int(data[start + 1])]
+    size = int(_headers(data, np.array([start]), order)["frame_size"][0])
+    at = start + _ENCAPSULATION_SIZE + _HEADER.itemsize
+    return data[at : at + size].tobytes().rstrip(b"\0").decode(errors="replace")
+
+
+def decode_joints(
+    data: Bytes,
+    starts: IntArray,
+    sizes: IntArray,
+    first: int = 0,
+    names: tuple[str, ...] | None = None,
+) -> JointBatch:
+    """Decode the sensor_msgs/msg/JointState at `starts` in `data`.
+
+    Parameters
+    ----------
+    data, starts, sizes, first
+        As in `decode_imu`.
+    names : k strings, optional
+        Which joints every message must have, in any order; without it those of the first.
+
+    Raises
+    ------
+    StandError
+        A message too short, not in plain CDR, with other joints, or without an angle for each.
+
+    Notes
+    -----
+    Messages whose names and counts lie byte for byte alike are decoded together.
+    """
+    kinds = _kinds(data, starts, sizes, first, schemas.JOINT_STATE)
+    left = np.ones(len(starts), bool)
+    names = names or _joint_layout(data, starts, sizes, kinds, 0, first).names
+    shape = (len(starts), len(names))
+    batch = JointBatch(names, np.empty(len(starts), np.int64), np.empty(shape), np.empty(shape))
+    while left.any():
+        row = int(np.argmax(left))
+        layout = _joint_layout(data, starts, sizes, kinds, row, first)
+        if sorted(layout.names) != sorted(names):
+            here, there = ", ".join(layout.names) or "none", ", ".join(names)
+            raise StandError(f"message {first + row}: joints {here}, must be {there} as before")
+        rows = np.flatnonzero(left & (kinds == kinds[row]) & (sizes >= layout.dtype.itemsize))
+        messages = gather(data, starts[rows], layout.dtype)
+        alike = _alike(messages, row=int(np.searchsorted(rows, row)))
+        rows, messages = rows[alike], messages[alike]
+        order = [layout.names.index(name) for name in names]
+        batch.t_ns[rows] = _stamp_ns(messages)
+        batch.angles[rows] = messages["angles"][:, order]
+        batch.rates[rows] = messages["rates"][:, order] if layout.has_rates else np.nan
+        left[rows] = False
+    return batch
+
+
+class _JointLayout(NamedTuple):
+    """Where one JointState has what: the fields `_CONSTANT` hold what makes the layout."""
+
+    names: tuple[str, ...]
+    dtype: np.dtype
+    has_rates: bool
+
+
+_CONSTANT = ("head", "rate_count")  # frame, names and count of angles; count of rates
+
+
+def _alike(messages: NDArray[Any], row: int) -> NDArray[np.bool_]:
+    """Which messages have the layout of message `row`."""
+    same = np.ones(len(messages), bool)
+    for name in _CONSTANT:
+        same &= (messages[name] == messages[name][row]).all(axis=1)
+    return same
+
+
+def _joint_layout(
+    data: Bytes, starts: IntArray, sizes: IntArray, kinds: IntArray, row: int, first: int
+) -> _JointLayout:
+    """The layout of one message, read field by field."""
+    order = _ORDERS[int(kinds[row])]
+    message = data[starts[row] : starts[row] + sizes[row]]
+
+    def fail(fault: str) -> StandError:
+        return StandError(f"message {first + row}: {fault}")
+
+    def count(at: int) -> tuple[int, int]:
+        """A count at the next multiple of four behind `at`, and where it ends."""
+        at = _ENCAPSULATION_SIZE + -(-(at - _ENCAPSULATION_SIZE) // 4) * 4
+        if at + 4 > len(message):
+            raise fail(f"{len(message)} bytes, {schemas.JOINT_STATE} needs {at + 4} or more")
+        return int(message[at : at + 4].view(f"{order}u4")[0]), at + 4
+
+    def skipped(at: int) -> tuple[str, int]:
+        size, at = count(at)
+        return message[at : at + size].tobytes().rstrip(b"\0").decode(errors="replace"), at + size
+
+    _, at = skipped(_STAMP_END)
+    total, at = count(at)
+    names = []
+    while len(names) < total:  # ends with the message, however large a damaged count is
+        name, at = skipped(at)
+        names.append(name)
+    angle_count, head_end = count(at)
+    if not names or len(set(names)) < len(names):
+        raise fail(f"joints {', '.join(names) or 'none'}: must be one or more, each once")
+    if angle_count != total:
+        raise fail(f"{angle_count} angles, must be {total}, one for each joint")
+    angles = _aligned(head_end, 8)
+    rate_count, rates_head_end = count(angles + 8 * total)
+    if rate_count not in (0, total):
+        raise fail(f"{rate_count} rates, must be {total}, one for each joint, or none")
+    rates = _aligned(rates_head_end, 8)
+    end = rates + 8 * rate_count if rate_count else rates_head_end
+    if end > len(message):
+        raise fail(f"{len(message)} bytes, {schemas.JOINT_STATE} needs {end} or more")
+    fields: dict[str, tuple[Any, int]] = {
+        "sec": (f"{order}i4", _ENCAPSULATION_SIZE),
+        "nanosec": (f"{order}u4", _ENCAPSULATION_SIZE + 4),
+        "head": (("u1", (head_end - _STAMP_END,)), _STAMP_END),
+        "angles": ((f"{order}f8", (total,)), angles),
+        "rate_count": (("u1", (4,)), rates_head_end - 4),
+        "rates": ((f"{order}f8", (rate_count,)), rates if rate_count else end),
+    }
+    formats, offsets = zip(*fields.values(), strict=True)
+    dtype = np.dtype(
+        {"names": list(fields), "formats": formats, "offsets": offsets, "itemsize": end}
+    )
+    return _JointLayout(tuple(names), dtype, rate_count > 0)
+
+
+def _aligned(at: int, size: int) -> int:
+    """The next multiple of `size`, counted from behind the encapsulation."""
+    return _ENCAPSULATION_SIZE + -(-(at - _ENCAPSULATION_SIZE) // size) * size
 
 
 def gather(data: Bytes, starts: IntArray, dtype: DTypeLike) -> NDArray[Any]:
@@ -89,26 +226,37 @@ def gather(data: Bytes, starts: IntArray, dtype: DTypeLike) -> NDArray[Any]:
     return everywhere[starts]
 
 
+def _headers(data: Bytes, starts: IntArray, order: Order) -> NDArray[Any]:
+    return gather(data, starts + _ENCAPSULATION_SIZE, _HEADER.newbyteorder(order))
+
+
+def _stamp_ns(messages: NDArray[Any]) -> IntArray:
+    return messages["sec"].astype(np.int64) * NS_PER_S + messages["nanosec"]
+
+
 def _numbers_start(frame_size: NDArray[Any]) -> IntArray:
     """Offset in the message of its numbers: behind the frame_id, aligned to 8."""
     end = _HEADER.itemsize + frame_size.astype(np.int64)
     return _ENCAPSULATION_SIZE + (end + 7) // 8 * 8
 
 
-def _check_sizes(sizes: IntArray, wanted: IntArray, first: int) -> None:
+def _check_sizes(sizes: IntArray, wanted: IntArray, first: int, type_name: str) -> None:
     short = np.flatnonzero(sizes < wanted)
     if len(short):
         i = int(short[0])
-        raise StandError(
-            f"message {first + i}: {sizes[i]} bytes, sensor_msgs/msg/Imu needs {wanted[i]}"
-        )
+        raise StandError(f"message {first + i}: {sizes[i]} bytes, {type_name} needs {wanted[i]}")
 
 
-def _check_kinds(kinds: IntArray, first: int) -> None:
-    odd = np.flatnonzero(~np.isin(kinds, list(_LAYOUTS)))
+def _kinds(data: Bytes, starts: IntArray, sizes: IntArray, first: int, type_name: str) -> IntArray:
+    """The encapsulation's identifier of each message, which must be long enough for a header."""
+    least = np.full_like(sizes, _ENCAPSULATION_SIZE + _HEADER.itemsize)
+    _check_sizes(sizes, least, first, type_name)
+    kinds = data[starts].astype(np.int64) << 8 | data[starts + 1]
+    odd = np.flatnonzero(~np.isin(kinds, list(_ORDERS)))
     if len(odd):
         i = int(odd[0])
         raise StandError(
             f"message {first + i}: encapsulation 0x{kinds[i]:04x}, "
             "must be plain CDR: 0x0000 (big endian) or 0x0001 (little endian)"
         )
+    return kinds

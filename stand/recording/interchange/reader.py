@@ -1,6 +1,6 @@
-"""Reading IMU logs from MCAP files, our own and foreign ones."""
+"""Reading logs of IMUs and of joints from MCAP files, our own and foreign ones."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
@@ -17,17 +17,24 @@ from alignment.arrays import Array, IntArray, owned
 from stand.errors import StandError, unknown
 
 from . import schemas
-from .decode import ImuBatch, decode_imu, frame_id
+from .cdr import Bytes
+from .decode import ImuBatch, JointBatch, decode_imu, decode_joints, frame_id
 from .records import Directory, directory, opened, records, segments
-from .writer import IMU_TOPIC, TRUTH_TOPIC
+from .writer import ENCODER_TOPIC, IMU_TOPIC, TRUTH_TOPIC
 
-_IMU_TYPES = (schemas.IMU, "sensor_msgs/Imu")  # the second is its name in ROS 1 and some writers
+# The second is the type's name in ROS 1 and some writers.
+_IMU_TYPES = (schemas.IMU, "sensor_msgs/Imu")
+_JOINT_TYPES = (schemas.JOINT_STATE, "sensor_msgs/JointState")
 _LABELS = {
     "t_ns": "stamp",
     "w_ib_b": "angular_velocity",
     "f_b": "linear_acceleration",
     "q": "orientation",
+    "angles": "position",
 }
+
+Decode = Callable[[Bytes, IntArray, IntArray, int], ImuBatch | JointBatch]
+"""A chunk, where its messages begin, their sizes, the first one's number: the messages."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,6 +98,37 @@ class TruthLog:
         return len(self.t_ns)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class JointLog:
+    """What encoders said, read from a file.
+
+    Attributes
+    ----------
+    path, topic : str
+    t_ns : (n,) int64
+        As in `ImuLog`.
+    names : k strings
+    angles : (n, k)
+        [rad].
+    rates : (n, k) or None
+        [rad/s]; None unless every message has them, all finite.
+    """
+
+    path: str
+    topic: str
+    t_ns: IntArray
+    names: tuple[str, ...]
+    angles: Array
+    rates: Array | None
+
+    def __post_init__(self) -> None:
+        k = len(self.names)
+        _own(self, t_ns=(), angles=(k,), **({} if self.rates is None else {"rates": (k,)}))
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+
 def read_imu(path: str | Path, topic: str | None = None) -> ImuLog:
     """The IMU log of any MCAP file with sensor_msgs/msg/Imu in CDR.
 
@@ -108,10 +146,18 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuLog:
     """
     with opened(path) as file:
         found = directory(file)
-        topic = _chosen(found, topic)
-        frame, columns = _columns(file, found, topic, ("t_ns", "w_ib_b", "f_b"))
+        topic = _chosen(found, topic, _IMU_TYPES, IMU_TOPIC)
+        frames: list[str] = []
+
+        def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> ImuBatch:
+            batch = decode_imu(data, starts, sizes, first)
+            if not frames:
+                frames.append(frame_id(data, int(starts[0])))
+            return batch
+
+        columns = _columns(file, found, topic, decode, ("t_ns", "w_ib_b", "f_b"))
         metadata = _metadata(file)
-    return ImuLog(path=str(path), topic=topic, frame_id=frame, metadata=metadata, **columns)
+    return ImuLog(path=str(path), topic=topic, frame_id=frames[0], metadata=metadata, **columns)
 
 
 def read_truth(path: str | Path) -> TruthLog:
@@ -124,9 +170,42 @@ def read_truth(path: str | Path) -> TruthLog:
     """
     with opened(path) as file:
         found = directory(file)
-        topic = _chosen(found, TRUTH_TOPIC)
-        _, columns = _columns(file, found, topic, ("t_ns", "q", "w_ib_b", "f_b"))
+        topic = _chosen(found, TRUTH_TOPIC, _IMU_TYPES, IMU_TOPIC)
+        columns = _columns(file, found, topic, decode_imu, ("t_ns", "q", "w_ib_b", "f_b"))
     return TruthLog(path=str(path), q_wb=columns.pop("q"), **columns)
+
+
+def read_joints(path: str | Path, topic: str | None = None) -> JointLog:
+    """The joint angles of any MCAP file with sensor_msgs/msg/JointState in CDR.
+
+    Parameters
+    ----------
+    path : str or Path
+    topic : str, optional
+        Without it /joint_states, or the only topic with joints there is.
+
+    Raises
+    ------
+    StandError
+        As `read_imu`; or a message with other joints than the first, or without an angle for each.
+    """
+    with opened(path) as file:
+        found = directory(file)
+        topic = _chosen(found, topic, _JOINT_TYPES, ENCODER_TOPIC)
+        names: list[tuple[str, ...]] = []
+
+        def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> JointBatch:
+            batch = decode_joints(data, starts, sizes, first, names[0] if names else None)
+            if not names:
+                names.append(batch.names)
+            return batch
+
+        columns = _columns(
+            file, found, topic, decode, ("t_ns", "angles", "rates"), ("t_ns", "angles")
+        )
+    if not np.isfinite(columns["rates"]).all():  # many drivers have none, or leave them NaN
+        columns["rates"] = None
+    return JointLog(path=str(path), topic=topic, names=names[0], **columns)
 
 
 def read_metadata(path: str | Path) -> dict[str, dict[str, str]]:
@@ -147,28 +226,34 @@ def _metadata(file: BinaryIO) -> dict[str, dict[str, str]]:
     return {record.name: record.metadata for record in found}
 
 
-def _chosen(found: Directory, topic: str | None) -> str:
-    """The topic to read: the asked one, /imu/data, or the only one."""
+def _chosen(found: Directory, topic: str | None, kinds: Sequence[str], usual: str) -> str:
+    """The topic to read, of one of the types `kinds`: the asked one, the usual, or the only one."""
     types = {channel.topic: found.type_name(channel) for channel in found.channels.values()}
-    imus = sorted(name for name, kind in types.items() if kind in _IMU_TYPES)
-    if not imus:
+    fitting = sorted(name for name, kind in types.items() if kind in kinds)
+    if not fitting:
         there = ", ".join(f"{name} ({kind})" for name, kind in sorted(types.items()))
-        raise StandError(f"no topic with {schemas.IMU}; it has: {there or 'no topics'}")
-    if topic is not None and topic not in imus:
-        raise unknown(f"{schemas.IMU} topic", topic, imus)
-    if topic is None and len(imus) > 1 and IMU_TOPIC not in imus:
-        raise StandError(f"several IMU topics, choose one with --topic: {', '.join(imus)}")
-    return topic or (IMU_TOPIC if IMU_TOPIC in imus else imus[0])
+        raise StandError(f"no topic with {kinds[0]}; it has: {there or 'no topics'}")
+    if topic is not None and topic not in fitting:
+        raise unknown(f"{kinds[0]} topic", topic, fitting)
+    if topic is None and len(fitting) > 1 and usual not in fitting:
+        several = ", ".join(fitting)
+        if kinds is _IMU_TYPES:
+            raise StandError(f"several IMU topics, choose one with --topic: {several}")
+        raise StandError(f"several topics with {kinds[0]} and none is {usual}: {several}")
+    return topic or (usual if usual in fitting else fitting[0])
 
 
 def _columns(
-    file: BinaryIO, found: Directory, topic: str, names: Sequence[str]
-) -> tuple[str, dict[str, NDArray[Any]]]:
-    """The topic's frame_id and the named columns of all its messages, checked."""
-    frame = ""
+    file: BinaryIO,
+    found: Directory,
+    topic: str,
+    decode: Decode,
+    names: Sequence[str],
+    finite: Collection[str] | None = None,
+) -> dict[str, Any]:
+    """The named columns of all messages of the topic; all, or those in `finite`, checked."""
     growing: dict[str, _Growing] = {}
-    for frame_here, batch in _batches(file, found, topic):
-        frame = frame or frame_here
+    for batch in _batches(file, found, topic, decode):
         for name in names:
             values = getattr(batch, name)
             growing.setdefault(name, _Growing(values)).extend(values)
@@ -176,8 +261,8 @@ def _columns(
         if not growing:
             raise StandError("has no messages")
         columns = {name: growing[name].whole() for name in names}
-        _check(columns)
-    return frame, columns
+        _check({name: columns[name] for name in finite or names})
+    return columns
 
 
 class _Growing:
@@ -224,8 +309,10 @@ def _channel_ids(found: Directory, topic: str) -> list[int]:
     return [channel.id for channel in channels]
 
 
-def _batches(file: BinaryIO, found: Directory, topic: str) -> Iterator[tuple[str, ImuBatch]]:
-    """Decoded messages with the frame_id of their first, chunk by chunk."""
+def _batches(
+    file: BinaryIO, found: Directory, topic: str, decode: Decode
+) -> Iterator[tuple[Any, ...]]:
+    """Decoded messages, chunk by chunk."""
     with _told_of(topic):
         channel_ids = _channel_ids(found, topic)
     count = 0
@@ -234,8 +321,7 @@ def _batches(file: BinaryIO, found: Directory, topic: str) -> Iterator[tuple[str
         start, size = segment.start[rows], segment.size[rows]
         if len(start):
             with _told_of(topic):
-                batch = decode_imu(segment.data, start, size, first=count)
-            yield frame_id(segment.data, int(start[0])), batch
+                yield decode(segment.data, start, size, count)
             count += len(start)
 
 
@@ -255,7 +341,7 @@ def _check(columns: Mapping[str, NDArray[Any]]) -> None:
         )
 
 
-def _own(log: ImuLog | TruthLog, **shapes: tuple[int, ...]) -> None:
+def _own(log: ImuLog | TruthLog | JointLog, **shapes: tuple[int, ...]) -> None:
     """Make the arrays owned and read-only; those which already are, as the reader's, stay."""
     for name, shape in shapes.items():
         values = getattr(log, name)

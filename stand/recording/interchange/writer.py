@@ -22,6 +22,8 @@ EPOCH_NS = 1_767_225_600 * cdr.NS_PER_S
 
 IMU_TOPIC = "/imu/data"
 TRUTH_TOPIC = "/imu/truth"
+ENCODER_TOPIC = "/joint_states"
+JOINT_TRUTH_TOPIC = "/joint_truth"
 _CHUNK_NS = cdr.NS_PER_S
 _LAST_NS = 2**31 * cdr.NS_PER_S  # seconds of a stamp are int32
 
@@ -52,13 +54,23 @@ def _topic(name: str, type_name: str, latched: bool = False) -> Topic:
 _TOPICS = (
     _topic(IMU_TOPIC, schemas.IMU),
     _topic(TRUTH_TOPIC, schemas.IMU),
-    _topic("/joint_states", schemas.JOINT_STATE),
+    _topic(ENCODER_TOPIC, schemas.JOINT_STATE),
+    _topic(JOINT_TRUTH_TOPIC, schemas.JOINT_STATE),
     _topic("/tf", schemas.TF_MESSAGE),
     _topic("/tf_static", schemas.TF_MESSAGE, latched=True),
     _topic("/robot_description", schemas.STRING, latched=True),
     _topic("/rosout", schemas.LOG),
 )
-_IMU, _TRUTH, _JOINTS, _TF, _TF_STATIC, _DESCRIPTION, _ROSOUT = range(len(_TOPICS))
+(
+    _IMU,
+    _TRUTH,
+    _ENCODERS,
+    _JOINT_TRUTH,
+    _TF,
+    _TF_STATIC,
+    _DESCRIPTION,
+    _ROSOUT,
+) = range(len(_TOPICS))
 
 
 class McapWriter:
@@ -145,6 +157,10 @@ class McapWriter:
         """
         self._logs.append((t_ns, level, text))
 
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Add a metadata record that was not known when the run began."""
+        self._container.metadata(name, values)
+
     def close(self, attachments: Mapping[str, tuple[str, bytes]] | None = None) -> None:
         """Write the remaining texts, `attachments`, index and footer; again: does nothing."""
         if not self._open:
@@ -189,8 +205,10 @@ class McapWriter:
         before = truth.t_ns[0] - 1 if self._last_ns is None else self._last_ns
         if (np.diff(truth.t_ns, prepend=before) <= 0).any():
             raise ValueError("t_ns: must increase, within a block and from block to block")
-        if truth.joints.shape[1] != len(JOINTS):
-            raise ValueError(f"joints: {truth.joints.shape[1]} columns, must be {len(JOINTS)}")
+        for name in ("joints", "encoders"):
+            width = getattr(truth, name).shape[1]
+            if width != len(JOINTS):
+                raise ValueError(f"{name}: {width} columns, must be {len(JOINTS)}")
 
     def _imu_messages(self, stamps: IntArray, imu: ImuBlock) -> cdr.Bytes:
         return cdr.imu_messages(
@@ -203,15 +221,23 @@ class McapWriter:
         )
 
     def _joint_parts(self, stamps: IntArray, truth: TruthBlock) -> list[Part]:
+        """What the encoders say, what is, and the transforms that follow from what is."""
         if not self._bodies:
             return []
-        angles = truth.joints[:, self._columns]
         names = [JOINTS[i] for i in self._columns]
-        states = cdr.joint_states(stamps, names, angles, truth.joint_rates[:, self._columns])
+
+        def states(angles: Array, rates: Array) -> cdr.Bytes:
+            own = (angles[:, self._columns], rates[:, self._columns])
+            return cdr.joint_states(stamps, names, *own)
+
         rows = frames.tf_rows(truth.t_ns, self._last_ns)
-        moving = frames.moving_frames(self._bodies, angles[rows])
+        moving = frames.moving_frames(self._bodies, truth.joints[rows][:, self._columns])
         tf = cdr.transforms(stamps[rows], moving.pairs, moving.translations, moving.rotations)
-        return [Part(_JOINTS, stamps, states), Part(_TF, stamps[rows], tf)]
+        return [
+            Part(_ENCODERS, stamps, states(truth.encoders, truth.encoder_rates)),
+            Part(_JOINT_TRUTH, stamps, states(truth.joints, truth.joint_rates)),
+            Part(_TF, stamps[rows], tf),
+        ]
 
     def _log_parts(self, until_ns: int | None) -> list[Part]:
         """The texts due by `until_ns` (None: all), in order of time."""
