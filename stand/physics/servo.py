@@ -1,0 +1,310 @@
+"""The simulated servos: what the axes really do when a motion is demanded of them.
+
+Every step the servo of each axis compares demand and axis and asks its motor for::
+
+    kp (angle error) + kd (rate error) + ki (its integral) + inertia * acceleration + viscous * rate
+
+and, on the two tilting axes of the base, the weight of the stand above them. The coupling of the
+axes, friction, cogging and an unbalanced payload are left to the loop. Demanded rate and
+acceleration are differences of the demanded angles, as a digital servo takes them: an axis that
+nothing disturbs then follows to rounding.
+
+The realised angles at the steps become a quintic spline, so the truth is evaluated on a smooth
+motion. Blocks have fixed places in time, so nothing depends on the spans that are asked for.
+"""
+
+# mujoco fills its namespace from C, unseen by pyright.
+# pyright: reportAttributeAccessIssue=false
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import ceil, floor
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from alignment.arrays import Array
+from alignment.units import DEG
+from stand.errors import StandError
+from stand.motion import Motion, splined
+from stand.physics.dynamics import (
+    INPUTS,
+    NO_PAYLOAD,
+    Payload,
+    gains_of,
+    inertias,
+    motors_of,
+    tilting_moments,
+    weights_model,
+)
+from stand.physics.following import Account, Followed, Rows, Span
+from stand.physics.stiffness import check_stiffness
+from stand.table import Table
+
+STEP = 1e-3  # s
+BLOCK = 4000  # steps simulated at once
+OVERLAP = 48  # knots: the spline forgets at 0.43 per knot, so one 48 away counts 3e-18
+KEPT_S = 15.0  # s of realised motion kept before the last span asked for
+RUNAWAY = 30 * DEG  # following error of a servo that has lost its axis
+BALANCING = 50  # rounds that find where a servo without integrator balances a load
+
+
+class Drive:
+    """The stand's model with its motors, and what their servos are told.
+
+    Parameters
+    ----------
+    model : MjModel
+        The whole stand.
+    table : Table
+        Its motors; `StandError` where one is missing or too stiff for `step`.
+    payload : Payload
+        The servos are tuned to its inertia, but know nothing of its imbalance.
+    step : float
+        Of the simulation [s].
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, table: Table, payload: Payload = NO_PAYLOAD, step: float = STEP
+    ) -> None:
+        motors = motors_of(table)
+        self.model = weights_model(model, payload, motors, step)
+        self.inertia = inertias(self.model)
+        gains = [gains_of(m, i) for m, i in zip(motors, self.inertia, strict=True)]
+        check_stiffness(self.model, table, step)
+        self.kp, self.kd, self.ki, self.limit = (
+            np.array([getattr(g, name) for g in gains]) for name in ("kp", "kd", "ki", "limit")
+        )
+        self._viscous = np.array([m.viscous for m in motors])
+        self._cogging = np.array([m.cogging for m in motors])
+        self._poles = np.array([m.cogging_per_turn for m in motors])
+        self._gravity = float(-model.opt.gravity[2])
+        self._rolling, self._tilting = tilting_moments(weights_model(model))
+        self._integrators = np.array(
+            [a for a, ki in zip(self.model.actuator_actadr, self.ki, strict=True) if ki], dtype=int
+        )
+
+    def controls(self, demand: Array) -> Array:
+        """Inputs of the motors (n, 18) for demanded angles (n + 2, 6) [rad] at even steps.
+
+        The first and last row of `demand` lie a step before and after those told.
+        """
+        step = self.model.opt.timestep
+        rates = np.diff(demand, axis=0) / step
+        told = np.empty((len(demand) - 2, demand.shape[1], INPUTS))
+        told[:, :, 0], told[:, :, 1] = demand[1:-1], rates[:-1]
+        feedforward = told[:, :, 2]
+        np.multiply(np.diff(rates, axis=0), self.inertia / step, out=feedforward)
+        feedforward += self._viscous * rates[:-1]
+        feedforward[:, :2] += self.weight(demand[1:-1])
+        return told.reshape(len(told), -1)
+
+    def weight(self, angles: Array) -> Array:
+        """Torque (n, 2) [N m] that holds the stand on the base's roll and pitch axes.
+
+        Potential energy ``g cos(roll) (m_r + m_p cos(pitch))``, with the moments [kg m] of what
+        rolls and of what also pitches; masses beside the yaw axis are neglected.
+        """
+        roll, pitch = angles[:, 0], angles[:, 1]
+        turned = self._rolling + self._tilting * np.cos(pitch)
+        return -self._gravity * np.column_stack(
+            [np.sin(roll) * turned, np.cos(roll) * np.sin(pitch) * self._tilting]
+        )
+
+    def settle(self, batch: Batch, demand: Array) -> None:
+        """Put the batch at rest under a demand (6,) [rad], the servos holding what loads them."""
+        batch.qvel[:], batch.act[:] = 0.0, 0.0
+        integrates = self.ki > 0
+        angles = demand
+        for _ in range(BALANCING):  # only a servo without integrator gives way
+            load = self._load(batch, angles, demand)
+            angles = demand - np.where(integrates, 0.0, load / self.kp)
+        load = self._load(batch, angles, demand)
+        batch.act[0, self._integrators] = load[integrates] / self.ki[integrates]
+
+    def _load(self, batch: Batch, angles: Array, demand: Array) -> Array:
+        """Torque (6,) [N m] beyond the feedforward that holds the axes at rest at `angles`."""
+        batch.qpos[0] = angles
+        bias = batch.bind("qfrc_bias")
+        batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
+        load = bias[0] - self._cogging * np.sin(self._poles * angles)
+        load[:2] -= self.weight(demand[None])[0]
+        return load
+
+    def torques(self, told: Array, angles: Array, rates: Array, act: Array) -> Array:
+        """Torque (n, 6) [N m] of the motors, friction and cogging aside, from their inputs."""
+        wanted = told.reshape(len(told), -1, INPUTS)
+        torque = self.kp * (wanted[:, :, 0] - angles)
+        torque += self.kd * (wanted[:, :, 1] - rates)
+        torque += wanted[:, :, 2]
+        torque[:, self.ki > 0] += self.ki[self.ki > 0] * act[:, self._integrators]
+        return np.clip(torque, -self.limit, self.limit, out=torque)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """Steps from `first` on; the spline's `pieces` (6, n, 6) begin `OVERLAP` steps before."""
+
+    first: int
+    rows: Rows
+    pieces: Array
+
+
+class Servo:
+    """The axes under their servos, simulated as far as asked for, one block ahead in a thread.
+
+    Parameters
+    ----------
+    model, table, payload, step
+        As `Drive`.
+    demand : Motion
+        What the axes are to do; held before its start and after its end.
+    spans : sequence of Span
+        To be accounted for by `followed`: in order of time, not overlapping.
+
+    Raises
+    ------
+    StandError
+        As `Drive`; and from `covering` and `followed`, with time and axis, when the simulation
+        diverges or an axis runs away from its demand.
+
+    Notes
+    -----
+    It starts settled: at rest where the demand starts, bristles relaxed, and the integrators at
+    what balances payload and cogging there (without an integrator: the axis so far off that the
+    servo does). The spline's error is of sixth order in the step; that of the simulation of
+    first.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        table: Table,
+        demand: Motion,
+        payload: Payload = NO_PAYLOAD,
+        step: float = STEP,
+        spans: Sequence[Span] = (),
+    ) -> None:
+        self.drive, self.step = Drive(model, table, payload, step), step
+        self._table, self._demand, self._start = table, demand, demand.start
+        self._names = [self.drive.model.joint(i).name for i in range(self.drive.model.njnt)]
+        self._batch = Batch(self.drive.model, 1, nthread=1)
+        self.drive.settle(self._batch, demand.joints([demand.start])[0][0])
+        self._tail = np.repeat(self._batch.qpos, 2 * OVERLAP + 1, axis=0)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="servo")
+        self._ahead: Future[_Block] | None = None
+        self._first = 0  # step with which the next block to take begins
+        self._pieces: deque[Array] = deque()  # of the blocks taken last
+        self._spans = spans
+        self._account = Account(table, self._start, step, spans, len(self._names))
+
+    def covering(self, t_from: float, t_to: float) -> Motion:
+        """The realised motion over [t_from, t_to] s or more; its knots are the steps.
+
+        Raises
+        ------
+        ValueError
+            `t_from` is more than 15 s before the last span asked for.
+        """
+        low = floor((t_from - self._start) / self.step)
+        high = ceil((t_to - self._start) / self.step)
+        while self._first - OVERLAP < high:
+            self._take()
+        earliest = self._first - OVERLAP - BLOCK * len(self._pieces)
+        if low < earliest and earliest > 0:
+            raise ValueError(f"t_from = {t_from:g}: kept from {self._time(earliest):g} s on only")
+        while earliest + BLOCK < low - KEPT_S / self.step:
+            self._pieces.popleft()
+            earliest += BLOCK
+        # a piece more at either end: rounding of a time must not fall beside
+        return self._motion(earliest, max(low - 1, earliest), min(high + 1, self._first - OVERLAP))
+
+    def _motion(self, earliest: int, low: int, high: int) -> Motion:
+        """Pieces `low` to `high` - 1 of the kept ones, which begin with `earliest`."""
+        parts = []
+        for number, pieces in enumerate(self._pieces):
+            first = earliest + number * BLOCK
+            cut = slice(max(low - first, 0), max(min(high - first, BLOCK), 0))
+            parts.append(pieces[:, cut])
+        coefficients = np.concatenate(parts, axis=1)
+        knots = self._start + self.step * np.arange(low, high + 1)
+        knots.flags.writeable = coefficients.flags.writeable = False
+        return Motion(knots, coefficients)
+
+    def followed(self) -> list[Followed]:
+        """How the axes followed through each span, simulated to the end of the last."""
+        while self._spans and self._time(self._first) < self._spans[-1].t_to:
+            self._take()
+        return self._account.followed()
+
+    def _time(self, number: int) -> float:
+        return self._start + self.step * number
+
+    def _take(self) -> None:
+        """The next block; the one after it begins in its thread, unless the demand is over."""
+        if self._ahead is None:
+            self._ahead = self._thread.submit(self._simulated, self._first)
+        block = self._ahead.result()  # a run that failed fails again
+        self._first += BLOCK
+        more = self._time(self._first) < self._demand.duration
+        self._ahead = self._thread.submit(self._simulated, self._first) if more else None
+        self._account.add(block.first, block.rows)
+        self._pieces.append(block.pieces)
+
+    def _simulated(self, first: int) -> _Block:
+        """`BLOCK` steps from step `first` on; the batch and the tail are where the last ended."""
+        t = self._start + self.step * np.arange(first - 1, first + BLOCK + 1)
+        demand = self._demand.covering(float(t[0]), float(t[-1])).joints(t)[0]
+        told = self.drive.controls(demand)
+        before = [self._batch.bind(name).copy() for name in ("qpos", "qvel", "act")]
+        with _quiet():
+            out = self._batch.rollout(BLOCK, told[None], record=("qpos", "qvel", "act"))
+        angles, rates, act = (
+            np.concatenate([b, out[name][0, :-1]])
+            for b, name in zip(before, ("qpos", "qvel", "act"), strict=True)
+        )
+        error = demand[1:-1] - angles
+        self._check(first, error)
+        samples = np.concatenate([self._tail, out["qpos"][0]])
+        self._tail = samples[BLOCK:]
+        torque = self.drive.torques(told, angles, rates, act)
+        rows = Rows(demand[1:-1], error, torque, self.drive.limit)
+        return _Block(first, rows, self._splined(samples))
+
+    def _splined(self, samples: Array) -> Array:
+        """A block's pieces (6, n, 6); the samples reach `OVERLAP` knots farther on either side."""
+        inner = slice(OVERLAP, OVERLAP + BLOCK)
+        return np.ascontiguousarray(splined(samples, self.step).coefficients[:, inner])
+
+    def _check(self, first: int, error: Array) -> None:
+        """Raise what went wrong first in a block: an axis lost, or MuJoCo at a loss."""
+        number, count = self._batch.warning[0].T
+        stopped = self._start + float(self._batch.time[0])
+        lost = np.logical_not(np.abs(error) <= RUNAWAY)  # not a number is lost as well
+        row, axis = np.argwhere(lost)[0] if lost.any() else (len(error), 0)
+        if count.any() and self._time(first + int(row)) > stopped - 2 * self.step:
+            kind = int(np.argmax(count > 0))
+            raise StandError(
+                f"table {self._table.id}: the servo simulation diverged at {stopped:.3f} s, axis "
+                f"{self._names[number[kind]]}: {mujoco.mju_warningText(kind, int(number[kind]))}"
+            )
+        if lost.any():
+            raise StandError(
+                f"table {self._table.id}: axis {self._names[axis]} ran away from its demand at "
+                f"{self._time(first + int(row)):.3f} s: by more than {RUNAWAY / DEG:.0f} deg"
+            )
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """MuJoCo would write its warnings to a file in the working folder; they are raised here."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
