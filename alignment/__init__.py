@@ -10,13 +10,16 @@ here knows the stand: an estimator cannot see the truth.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
+from alignment.carousel import carousel
 from alignment.earth import Site
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gyrocompass import triad
 from alignment.integration import rk4, rk4_tracks
-from alignment.options import Options
-from alignment.readings import Dwell, ImuReadings
+from alignment.multiposition import multi_position, two_position
+from alignment.options import Options, Priors
+from alignment.readings import Dwell, ImuReadings, Turn
 from alignment.static import six_position, six_position_tracks
 
 __all__ = [
@@ -27,7 +30,9 @@ __all__ = [
     "ImuReadings",
     "Method",
     "Options",
+    "Priors",
     "Site",
+    "Turn",
 ]
 
 
@@ -38,7 +43,8 @@ class Method:
     `needs_latitude`: whether ``site.latitude`` must be known; `needs_offset`: whether each dwell
     must hold the offset window and be at a nominal attitude. `tracks` gives the attitude over
     time of one dwell, for curves; None where there is nothing to see. `note` says what a reader of
-    its numbers must know.
+    its numbers must know. `takes`: which stretches it is for: those at `rest`, those `turning` at a
+    constant rate, or `any` (a base that rocks).
     """
 
     title: str
@@ -48,6 +54,11 @@ class Method:
     needs_offset: bool
     estimate: Callable[[Sequence[Dwell], Site, Options], list[AttitudeEstimate]]
     tracks: Callable[[Dwell, Site, Options], list[AttitudeTrack]] | None = None
+    takes: Literal["rest", "turning", "any"] = "rest"
+
+    def suited(self, dwell: Dwell) -> bool:
+        """Whether the method is for this stretch."""
+        return self.takes == "any" or (dwell.turn is not None) == (self.takes == "turning")
 
 
 ESTIMATORS = {
@@ -76,5 +87,30 @@ ESTIMATORS = {
         False,
         False,
         triad,
+    ),
+    "two-position": Method(
+        "Double gyrocompassing: two positions a turn apart, biases cancel",
+        "[S4] double gyrocompassing, as a least squares fit with priors",
+        "± with placement and biases by the priors that were stated",
+        False,
+        False,
+        two_position,
+    ),
+    "multi-position": Method(
+        "All positions in one least squares fit with the biases",
+        "[S4] double gyrocompassing, to any number of positions",
+        "± with placement and biases by the priors that were stated",
+        False,
+        False,
+        multi_position,
+    ),
+    "carousel": Method(
+        "Dynamic gyrocompassing: Earth rate's harmonic over whole turns",
+        "[S4] dynamic gyrocompassing",
+        "± of noise and stated priors; attitude at encoder angle zero",
+        True,
+        False,
+        carousel,
+        takes="turning",
     ),
 }

@@ -1,8 +1,41 @@
 """Choices of the methods, apart from the readings and the site."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from alignment.angles import SequenceRule
+
+
+@dataclass(frozen=True, slots=True)
+class Priors:
+    """What is known of instrument and table before the readings: standard deviations, SI.
+
+    A constant error that cannot be told apart from the answer enters the covariance by its prior;
+    0 means that it is left out, and the covariance is that of noise alone.
+
+    Attributes
+    ----------
+    gyro_bias, accel_bias : float
+        Turn-on bias of each axis [rad/s], [m/s^2].
+    gyro_scale, accel_scale : float
+        Scale factor error, a part of the value.
+    gyro_walk : float
+        Angle random walk [rad/sqrt(s)]; 0: taken from the readings where a method needs it.
+    accel_walk : float
+        Velocity random walk [m/s/sqrt(s)]; likewise.
+    turn : float
+        Placement of the table at one position [rad].
+    lever_arm : float
+        Uncertainty of the instrument's place from the point that stays [m].
+    """
+
+    gyro_bias: float = 0.0
+    accel_bias: float = 0.0
+    gyro_scale: float = 0.0
+    accel_scale: float = 0.0
+    gyro_walk: float = 0.0
+    accel_walk: float = 0.0
+    turn: float = 0.0
+    lever_arm: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -10,8 +43,9 @@ class Options:
     """What a person may choose.
 
     `offset_window` [s]: how much of each dwell gives the zero offsets. `rule`: which order of
-    turns each position is read by.
+    turns each position is read by. `priors`: what is known of instrument and table.
     """
 
     offset_window: float = 10.0
     rule: SequenceRule = SequenceRule.REGULAR
+    priors: Priors = field(default_factory=Priors)

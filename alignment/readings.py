@@ -73,19 +73,43 @@ class ImuReadings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Turn:
+    """A table's turning about one axis, as its encoder says.
+
+    Attributes
+    ----------
+    axis_b : (3,)
+        Unit vector in b about which b turns (right-handed).
+    angle : (n,) rad
+        Encoder angle at the stamps of the readings; it grows without end over several turns.
+    """
+
+    axis_b: Array
+    angle: Array
+
+    def __post_init__(self) -> None:
+        set_owned(
+            self, axis_b=(self.axis_b, (3,), float), angle=(self.angle, (len(self.angle),), float)
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Dwell:
-    """Readings of an instrument that was told to stand still.
+    """Readings of an instrument that was told to stand still, or to turn at a constant rate.
 
     Attributes
     ----------
     label : str
         The position's name.
     t_from, t_to : float
-        When it stood [s].
+        When it stood, or turned at constant rate [s].
     readings : ImuReadings
         At least those between `t_from` and `t_to`; only those are used.
     nominal : Rotation or None
-        ``C_nb`` that the table was told to take; None where nobody said.
+        ``C_nb`` that the table was told to take (of a turning one: at encoder angle 0); None
+        where nobody said.
+    turn : Turn or None
+        Encoder angles of a turning table, one per sample of `readings`; None at rest.
     """
 
     label: str
@@ -93,6 +117,7 @@ class Dwell:
     t_to: float
     readings: ImuReadings
     nominal: Rotation | None = None
+    turn: Turn | None = None
 
     def window(self, start: float = 0.0, stop: float | None = None) -> ImuReadings:
         """Samples from `start` to `stop` seconds after the dwell began (to its end if None)."""

@@ -51,6 +51,13 @@ class SamplingChoice(StrEnum):
     instant = "instant"
 
 
+class MotionChoice(StrEnum):
+    """See `stand.motion.MotionKind`."""
+
+    ideal = "ideal"
+    servo = "servo"
+
+
 class RuleChoice(StrEnum):
     """See `alignment.angles.SequenceRule`."""
 
@@ -153,6 +160,13 @@ def run(
     table: Annotated[
         str | None, typer.Option(metavar="ID", help="Table (stand list tables) or a TOML file.")
     ] = None,
+    motion: Annotated[
+        MotionChoice,
+        typer.Option(help="Joints follow the plan exactly, or as simulated motors make them."),
+    ] = MotionChoice.ideal,
+    true_table: Annotated[
+        bool, typer.Option("--true-table", help="A table without errors, whatever its class.")
+    ] = False,
     latitude: LatitudeOption = None,
     height: HeightOption = None,
     rate: Annotated[int, typer.Option(metavar="HZ", help="Sample rate, 1 to 10000 Hz.")] = 200,
@@ -178,30 +192,40 @@ def run(
     Leaves run.mcap (every sample, ROS 2), run.rrd (review: stand view DIR) and result.json.
 
     Example: stand run six-position --imu ring-laser --latitude 51.08 --seed 3
+
+    As a real table would: stand run carousel --motion servo --table mid-class
     """
     with _quick_imports():
+        from dataclasses import replace
+
         from stand.imu import load_imu
         from stand.imu import without as switched_off
+        from stand.motion import MotionKind
         from stand.physics.truth import Sampling
+        from stand.priors import priors_of
         from stand.procedure import load_procedure, table_of
         from stand.recording import review  # noqa: F401  here rather than amid the samples
         from stand.session import Settings, refuse_existing, result_json, run_id
         from stand.session import run as run_session
         from stand.table import load_table
 
-    loaded = load_procedure(procedure)
+    loaded, unit = load_procedure(procedure), load_imu(imu)
+    terms = tuple(term.strip() for term in without.split(",") if term.strip())
+    chosen = load_table(table) if table else table_of(loaded)
+    priors = priors_of(switched_off(unit, terms), chosen)
     settings = Settings(
         loaded,
-        load_imu(imu),
-        load_table(table) if table else table_of(loaded),
+        unit,
+        chosen,
         _site(loaded.entry.site, latitude, height),
-        _options(loaded.entry.estimate.options(), sequences),
+        replace(_options(loaded.entry.estimate.options(), sequences), priors=priors),
         rate,
         Sampling(sampling.value),
         seed,
-        tuple(term.strip() for term in without.split(",") if term.strip()),
+        terms,
+        MotionKind(motion.value),
+        true_table,
     )
-    switched_off(settings.imu, settings.without)  # refuses unknown terms before anything is made
     folder = _folder(out) if out else Path("recordings") / run_id(settings)
     refuse_existing(folder, force)
     with _progress(f"{settings.procedure.id}, {settings.imu.id}", as_json) as report:
@@ -223,16 +247,20 @@ def _show_run(result: RunResult) -> None:
     from rich.markup import escape
 
     from stand.report.console import console, show
-    from stand.report.document import ANGLE_NOTE, refusal_lines, score_tables
+    from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 
     out = console()
     s = result.settings
     out.print(
         f"[bold]{escape(s.procedure.entry.title)}[/bold]: {escape(s.imu.title)}, seed {s.seed}, "
-        f"{result.samples} samples at {s.rate_hz} Hz ({s.sampling.value})\n"
+        f"{result.samples} samples at {s.rate_hz} Hz ({s.sampling.value}), "
+        f"{s.motion.value} motion of {escape(s.table.title)}\n"
     )
+    if result.records:
+        show(out, [motion_table(result.records)])
     show(out, score_tables(result.scores))
-    out.print(ANGLE_NOTE, style="dim")
+    if result.scores:
+        out.print(ANGLE_NOTE, style="dim")
     for line in refusal_lines(result.refusals):
         out.print(line, style="bold yellow", markup=False)
     where = escape(str(result.out))

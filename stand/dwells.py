@@ -1,11 +1,11 @@
-"""Readings sorted by dwell: from a run as it streams, or from a recording."""
+"""Readings sorted by stretch (dwells, turns at constant rate) as a run streams."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment import Dwell, ImuReadings
+from alignment import Dwell, ImuReadings, Turn
 from alignment.arrays import Array
 from alignment.readings import EDGE
 from stand.physics.kinematics import C_NW
@@ -16,15 +16,19 @@ NS = 1e-9  # s
 
 
 class DwellCollector:
-    """Keeps the samples that lie wholly within a dwell, and the true attitude at its end."""
+    """Keeps the samples that lie wholly within a stretch, and the true attitude at its end."""
 
-    def __init__(self, dwells: Sequence[PlannedStep], rate_hz: int) -> None:
-        self._steps = dwells
-        self._ranges = [_ticks(step, rate_hz) for step in dwells]
+    def __init__(self, stretches: Sequence[PlannedStep], rate_hz: int) -> None:
+        self._steps, self._rate = stretches, rate_hz
+        self._ranges = [_ticks(step, rate_hz) for step in stretches]
         self._t = [np.empty(b - a) for a, b in self._ranges]
         self._w = [np.empty((b - a, 3)) for a, b in self._ranges]
         self._f = [np.empty((b - a, 3)) for a, b in self._ranges]
-        self._q_wb: list[Array | None] = [None] * len(dwells)
+        self._angle = [
+            np.empty(0 if step.turning is None else b - a)
+            for step, (a, b) in zip(stretches, self._ranges, strict=True)
+        ]
+        self._q_wb: list[Array | None] = [None] * len(stretches)
         self._tick = 0  # samples seen so far
 
     def add(self, truth: TruthBlock, imu: ImuBlock) -> None:
@@ -38,25 +42,50 @@ class DwellCollector:
             self._t[k][there] = imu.t_ns[here] * NS
             self._w[k][there] = imu.w_ib_b[here]
             self._f[k][there] = imu.f_b[here]
+            turning = self._steps[k].turning
+            if turning is not None:
+                self._angle[k][there] = truth.encoders[here, turning.axis]
             if b == last:
                 self._q_wb[k] = truth.q_wb[b - 1 - start]
         self._tick = stop
 
-    def finish(self) -> tuple[list[Dwell], list[Rotation]]:
-        """The dwells and their true ``C_nb``; the collector is empty afterwards."""
+    def finish(
+        self, begins: Mapping[str, float | None] | None = None
+    ) -> tuple[list[Dwell], list[Rotation]]:
+        """The stretches and their true ``C_nb``; the collector is empty afterwards.
+
+        The attitude is that at the end, of a turning stretch that at encoder angle zero.
+
+        `begins`: by label, where a stretch counts from a later time [s] than was planned, because
+        the table had not settled; None: it never settled, and is left out.
+        """
         dwells, attitudes = [], []
         for step, q_wb in zip(self._steps, self._q_wb, strict=True):
-            t, w, f = self._t.pop(0), self._w.pop(0), self._f.pop(0)
-            for array in (t, w, f):
+            columns = [c.pop(0) for c in (self._t, self._w, self._f, self._angle)]
+            first, last = self._ranges.pop(0)
+            t_from = (begins or {}).get(step.label, step.steady_from)
+            cut = last if t_from is None else int(np.ceil((t_from - EDGE) * self._rate)) - first
+            if t_from is None or cut >= last - first - 1:
+                continue
+            t, w, f, angle = (c[cut:].copy() if cut else c for c in columns)
+            for array in (t, w, f, angle):
                 array.flags.writeable = False  # so that the readings need no copies
+            turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
             readings = ImuReadings(t, w, f)
-            dwells.append(Dwell(step.label, step.t_from, step.t_to, readings, step.C_nb))
-            attitudes.append(C_NW * Rotation.from_quat(q_wb))
+            dwells.append(Dwell(step.label, t_from, step.steady_to, readings, step.C_nb, turn))
+            attitudes.append(_at_zero(C_NW * Rotation.from_quat(q_wb), turn))
         return dwells, attitudes
 
 
+def _at_zero(C_nb: Rotation, turn: Turn | None) -> Rotation:
+    """The attitude where the encoder of a turning axis reads zero, from that of its last sample."""
+    if turn is None:
+        return C_nb
+    return C_nb * Rotation.from_rotvec(-turn.angle[-1] * turn.axis_b)
+
+
 def _ticks(step: PlannedStep, rate_hz: int) -> tuple[int, int]:
-    """Samples [first, last) whose interval lies within the dwell; sample 0 ends at 1 / rate."""
-    first = int(np.ceil((step.t_from - EDGE) * rate_hz))
-    last = int(np.floor((step.t_to + EDGE) * rate_hz))
+    """Samples [first, last) whose interval lies within the stretch; sample 0 ends at 1 / rate."""
+    first = int(np.ceil((step.steady_from - EDGE) * rate_hz))
+    last = int(np.floor((step.steady_to + EDGE) * rate_hz))
     return first, max(first, last)

@@ -1,11 +1,34 @@
-"""Motion: joint angles, rates and accelerations as exact functions of time."""
+"""Motion: joint angles, rates and accelerations as exact functions of time.
 
+Every motion of the stand, planned or simulated, is one `Motion`: piecewise polynomials. Waves
+become polynomials by `fitted`, samples by `splined`, and motions at one time add up by `summed`.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+from math import comb
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.polynomial import chebyshev, polynomial
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import solveh_banded
 
 from alignment.arrays import Array, owned
+
+FIT_DEGREE = 9
+FIT_PER_PERIOD = 10  # pieces of a sine: then fitted to 1e-10 of its acceleration
+FIT_BLOCK = 4096  # pieces fitted at once
+SAME_KNOT = 1e-9  # s: knots of several motions nearer than this are one
+
+
+class MotionKind(Enum):
+    """How the joints follow a plan: exactly, or as a simulated servo makes them."""
+
+    IDEAL = "ideal"
+    SERVO = "servo"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -15,7 +38,7 @@ class Motion:
     Attributes
     ----------
     knots : (k + 1,) s
-        Where the pieces meet: jerk switches, starts and ends of steps. Increasing from 0.
+        Where the pieces meet: jerk switches, starts and ends of steps. Increasing.
     coefficients : (d + 1, k, 6)
         Of each piece and joint, highest power first, in time since the piece's start [rad/s^i].
         Angle, rate and acceleration are continuous.
@@ -29,12 +52,17 @@ class Motion:
         pieces = (None, len(knots) - 1, None)
         object.__setattr__(self, "knots", knots)
         object.__setattr__(self, "coefficients", owned(self.coefficients, "coefficients", pieces))
-        if len(knots) < 2 or knots[0] != 0 or (np.diff(knots) <= 0).any():
-            raise ValueError("knots: must increase from 0")
+        if len(knots) < 2 or (np.diff(knots) <= 0).any():
+            raise ValueError("knots: must increase")
+
+    @property
+    def start(self) -> float:
+        """When the motion begins [s]."""
+        return float(self.knots[0])
 
     @property
     def duration(self) -> float:
-        """Length of the motion [s]."""
+        """When the motion ends [s]: its length, as a whole motion begins at 0."""
         return float(self.knots[-1])
 
     @property
@@ -42,12 +70,16 @@ class Motion:
         """Which pieces (k,) stand still."""
         return np.logical_not(np.any(self.coefficients[:-1], axis=(0, 2)))
 
+    def covering(self, t_from: float, t_to: float) -> "Motion":
+        """The motion over [t_from, t_to] s: this one; a servo yields it as it goes."""
+        return self
+
     def joints(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """Angles [rad], rates [rad/s] and accelerations [rad/s^2] at times (n,): (n, 6) each.
 
         Outside of its time the motion is held as it begins and ends, which is at rest.
         """
-        t = np.clip(t, 0.0, self.duration)
+        t = np.clip(t, self.knots[0], self.knots[-1])
         piece = np.searchsorted(self.knots[1:-1], t, side="right")
         tau = np.repeat((t - self.knots[piece])[:, None], self.coefficients.shape[2], axis=1)
         # Horner's scheme for a polynomial and its first two derivatives at once. SciPy's PPoly is
@@ -63,3 +95,151 @@ class Motion:
             angle += term
         half_acceleration *= 2
         return angle, rate, half_acceleration
+
+    def derivative(self) -> "Motion":
+        """The motion's rate as a motion: its `joints` are rates, accelerations and jerks."""
+        degree = len(self.coefficients) - 1
+        powers = np.arange(degree, 0, -1)[:, None, None]
+        return Motion(self.knots, self.coefficients[:-1] * powers)
+
+
+def fitted(angles: Callable[[Array], Array], knots: Array) -> Motion:
+    """A smooth function of time as polynomials of degree 9, one between each two knots.
+
+    Parameters
+    ----------
+    angles : callable
+        Takes times (n,) [s], gives joint angles (n, 6) [rad].
+    knots : (k + 1,) s
+        `FIT_PER_PERIOD` for the fastest wave.
+
+    Notes
+    -----
+    Interpolates at ten Chebyshev points of each piece, its ends among them.
+    """
+    coefficients: Array | None = None
+    for first in range(0, len(knots) - 1, FIT_BLOCK):
+        part = _fitted(angles, knots[first : first + FIT_BLOCK + 1])
+        if coefficients is None:
+            coefficients = np.empty((FIT_DEGREE + 1, len(knots) - 1, part.shape[2]))
+        coefficients[:, first : first + FIT_BLOCK] = part
+    assert coefficients is not None
+    coefficients.flags.writeable = False
+    return Motion(knots, coefficients)
+
+
+def _fitted(angles: Callable[[Array], Array], knots: Array) -> Array:
+    """Coefficients (d + 1, k, joints) of the pieces between `knots` (k + 1,)."""
+    nodes, to_powers = _chebyshev(FIT_DEGREE)
+    lengths = np.diff(knots)
+    t = knots[:-1, None] + lengths[:, None] * nodes
+    t[:, -1] = knots[1:]  # both neighbours see the same angle where they meet
+    values = angles(t.ravel()).reshape(len(lengths), FIT_DEGREE + 1, -1)
+    # The chords apart: powers of u cancel one another, so what they carry should be small.
+    chord = values[:, -1] - values[:, 0]
+    bent = values - values[:, :1] - chord[:, None] * nodes[:, None]
+    scaled = np.einsum("pn,knj->pkj", to_powers, bent)
+    scaled[0] = values[:, 0]
+    scaled[1] += chord
+    powers = np.arange(FIT_DEGREE + 1)[:, None]
+    return (scaled / (lengths**powers)[:, :, None])[::-1]
+
+
+@cache
+def _chebyshev(degree: int) -> tuple[Array, Array]:
+    """Points of [0, 1] with both ends, and the matrix from values there to powers of u."""
+    x = -np.cos(np.pi * np.arange(degree + 1) / degree)
+    series = np.linalg.inv(chebyshev.chebvander(x, degree))
+    in_x = np.stack(
+        [np.pad(chebyshev.cheb2poly(c), (0, degree + 1))[: degree + 1] for c in series.T]
+    )
+    in_u = [polynomial.polyfromroots([])]
+    for _ in range(degree):  # powers of x = 2 u - 1
+        in_u.append(polynomial.polymul(in_u[-1], [-1.0, 2.0]))
+    powers = np.stack([np.pad(p, (0, degree + 1 - len(p))) for p in in_u])
+    return (x + 1) / 2, (in_x @ powers).T
+
+
+def splined(samples: Array, step: float, start: float = 0.0) -> Motion:
+    """The quintic spline through samples (n, 6) [rad] at even steps [s], n >= 12.
+
+    Its ends are at rest if the samples are: the spline is continued by their first and last
+    value, so hold those for six samples or more.
+
+    Notes
+    -----
+    Cardinal B-splines: coefficients from the banded collocation matrix (1, 26, 66, 26, 1)/120,
+    which forgets at 0.43 per step: a knot 48 steps away counts 3e-18.
+    """
+    n = len(samples)
+    bands = np.repeat([[1.0], [26.0], [66.0]], n, axis=1) / 120
+    # beyond the ends the B-spline coefficients are the end samples: exact where those rest
+    right = np.array(samples, dtype=float)
+    right -= samples[0]
+    last = right[-1].copy()
+    right[-1] -= last * 27 / 120
+    right[-2] -= last / 120
+    c = solveh_banded(bands, right, check_finite=False)
+    ends = np.zeros((2, c.shape[1])), np.repeat(last[None], 2, axis=0)
+    return b_spline(np.concatenate([ends[0], c, ends[1]]) + samples[0], step, start)
+
+
+def b_spline(weights: Array, step: float, start: float = 0.0) -> Motion:
+    """The sum of quintic B-splines at even steps [s], C4: where six of them weigh zero, rest.
+
+    Parameters
+    ----------
+    weights : (k + 5, joints) rad
+        Of the B-splines about ``start + step (-2, -1, 0, ... k + 2)``; the k pieces begin at
+        `start`.
+    """
+    k = len(weights) - 5
+    coefficients = np.empty((6, k, weights.shape[1]))
+    for joint, own in enumerate(weights.T):
+        np.matmul(_cardinal(), sliding_window_view(own, 6).T, out=coefficients[:, :, joint])
+    coefficients /= (step ** np.arange(5, -1, -1))[:, None, None]
+    coefficients.flags.writeable = False
+    return Motion(start + step * np.arange(k + 1), coefficients)
+
+
+@cache
+def _cardinal() -> Array:
+    """Matrix (6, 6) from six B-spline coefficients to powers of u in [0, 1], highest first."""
+    rows = np.zeros((6, 6))
+    for i in range(6):  # B-spline i lies 5 - i steps into its support over [0, 1]
+        for j in range(6 - i):  # sum over truncated powers (u + 5 - i - j)^5
+            shifted = polynomial.polypow([float(5 - i - j), 1.0], 5)
+            rows[:, i] += (-1) ** j * comb(6, j) * shifted[::-1] / 120
+    return rows
+
+
+def summed(motions: Sequence[Motion]) -> Motion:
+    """The motion whose angles are the sums of several, each held outside of its own time."""
+    if len(motions) == 1:
+        return motions[0]
+    every = np.unique(np.concatenate([m.knots for m in motions]))
+    knots = every[np.concatenate([[True], np.diff(every) > SAME_KNOT])]
+    degree = max(len(m.coefficients) for m in motions) - 1
+    total = np.zeros((degree + 1, len(knots) - 1, motions[0].coefficients.shape[2]))
+    for motion in motions:
+        moved = _moved(motion, knots[:-1])
+        total[degree + 1 - len(moved) :] += moved
+    total.flags.writeable = False
+    return Motion(knots, total)
+
+
+def _moved(motion: Motion, starts: Array) -> Array:
+    """Coefficients of the motion's polynomials in time since `starts` (k,)."""
+    middle = starts + SAME_KNOT
+    piece = np.clip(np.searchsorted(motion.knots, middle, side="right") - 1, 0, None)
+    piece = np.minimum(piece, len(motion.knots) - 2)
+    outside = (middle < motion.knots[0]) | (middle > motion.knots[-1])
+    held = np.clip(starts, motion.knots[0], motion.knots[-1])
+    tau = (held - motion.knots[piece])[:, None]
+    c = motion.coefficients[:, piece]
+    # Taylor shift by repeated synthetic division
+    for stop in range(len(c), 1, -1):
+        for i in range(1, stop):
+            c[i] += c[i - 1] * tau
+    c[:-1, outside] = 0.0
+    return c

@@ -1,7 +1,8 @@
 """From a procedure to a motion: when each step runs and how the joints get there."""
 
-from dataclasses import dataclass
-from math import ceil
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import ceil, sqrt
 
 import numpy as np
 import ruckig
@@ -10,27 +11,74 @@ from scipy.spatial.transform import Rotation
 from alignment.angles import C_nb_from_angles
 from alignment.arrays import Array, set_owned
 from alignment.units import DEG
-from stand.motion import Motion
+from stand.errors import StandError
+from stand.motion import Motion, summed
 from stand.physics.description import JOINTS, StandModel
 from stand.physics.kinematics import attitude, gimbal_angles
-from stand.procedure import Dwell, LimitsEntry, Move, Procedure
+from stand.procedure import Procedure
+from stand.profile import profile
+from stand.steps import (
+    Background,
+    Coning,
+    Dwell,
+    Move,
+    Profile,
+    RampsEntry,
+    Rate,
+    Scorsby,
+    ScorsbyMotion,
+    Sine,
+    SineMotion,
+    Step,
+    Sway,
+    SwayMotion,
+    Sweep,
+    Vibration,
+    VibrationMotion,
+)
+from stand.sway import sway, vibration
 from stand.table import Table
+from stand.waves import coning, fade_of, scorsby, sines
 
 BASE = 3  # the first three joints are the rocking base's
+_Wave = SineMotion | ScorsbyMotion | SwayMotion | VibrationMotion
 LONGEST_MOVE = 7000.0  # s; the planner's own profiles end at 7600 s
 _TURN = 2 * np.pi
+_MOVE_LIMITS = ("rate_deg_s", "acceleration_deg_s2", "jerk_deg_s3")
+_STEP_STREAM, _BACKGROUND_STREAM = 0, 1  # random streams of steps and of backgrounds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turning:
+    """A constant rate [rad/s] of one axis (its place in `JOINTS`); `axis_b` (3,) unit, in b."""
+
+    axis: int
+    rate: float
+    axis_b: Array
+
+    def __post_init__(self) -> None:
+        set_owned(self, axis_b=(self.axis_b, (3,), float))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedStep:
-    """A step with its times [s], the joint angles (6,) [rad] at its end and ``C_nb`` there."""
+    """A step with its times [s], the joint angles (6,) [rad] at its end and ``C_nb`` there.
 
+    `number` is its place in the procedure, from 0. Between `steady_from` and `steady_to` it does
+    what it is for: stands still, turns at constant rate, rocks at full size. Of a `turning` one,
+    ``C_nb`` is the attitude where its axis reads zero.
+    """
+
+    number: int
     kind: str
     label: str
     t_from: float
     t_to: float
+    steady_from: float
+    steady_to: float
     joints: Array
     C_nb: Rotation
+    turning: Turning | None = None
 
     def __post_init__(self) -> None:
         set_owned(self, joints=(self.joints, (len(JOINTS),), float))
@@ -38,60 +86,288 @@ class PlannedStep:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """The steps with their times, and the motion through them."""
+    """The steps with their times, and the motion through them.
+
+    `rests` (s, 6): which axes each step lets stand still while it is steady.
+    """
 
     steps: tuple[PlannedStep, ...]
     motion: Motion
+    rests: np.ndarray
 
     @property
-    def dwells(self) -> list[PlannedStep]:
-        """The steps that stand still."""
-        return [step for step in self.steps if step.kind == "dwell"]
+    def stretches(self) -> list[PlannedStep]:
+        """The steps to estimate from: those that stand still, and those at constant rate."""
+        return [s for s in self.steps if s.kind == "dwell" or s.turning is not None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """Motion over some time: knots (k + 1,) from 0 and coefficients (4, k, 6)."""
+    """Motion over some time: knots (k + 1,) from 0 and coefficients (d + 1, k, 6)."""
 
     knots: Array
     coefficients: Array
 
 
-def plan(procedure: Procedure, model: StandModel, table: Table) -> Plan:
+def plan(procedure: Procedure, model: StandModel, table: Table, seed: int = 0) -> Plan:
     """Plan every step, from all joints at zero.
 
     A move is as fast as its limits allow; the rest that follows it lasts to the next whole
-    second, so that dwells begin at times a person can read.
+    second, and so do ramps and fades, so that steps are steady from times a person can read.
 
     Raises
     ------
     StandError
-        A target outside the table's travel, or a move limit above the table's.
+        A target outside the table's travel, a move limit above the table's, a profile or
+        spectrum file that is not right, a gimbal lock. Whether the whole motion keeps the
+        table's limits is for `stand.limits` to say.
     """
-    joints = np.zeros(len(JOINTS))
-    steps, pieces, t = [], [], 0.0
-    for index, step in enumerate(procedure.entry.step):
-        if isinstance(step, Dwell):
-            duration, target = step.duration_s, joints
+    track = _Track(procedure, model, table, seed)
+    for number, step in enumerate(procedure.entry.step):
+        _ADD[type(step)](track, number, step)
+    for number, behind in enumerate(procedure.entry.background):
+        track.add_background(number, behind)
+    motion = summed([joined(track.pieces), *track.overlays])
+    return Plan(tuple(track.steps), motion, np.array(track.rests))
+
+
+@dataclass(slots=True, eq=False)
+class _Track:
+    """A plan in the making: where the joints stand, what has been planned so far."""
+
+    procedure: Procedure
+    model: StandModel
+    table: Table
+    seed: int
+    joints: Array = field(default_factory=lambda: np.zeros(len(JOINTS)))
+    t: float = 0.0
+    steps: list[PlannedStep] = field(default_factory=list)
+    pieces: list[Piece] = field(default_factory=list)
+    overlays: list[Motion] = field(default_factory=list)
+    rests: list[np.ndarray] = field(default_factory=list)
+
+    def note(
+        self,
+        number: int,
+        step: Step,
+        t_to: float,
+        steady: tuple[float, float],
+        moving: np.ndarray,
+        label: str = "",
+        turning: Turning | None = None,
+    ) -> None:
+        """A step that ends at `t_to`, with the joints where they now stand."""
+        zeroed = self.joints.copy()
+        if turning is not None:
+            zeroed[turning.axis] = 0.0
+        planned = PlannedStep(
+            number,
+            step.kind,
+            label or step.label,
+            self.t,
+            t_to,
+            *steady,
+            self.joints,
+            attitude(self.model, zeroed),
+            turning,
+        )
+        self.steps.append(planned)
+        self.rests.append(~moving)
+        self.t = t_to
+
+    def dwell(self, number: int, step: Dwell) -> None:
+        self.pieces.append(rest_piece(self.joints, step.duration_s))
+        end = self.t + step.duration_s
+        self.note(number, step, end, (self.t, end), np.zeros(len(JOINTS), bool))
+
+    def move(self, number: int, step: Move) -> None:
+        target = _target(self.procedure, number, step, self.joints, self.model, self.table)
+        moving = self.joints != target
+        limits = _limits(self.procedure, number, step, moving, self.table, _MOVE_LIMITS)
+        _check_duration(self.procedure, number, self.joints, target, limits[0])
+        try:
+            piece = move_piece(self.joints, target, *limits)
+        except (ArithmeticError, ruckig.RuckigError, ValueError) as error:
+            allowed = f"no profile within these limits ({' '.join(str(error).split())[:80]})"
+            raise self.procedure.fault(number, "limits", "too extreme", allowed) from error
+        arrival = self.t + float(piece.knots[-1])
+        end = max(_whole_second(arrival), arrival)
+        self.joints = target
+        self.pieces += [piece, rest_piece(target, end - arrival)]
+        self.note(number, step, end, (arrival, end), moving)
+
+    def turn(self, number: int, step: Rate | Sweep) -> None:
+        rates = (step.rate_deg_s,) if isinstance(step, Rate) else step.rates_deg_s
+        both = step.directions == "both"
+        for rate in rates:
+            name = step.label if isinstance(step, Rate) else f"{step.label} {rate:g} deg/s"
+            self._turn_once(number, step, rate * DEG, f"{name} +" if both else name)
+            if both:
+                self._turn_once(number, step, -rate * DEG, f"{name} -")
+
+    def _turn_once(self, number: int, step: Rate | Sweep, rate: float, label: str) -> None:
+        axis = JOINTS.index(step.axis)
+        time = step.duration_s
+        if time is None:
+            assert step.turns is not None
+            time = step.turns * _TURN / abs(rate)
+        moving = np.arange(len(JOINTS)) == axis
+        ramp = _ramp(abs(rate), *self._ramp_limits(number, step, moving, axis))
+        piece, target = _turning_piece(self.joints, axis, rate, ramp, time)
+        turning = Turning(axis, rate, self._axis_b(axis))
+        steady = _whole_second(self.t + ramp[-1])
+        begin = max(steady - ramp[-1], self.t)
+        arrival = begin + float(piece.knots[-1])
+        end = max(_whole_second(arrival), arrival)
+        self.pieces += [
+            rest_piece(self.joints, begin - self.t),
+            piece,
+            rest_piece(target, end - arrival),
+        ]
+        self.joints = target
+        self.note(number, step, end, (steady, steady + time), moving, label, turning)
+
+    def _ramp_limits(
+        self, number: int, step: Rate | Sweep, moving: np.ndarray, axis: int
+    ) -> tuple[float, float]:
+        keys = _MOVE_LIMITS[1:]
+        limits = _limits(self.procedure, number, step, moving, self.table, keys)
+        return float(limits[0][axis]), float(limits[1][axis])
+
+    def _axis_b(self, axis: int) -> Array:
+        """The axis in b: its hinge turns the instrument about it."""
+        turned = self.joints.copy()
+        turned[axis] += 1.0
+        relative = attitude(self.model, self.joints).inv() * attitude(self.model, turned)
+        return relative.as_rotvec()
+
+    def wave(self, number: int, step: Sine | Scorsby | Coning | Sway | Vibration) -> None:
+        lead = fade_of(step)
+        if isinstance(step, Coning):
+            motion = self._guarded(
+                number, lambda: coning(step, step.duration_s, lead, self.joints, self.model)
+            )
         else:
-            target = _target(procedure, index, step, joints, model, table)
-            limits = _limits(procedure, index, step, joints != target, table)
-            _check_duration(procedure, index, joints, target, limits[0])
-            try:
-                move = move_piece(joints, target, *limits)
-            except (ArithmeticError, ruckig.RuckigError, ValueError) as error:
-                allowed = f"no profile within these limits ({' '.join(str(error).split())[:80]})"
-                raise procedure.fault(index, "limits", "too extreme", allowed) from error
-            pieces.append(move)
-            duration = _whole_second(t + move.knots[-1]) - t
-            duration, rest = max(duration, move.knots[-1]), duration - move.knots[-1]
-            pieces.append(rest_piece(target, rest))
-        if isinstance(step, Dwell):
-            pieces.append(rest_piece(target, duration))
-        C_nb = attitude(model, target)
-        steps.append(PlannedStep(step.kind, step.label, t, t + duration, target, C_nb))
-        joints, t = target, t + duration
-    return Plan(tuple(steps), joined(pieces))
+            motion = self._wave_of(step, step.duration_s, lead, (_STEP_STREAM, number), number)
+        length = _whole_second(2 * lead + step.duration_s)
+        self.pieces.append(rest_piece(self.joints, length))
+        self.overlays.append(_shifted(motion, self.t))
+        steady = self.t + lead
+        moving = np.any(motion.coefficients != 0, axis=(0, 1))
+        self.note(number, step, self.t + length, (steady, steady + step.duration_s), moving)
+
+    def profile(self, number: int, step: Profile) -> None:
+        path = self.procedure.folder / step.file
+        motion = self._guarded(number, lambda: profile(path, self.joints, step.file))
+        self.pieces.append(Piece(motion.knots, motion.coefficients))
+        end, _, _ = motion.joints([motion.duration])
+        moving = np.any(motion.coefficients[:-1] != 0, axis=(0, 1))
+        self.joints = end[0]
+        arrival = self.t + motion.duration
+        t_to = max(_whole_second(arrival), arrival)
+        self.pieces.append(rest_piece(self.joints, t_to - arrival))
+        self.note(number, step, t_to, (self.t, arrival), moving)
+
+    def add_background(self, number: int, behind: Background) -> None:
+        """A motion behind steps: it fades in with the first and out with the last."""
+        labels = [step.label for step in self.procedure.entry.step]
+        first = 0 if behind.first is None else labels.index(behind.first)
+        last = len(labels) - 1 if behind.last is None else labels.index(behind.last)
+        name = f"{self.procedure.name}: background {number + 1}"
+        if first > last:
+            raise StandError(
+                f'{name}, last = "{behind.last}": must not come before first = "{behind.first}"'
+            )
+        t_from = min(s.t_from for s in self.steps if s.number == first)
+        t_to = max(s.t_to for s in self.steps if s.number == last)
+        lead = fade_of(behind)
+        steady = t_to - t_from - 2 * lead
+        if steady <= 0:
+            raise StandError(
+                f"{name}, fade_s = {lead:g}: must be below half of the {t_to - t_from:g} s it runs"
+            )
+        try:
+            motion = self._wave_of(behind, steady, lead, (_BACKGROUND_STREAM, number), None)
+        except StandError as error:
+            raise StandError(f"{name}: {error}") from error
+        self.overlays.append(_shifted(motion, t_from))
+        moving = np.any(motion.coefficients != 0, axis=(0, 1))
+        for i, step in enumerate(self.steps):
+            if first <= step.number <= last:
+                self.rests[i] = self.rests[i] & ~moving
+
+    def _wave_of(
+        self, entry: _Wave, steady: float, lead: float, stream: tuple[int, int], number: int | None
+    ) -> Motion:
+        def rng_of(axis: str) -> np.random.Generator:
+            return np.random.default_rng([self.seed, 0x5A11, *stream, JOINTS.index(axis)])
+
+        def make() -> Motion:
+            if isinstance(entry, SineMotion):
+                return sines(entry, steady, lead)
+            if isinstance(entry, ScorsbyMotion):
+                return scorsby(entry, steady, lead)
+            if isinstance(entry, SwayMotion):
+                return sway(entry, steady, lead, rng_of, self.procedure.folder)
+            return vibration(entry, steady, lead, rng_of)
+
+        return make() if number is None else self._guarded(number, make)
+
+    def _guarded(self, number: int, make: Callable[[], Motion]) -> Motion:
+        """Faults of a motion are told with the file and the step."""
+        try:
+            return make()
+        except StandError as error:
+            label = self.procedure.entry.step[number].label
+            raise StandError(
+                f'{self.procedure.name}: step {number + 1} "{label}": {error}'
+            ) from error
+
+
+_ADD: dict[type, Callable] = {
+    Dwell: _Track.dwell,
+    Move: _Track.move,
+    Rate: _Track.turn,
+    Sweep: _Track.turn,
+    Sine: _Track.wave,
+    Scorsby: _Track.wave,
+    Coning: _Track.wave,
+    Sway: _Track.wave,
+    Vibration: _Track.wave,
+    Profile: _Track.profile,
+}
+
+
+def _shifted(motion: Motion, t: float) -> Motion:
+    return Motion(motion.knots + t, motion.coefficients)
+
+
+def _ramp(rate: float, acceleration: float, jerk: float) -> Array:
+    """Switching times (4,) [s] of the shortest ramp of limited jerk from rest to `rate`."""
+    rise = min(acceleration / jerk, sqrt(rate / jerk))
+    level = max(rate / (jerk * rise) - rise, 0.0)
+    return np.array([0.0, rise, rise + level, 2 * rise + level])
+
+
+def _turning_piece(
+    joints: Array, axis: int, rate: float, ramp: Array, time: float
+) -> tuple[Piece, Array]:
+    """A ramp up to `rate`, `time` seconds of it, the same ramp down; and the joints after it."""
+    up = np.diff(ramp)
+    jerk = rate / (up[0] * (up[0] + up[1]))
+    lengths = np.concatenate([up, [time], up])
+    jerks = np.array([jerk, 0, -jerk, 0, -jerk, 0, jerk])
+    coefficients = np.zeros((4, len(lengths), len(joints)))
+    coefficients[3] = joints
+    p, v, a = joints[axis], 0.0, 0.0
+    for k, (h, j) in enumerate(zip(lengths, jerks, strict=True)):
+        if k == len(up):
+            v, a = rate, 0.0  # exactly the rate that was asked for
+        coefficients[:, k, axis] = (j / 6, a / 2, v, p)
+        p, v, a = p + v * h + a * h**2 / 2 + j * h**3 / 6, v + a * h + j * h**2 / 2, a + j * h
+    after = joints.copy()
+    after[axis] = p
+    return Piece(np.concatenate([[0.0], np.cumsum(lengths)]), coefficients), after
 
 
 def _whole_second(t: float) -> float:
@@ -142,28 +418,34 @@ def _travel(table: Table, i: int) -> str:
 
 
 def _limits(
-    procedure: Procedure, index: int, step: Move, moving: np.ndarray, table: Table
-) -> tuple[Array, Array, Array]:
-    """Rate, acceleration and jerk limits (6,) of a move: its own, the procedure's, the table's."""
+    procedure: Procedure,
+    index: int,
+    step: RampsEntry,
+    moving: np.ndarray,
+    table: Table,
+    keys: tuple[str, ...],
+) -> list[Array]:
+    """Limits (6,) of what `keys` name: the step's, the procedure's, the table's."""
     general = procedure.entry.move_limits
+    own = {
+        "rate_deg_s": table.rate,
+        "acceleration_deg_s2": table.acceleration,
+        "jerk_deg_s3": table.jerk,
+    }
 
-    def limit(key: str, own: Array) -> Array:
-        for source, entry in ((step, step), (general, general)):
-            value = getattr(entry, key)
-            if value is None:
-                continue
-            too_much = np.flatnonzero(moving & (value * DEG > own * (1 + 1e-12)))
-            if len(too_much) and isinstance(source, Move):
-                i = int(too_much[0])
-                allowed = f"table {table.id} allows up to {own[i] / DEG:g} on {JOINTS[i]}"
-                raise procedure.fault(index, key, value, allowed)
-            return np.minimum(own, value * DEG)
-        return own
+    def limit(key: str) -> Array:
+        value = getattr(step, key)
+        if value is None:
+            value = getattr(general, key)
+            return own[key] if value is None else np.minimum(own[key], value * DEG)
+        too_much = np.flatnonzero(moving & (value * DEG > own[key] * (1 + 1e-12)))
+        if len(too_much):
+            i = int(too_much[0])
+            allowed = f"table {table.id} allows up to {own[key][i] / DEG:g} on {JOINTS[i]}"
+            raise procedure.fault(index, key, value, allowed)
+        return np.minimum(own[key], value * DEG)
 
-    keys = tuple(LimitsEntry.model_fields)
-    limits = (table.rate, table.acceleration, table.jerk)
-    rate, acceleration, jerk = (limit(k, v) for k, v in zip(keys, limits, strict=True))
-    return rate, acceleration, jerk
+    return [limit(key) for key in keys]
 
 
 def _check_duration(
@@ -213,11 +495,11 @@ def move_piece(start: Array, target: Array, rate: Array, acceleration: Array, je
     switches = [np.concatenate([[0.0], np.cumsum(p.t)]) for p in profiles]
     knots = _distinct(np.concatenate([*switches, [trajectory.duration]]))
     coefficients = np.zeros((4, len(knots) - 1, len(start)))
-    for axis, (profile, times) in enumerate(zip(profiles, switches, strict=True)):
+    for axis, (phases, times) in enumerate(zip(profiles, switches, strict=True)):
         if start[axis] == target[axis]:
             coefficients[3, :, axis] = target[axis]
         else:
-            coefficients[:, :, axis] = _cubics(profile, times, knots[:-1])
+            coefficients[:, :, axis] = _cubics(phases, times, knots[:-1])
     return Piece(knots, coefficients)
 
 
@@ -249,12 +531,14 @@ def _cubics(profile: ruckig.Profile, switches: Array, starts: Array) -> Array:
 def joined(pieces: list[Piece]) -> Motion:
     """One motion from successive pieces; rests that touch become one."""
     knots, coefficients = [0.0], []
+    degree = max(len(piece.coefficients) for piece in pieces)
     for piece in pieces:
+        padding = np.zeros((degree - len(piece.coefficients), len(JOINTS)))
         for k in range(len(piece.knots) - 1):
             length = piece.knots[k + 1] - piece.knots[k]
             if length <= 1e-9:
                 continue
-            c = piece.coefficients[:, k]
+            c = np.concatenate([padding, piece.coefficients[:, k]])
             if coefficients and not c[:-1].any() and np.array_equal(c, coefficients[-1]):
                 knots[-1] += length
             else:

@@ -1,36 +1,24 @@
 """Procedures: a turntable test as data. One TOML file each, units in the key names.
 
-A procedure is a site, limits for its moves, what to estimate, and steps: `dwell` (stand still)
-and `move` (to joint angles or to an instrument attitude).
+A procedure is a site, limits for its moves, what to estimate, steps (`stand.steps`), and motions
+in the background of several steps.
 """
 
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from alignment import ESTIMATORS, Options, Site
-from alignment.angles import Sequence, SequenceRule
+from alignment.angles import SequenceRule
 from alignment.units import ARC_SECOND, DEG
 from stand import catalogue
 from stand.errors import StandError, unknown
-from stand.physics.description import JOINTS
+from stand.imperfection import TableErrorsEntry
+from stand.steps import Background, Dwell, LimitsEntry, Positive, Rate, Step, Sweep, Text
 from stand.table import Table, load_table
-
-Positive = Annotated[float, Field(gt=0)]
-Limit = Annotated[float, Field(ge=1e-3)]
-AngleDeg = Annotated[float, Field(ge=-36000, le=36000)]
-LONGEST_STEP = 30 * 86400.0  # s
-
-
-def _one_line_text(text: str) -> str:
-    if not text.strip() or not text.isprintable():
-        raise ValueError(f"{text!r}: must be printable text in one line")
-    return text
-
-
-Text = Annotated[str, AfterValidator(_one_line_text)]
 
 
 class SiteEntry(catalogue.Entry):
@@ -74,60 +62,13 @@ class EstimateEntry(catalogue.Entry):
         for method in methods:
             if method not in ESTIMATORS:
                 raise ValueError(str(unknown("method", method, ESTIMATORS)))
-        if len(set(methods)) != len(methods) or not methods:
-            raise ValueError(f"must name one or more of {', '.join(ESTIMATORS)}, each once")
+        if len(set(methods)) != len(methods):
+            raise ValueError(f"must name some of {', '.join(ESTIMATORS)}, each once")
         return methods
 
     def options(self) -> Options:
         """The same as the estimators take it."""
         return Options(self.offset_window_s, SequenceRule(self.sequences))
-
-
-class LimitsEntry(catalogue.Entry):
-    """Limits of a move, for every axis that moves; never beyond the table's own."""
-
-    rate_deg_s: Limit | None = None
-    acceleration_deg_s2: Limit | None = None
-    jerk_deg_s3: Limit | None = None
-
-
-class AttitudeEntry(catalogue.Entry):
-    """An instrument attitude: turns from north-up-east, by `sequence` (methods.md section 0)."""
-
-    roll: AngleDeg = 0.0
-    yaw: AngleDeg = 0.0
-    pitch: AngleDeg = 0.0
-    sequence: Annotated[Sequence, Field(strict=False)] = Sequence.YAW_PITCH_ROLL
-
-
-class Dwell(catalogue.Entry):
-    """Stand still."""
-
-    kind: Literal["dwell"]
-    label: Text
-    duration_s: Annotated[float, Field(gt=0, le=LONGEST_STEP)]
-
-
-class Move(LimitsEntry):
-    """Go to joint angles (axes not named stay), or turn the gimbals to an attitude."""
-
-    kind: Literal["move"]
-    label: Text
-    joints_deg: dict[str, AngleDeg] | None = None
-    attitude_deg: AttitudeEntry | None = None
-
-    @model_validator(mode="after")
-    def _one_target(self) -> "Move":
-        if (self.joints_deg is None) == (self.attitude_deg is None):
-            has = "neither" if self.joints_deg is None else "both"
-            raise ValueError(f"joints_deg, attitude_deg: has {has}, must have one of them")
-        for name in self.joints_deg or {}:
-            if name not in JOINTS:
-                raise ValueError(f"joints_deg: {unknown('joint', name, JOINTS)}")
-        return self
-
-
-Step = Annotated[Dwell | Move, Field(discriminator="kind")]
 
 
 class TemperatureEntry(catalogue.Entry):
@@ -148,6 +89,16 @@ class TemperatureEntry(catalogue.Entry):
         return self
 
 
+class PayloadEntry(catalogue.Entry):
+    """What is fixed to the inner plate beside the IMU: off its axes it is an imbalance.
+
+    `offset_m`: from the crossing of the gimbal axes, east, north and up at zero angles.
+    """
+
+    mass_kg: Annotated[float, Field(ge=0, le=200)] = 0.0
+    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
 class ProcedureEntry(catalogue.Entry):
     """A procedure as its TOML file says it."""
 
@@ -158,22 +109,39 @@ class ProcedureEntry(catalogue.Entry):
     estimate: EstimateEntry
     move_limits: LimitsEntry = LimitsEntry()
     temperature: TemperatureEntry | None = None
+    payload: PayloadEntry = PayloadEntry()
+    table_errors: TableErrorsEntry | None = None
     step: tuple[Step, ...]
+    background: tuple[Background, ...] = ()
 
     @model_validator(mode="after")
-    def _dwells(self) -> "ProcedureEntry":
+    def _labels(self) -> "ProcedureEntry":
         seen: dict[str, int] = {}
         for number, step in enumerate(self.step, start=1):
-            if not isinstance(step, Dwell):
+            if not isinstance(step, Dwell | Rate | Sweep):
                 continue
             if step.label in seen:
                 raise ValueError(
                     f'step {number} "{step.label}", label: step {seen[step.label]} has it too, '
-                    "each dwell must have its own"
+                    "each stretch to estimate from must have its own"
                 )
             seen[step.label] = number
-        if not seen:
-            raise ValueError("step: no dwell to estimate from, must have at least one")
+        if self.estimate.methods and not seen:
+            raise ValueError(
+                "step: no dwell, rate or sweep to estimate from, must have at least one "
+                "(or estimate, methods = [])"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _backgrounds(self) -> "ProcedureEntry":
+        labels = [step.label for step in self.step]
+        for number, behind in enumerate(self.background, start=1):
+            for key, label in (("first", behind.first), ("last", behind.last)):
+                if label is not None and labels.count(label) != 1:
+                    fault = f'background {number}, {key} = "{label}"'
+                    count = labels.count(label) or "no"
+                    raise ValueError(f"{fault}: {count} steps have this label, must be one")
         return self
 
     @model_validator(mode="after")
@@ -191,12 +159,13 @@ class ProcedureEntry(catalogue.Entry):
 
 @dataclass(frozen=True, slots=True)
 class Procedure:
-    """A checked procedure with its id and source text."""
+    """A checked procedure with its id and source text; `folder` is where its files lie."""
 
     id: str
     name: str
     text: str
     entry: ProcedureEntry
+    folder: Path
 
     def fault(self, step: int, key: str, value: object, allowed: str) -> StandError:
         """An error about one step: file, step, key, value, what is allowed."""
@@ -220,4 +189,4 @@ def table_of(procedure: Procedure) -> Table:
 def procedure_from(source: catalogue.Source) -> Procedure:
     """Check a procedure's text."""
     entry = catalogue.parse(source, ProcedureEntry)
-    return Procedure(source.id, source.name, source.text, entry)
+    return Procedure(source.id, source.name, source.text, entry, Path(source.name).parent)

@@ -18,6 +18,7 @@ PUBLISHED = {
     "rk4": (0.213968, 0.222806, 0.385168),
 }
 ANGLES = ("roll", "yaw", "pitch")
+_STRETCHES = {"rest": "at rest", "turning": "at constant rate", "any": "to estimate from"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,15 +89,29 @@ def evaluate(
 ) -> list[Score]:
     """Run the methods over the dwells and score every estimate.
 
-    An estimate belongs to the dwell of its label; one from several dwells has no true attitude.
+    A method gets the stretches it is for. An estimate belongs to the dwell of its label; one from
+    several dwells has no true attitude.
+
+    Raises
+    ------
+    AlignmentError
+        A method refuses, or there is no stretch that it is for.
     """
     known = {dwell.label: truth for dwell, truth in zip(dwells, truths, strict=True)}
     several = Truths(latitude=truths[0].latitude if truths else None)
     return [
         score(estimate, known.get(estimate.label, several))
         for method in methods
-        for estimate in ESTIMATORS[method].estimate(dwells, site, options)
+        for estimate in ESTIMATORS[method].estimate(suited(method, dwells), site, options)
     ]
+
+
+def suited(method: str, dwells: Sequence[Dwell]) -> list[Dwell]:
+    """The stretches a method is for; `AlignmentError` where there is none."""
+    found = [dwell for dwell in dwells if ESTIMATORS[method].suited(dwell)]
+    if not found:
+        raise AlignmentError(f"no stretch {_STRETCHES[ESTIMATORS[method].takes]}")
+    return found
 
 
 @dataclass(frozen=True, slots=True)

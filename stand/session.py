@@ -1,10 +1,10 @@
-"""A run from procedure to result: plan, truth, readings, recording, estimates, scores."""
+"""A run from procedure to result: simulated, recorded, estimated, scored."""
 
 import hashlib
 import json
 import platform
 import shutil
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -17,26 +17,24 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment import ESTIMATORS, Dwell, Options, Site
+from alignment import ESTIMATORS, Dwell
 from alignment.angles import angles_from_C_nb, near_singular, wrapped
+from alignment.arrays import Array
 from alignment.estimate import AttitudeTrack, angle_sigmas
 from alignment.units import DEG
 from stand import __version__
 from stand.dwells import DwellCollector
 from stand.errors import StandError
-from stand.imu import Imu, ImuSpec, Temperature, without
 from stand.log import RUN, describe_estimate, describe_schedule, describe_site
-from stand.physics.description import StandModel
+from stand.motion import MotionKind
 from stand.physics.kinematics import C_NW
-from stand.physics.mjcf import describe, load_model
-from stand.physics.truth import Sampling, Truth, sample_count
-from stand.plan import Plan, PlannedStep, plan
-from stand.procedure import Procedure
+from stand.plan import Plan, PlannedStep
+from stand.record import StepRecord, record_to_json
 from stand.recording.curves import AngleCurves, Phase
 from stand.recording.interchange.writer import EPOCH_NS, McapWriter
 from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
-from stand.samples import ImuBlock, Sensed, TruthBlock
+from stand.samples import ImuBlock, TruthBlock
 from stand.score import (
     Refusal,
     Score,
@@ -47,39 +45,13 @@ from stand.score import (
     spread_to_json,
     spreads,
 )
-from stand.table import Table
+from stand.simulation import Settings, Simulation, begins_of, methods_of
 
-HIGHEST_RATE_HZ = 10_000
-BLOCK = 1000  # samples, or a second of them if that is more: a chunk of the recording
 QUEUE = 4  # blocks that may wait for a writer: bounds the memory
 LEVELS = {"INFO": 20, "WARN": 30}  # rcl_interfaces/msg/Log
 CHANNELS = ("gyro X1", "gyro Y1", "gyro Z1", "accel X1", "accel Y1", "accel Z1")
 
 Progress = Callable[[float], None]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Settings:
-    """All that decides a run: same settings, same bytes of `run.mcap`.
-
-    `imu` as it is to be simulated; `without` names the error terms that were switched off in it.
-    """
-
-    procedure: Procedure
-    imu: ImuSpec
-    table: Table
-    site: Site
-    options: Options
-    rate_hz: int = 200
-    sampling: Sampling = Sampling.MEAN
-    seed: int = 0
-    without: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.rate_hz <= HIGHEST_RATE_HZ:
-            raise StandError(f"rate = {self.rate_hz} Hz: must be 1 to {HIGHEST_RATE_HZ}")
-        if self.seed < 0:
-            raise StandError(f"seed = {self.seed}: must be 0 or more")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,6 +63,7 @@ class RunResult:
     plan: Plan
     samples: int
     saturated: tuple[int, ...]
+    records: tuple[StepRecord, ...]
     scores: tuple[Score, ...]
     spreads: tuple[Spread, ...]
     refusals: tuple[Refusal, ...]
@@ -119,42 +92,14 @@ def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunRe
         The estimates are.
     """
     refuse_existing(out, force)
-    model = load_model()
-    stand = describe(model)
-    planned = plan(settings.procedure, stand, settings.table)
-    if any(ESTIMATORS[m].needs_latitude for m in methods_of(settings)):
-        settings.site.horizontal_rate()  # refuses poles before the work, not after
-    _check_samples(settings, planned)
+    simulation = Simulation(settings)
     beside = _new_folder(out)
     try:
-        under_way = _Run(settings, stand, planned, beside)
-        truth = Truth(model, settings.site, under_way.imu.spec.places)
-        result = under_way.record(truth, progress, out)
+        result = _Run(simulation, beside).record(progress, out)
         _put_in_place(beside, out)
     finally:
         shutil.rmtree(beside, ignore_errors=True)
     return result
-
-
-def _check_samples(settings: Settings, planned: Plan) -> None:
-    """Every dwell and its offset window hold two whole samples at least."""
-    least = 3 / settings.rate_hz
-    window = settings.options.offset_window
-    if window < least and any(ESTIMATORS[m].needs_offset for m in methods_of(settings)):
-        raise StandError(
-            f"{settings.procedure.name}: estimate, offset_window_s = {window:g}: must be "
-            f"{least:g} or more at {settings.rate_hz} Hz"
-        )
-    for index, step in enumerate(planned.steps):
-        duration = step.t_to - step.t_from
-        if step.kind == "dwell" and duration < least:
-            allowed = f"must be {least:g} or more at {settings.rate_hz} Hz"
-            raise settings.procedure.fault(index, "duration_s", duration, allowed)
-
-
-def methods_of(settings: Settings) -> tuple[str, ...]:
-    """What the procedure wants estimated."""
-    return settings.procedure.entry.estimate.methods
 
 
 def refuse_existing(out: Path, force: bool) -> None:
@@ -187,19 +132,18 @@ def _put_in_place(beside: Path, out: Path) -> None:
 class _Run:
     """One run under way: the settings, the open recordings and the readings kept so far."""
 
-    def __init__(self, settings: Settings, stand: StandModel, planned: Plan, folder: Path) -> None:
-        self.settings, self.stand, self.plan, self.folder = settings, stand, planned, folder
-        self.imu = Imu(
-            without(settings.imu, settings.without),
-            settings.seed,
-            settings.rate_hz,
-            _temperature(settings.procedure),
+    def __init__(self, simulation: Simulation, folder: Path) -> None:
+        self.simulation, self.folder = simulation, folder
+        self.settings, self.stand, self.plan = (
+            simulation.settings,
+            simulation.stand,
+            simulation.plan,
         )
         self.saturated = np.zeros(len(CHANNELS), int)
         self.events: list[tuple[int, str, str]] = []
-        self.phases = [_phase(step) for step in planned.steps]
+        self.phases = [_phase(step) for step in self.plan.steps]
 
-    def record(self, truth: Truth, progress: Progress, out: Path) -> RunResult:
+    def record(self, progress: Progress, out: Path) -> RunResult:
         with ExitStack() as stack:
             # rerun takes a second to import: it does so while the first samples are made
             background = stack.enter_context(ThreadPoolExecutor(1))
@@ -207,21 +151,26 @@ class _Run:
             mcap = stack.enter_context(self._open_mcap())
             for phase in self.phases:
                 self._tell(mcap, phase.t_from_ns, "INFO", f"{phase.kind}: {phase.label}")
-            dwells, attitudes, samples = self._stream(truth, mcap, review, background, progress)
+            collector = self._stream(mcap, review, background, progress)
+            records = self.simulation.records()
+            begins = begins_of(records)
+            self._tell_settling(mcap, records)
+            dwells, attitudes = collector.finish(begins)
             scores, refusals = self._evaluate(dwells, attitudes)
             result = RunResult(
                 out,
                 self.settings,
                 self.plan,
-                samples,
+                self.simulation.total,
                 tuple(int(n) for n in self.saturated),
+                records,
                 tuple(scores),
                 tuple(spreads(scores)),
                 tuple(refusals),
             )
             text = json.dumps(result_json(result), indent=1, allow_nan=False)
             (self.folder / "result.json").write_text(text + "\n", encoding="utf-8")
-            mcap.close({"result.json": ("application/json", text.encode())})
+            mcap.close({"result.json": ("application/json", text.encode())}, _settled(begins))
             with review.result() as rrd:
                 for event in sorted(self.events):
                     rrd.event(*event)
@@ -233,31 +182,37 @@ class _Run:
 
     def _stream(
         self,
-        truth: Truth,
         mcap: McapWriter,
         review: "Future[Any]",
         background: ThreadPoolExecutor,
         progress: Progress,
-    ) -> tuple[list[Dwell], list[Rotation], int]:
-        """Samples block by block into both recordings and the dwells."""
-        settings = self.settings
-        collector = DwellCollector(self.plan.dwells, settings.rate_hz)
-        total = sample_count(self.plan.motion.duration, settings.rate_hz)
+    ) -> DwellCollector:
+        """Samples block by block into both recordings and the stretches."""
+        collector = DwellCollector(self.plan.stretches, self.settings.rate_hz)
         waiting: list[Future[None]] = []
-        done, block_s = 0, max(1.0, BLOCK / settings.rate_hz)
-        for block in truth.blocks(self.plan.motion, settings.rate_hz, settings.sampling, block_s):
-            reported = self.imu.report(self._sensed(truth, block, done))
-            waiting.append(background.submit(_write_review, review, block, reported))
-            self._watch_saturation(mcap, reported)
-            mcap.write(block, reported)
-            collector.add(block, reported)
-            done += len(block)
+        done, total = 0, self.simulation.total
+        for block in self.simulation.blocks():
+            lag = self.simulation.following(block)
+            truth, readings = block.truth, block.readings
+            waiting.append(background.submit(_write_review, review, truth, readings, lag))
+            self._watch_saturation(mcap, readings)
+            mcap.write(truth, readings)
+            collector.add(truth, readings)
+            done += len(truth)
             progress(done / total)
             if len(waiting) > QUEUE and review.done():
                 waiting.pop(0).result()
         for future in waiting:
             future.result()
-        return *collector.finish(), done
+        return collector
+
+    def _tell_settling(self, mcap: McapWriter, records: Sequence[StepRecord]) -> None:
+        for record in records:
+            if record.rests and record.settled is None:
+                self._tell(mcap, _ns(record.t_to), "WARN", f"{record.label}: never settled")
+            elif record.rests and record.settled:
+                told = f"{record.label}: settled after {record.settled:.3f} s"
+                self._tell(mcap, _ns(record.t_from + record.settled), "INFO", told)
 
     def _tell(self, mcap: McapWriter, t_ns: int, level: str, text: str) -> None:
         """An event for both recordings."""
@@ -273,14 +228,6 @@ class _Run:
             text = f"{CHANNELS[channel]} beyond its range in {counts[channel]} samples"
             self._tell(mcap, int(reported.t_ns[first]), "WARN", text)
 
-    def _sensed(self, truth: Truth, block: TruthBlock, first: int) -> Sensed:
-        """What the sensors feel at their own places and times; the truth where those are its."""
-        spec, motion = self.imu.spec, self.plan.motion
-        if spec.clock.perfect and not spec.places.any():
-            return Sensed(block.t_ns, block.w_ib_b, block.f_b)
-        edges = self.imu.clock.edges(first, first + len(block))
-        return truth.sensed(motion, edges, block.t_ns, self.settings.sampling)
-
     def _open_mcap(self) -> McapWriter:
         settings = self.settings
         return McapWriter(
@@ -294,8 +241,8 @@ class _Run:
                 "imu.toml": ("application/toml", settings.imu.text.encode()),
                 "table.toml": ("application/toml", settings.table.text.encode()),
             },
-            rate_noise=np.full(3, self.imu.gyro_sigma**2),
-            force_noise=np.full(3, self.imu.accel_sigma**2),
+            rate_noise=np.full(3, self.simulation.imu.gyro_sigma**2),
+            force_noise=np.full(3, self.simulation.imu.accel_sigma**2),
         )
 
     def _open_review(self) -> Any:
@@ -312,6 +259,7 @@ class _Run:
             phases=self.phases,
             w_ie_enu=C_NW.inv().apply(settings.site.w_ie_n),
             properties=self._metadata()[RUN],
+            following=settings.motion is MotionKind.SERVO,
         )
 
     def _unique_id(self) -> str:
@@ -330,6 +278,7 @@ class _Run:
                 "rate_hz": str(s.rate_hz),
                 "sampling": s.sampling.value,
                 "without": ",".join(s.without),
+                "motion": s.motion.value,
                 "epoch_ns": str(EPOCH_NS),
                 "frame_n": "north-east-down",
                 "frame_b": "X1 forward, Y1 up, Z1 right at zero table angles",
@@ -343,11 +292,15 @@ class _Run:
             "imu": {"toml": s.imu.text},
             "table": {"toml": s.table.text},
             "unit": self._drawn(),
+            "table_errors": self.simulation.errors.record(),
         }
 
     def _drawn(self) -> dict[str, str]:
         """The constants this unit was given, in SI: what an estimator would have to find."""
-        triads = {"gyro": self.imu.gyro_errors, "accel": self.imu.accel_errors}
+        triads = {
+            "gyro": self.simulation.imu.gyro_errors,
+            "accel": self.simulation.imu.accel_errors,
+        }
         return {
             f"{sensor}_{name}": json.dumps(getattr(errors, name).tolist())
             for sensor, errors in triads.items()
@@ -382,15 +335,16 @@ def _singular(track: AttitudeTrack, C_nb: Rotation) -> bool:
     return bool(near_singular(track.sequence, angles_from_C_nb(track.sequence, C_nb)))
 
 
-def _write_review(review: "Future[Any]", truth: TruthBlock, imu: ImuBlock) -> None:
-    review.result().write(truth, imu)
+def _write_review(
+    review: "Future[Any]", truth: TruthBlock, imu: ImuBlock, following: Array | None
+) -> None:
+    review.result().write(truth, imu, following)
 
 
-def _temperature(procedure: Procedure) -> Temperature | None:
-    profile = procedure.entry.temperature
-    if profile is None:
-        return None
-    return Temperature(np.array(profile.time_s), np.array(profile.temperature_C))
+def _settled(begins: Mapping[str, float | None]) -> dict[str, dict[str, str]]:
+    """The metadata record of dwells that count from a later time than was planned."""
+    told = {label: "never" if t is None else repr(t) for label, t in begins.items()}
+    return {"settled": told} if told else {}
 
 
 def _phase(step: PlannedStep) -> Phase:
@@ -447,6 +401,9 @@ def result_json(result: RunResult) -> dict[str, Any]:
         "duration_s": result.plan.steps[-1].t_to,
         "samples": result.samples,
         "without": list(s.without),
+        "motion": s.motion.value,
+        "true_table": s.true_table,
+        "steps": [record_to_json(record) for record in result.records],
         "saturated_samples": dict(zip(CHANNELS, result.saturated, strict=True)),
         "versions": versions(),
         "estimates": [score_to_json(scored) for scored in result.scores],

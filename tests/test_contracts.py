@@ -12,7 +12,7 @@ from stand.imu import Imu, Stated, load_imu
 from stand.physics.kinematics import attitude
 from stand.physics.mjcf import describe, load_model
 from stand.plan import plan
-from stand.procedure import Dwell as DwellStep
+from stand.steps import Dwell as DwellStep
 from stand.procedure import load_procedure
 from stand.samples import TruthBlock
 from stand.table import load_table
@@ -42,9 +42,9 @@ def test_every_procedure_plans_and_names_its_dwells(name):
     assert procedure.text
     planned = plan(procedure, STAND, load_table(procedure.entry.table))
     wanted = [s for s in procedure.entry.step if isinstance(s, DwellStep)]
-    assert [d.label for d in planned.dwells] == [s.label for s in wanted]
-    assert len({d.label for d in planned.dwells}) == len(wanted)
-    for dwell, step in zip(planned.dwells, wanted, strict=True):
+    assert [d.label for d in planned.stretches] == [s.label for s in wanted]
+    assert len({d.label for d in planned.stretches}) == len(wanted)
+    for dwell, step in zip(planned.stretches, wanted, strict=True):
         assert dwell.t_to - dwell.t_from == pytest.approx(step.duration_s, abs=1e-9)
         there = attitude(STAND, dwell.joints)
         assert (there.inv() * dwell.C_nb).magnitude() < 1e-14

@@ -171,23 +171,23 @@ def test_any_limits_of_a_single_slew(angle, rate, acceleration, jerk):
     extra = f"rate_deg_s = {rate!r}\nacceleration_deg_s2 = {acceleration!r}\njerk_deg_s3 = {jerk!r}"
     p = planned(move(extra, outer=angle) + dwell())
     check_whole(p, *(np.full(6, x * DEG) for x in (rate, acceleration, jerk)))
-    assert p.dwells[0].joints[3] == angle * DEG
-    assert p.motion.joints([p.dwells[0].t_from + 0.5])[0][0, 3] == angle * DEG
+    assert p.stretches[0].joints[3] == angle * DEG
+    assert p.motion.joints([p.stretches[0].t_from + 0.5])[0][0, 3] == angle * DEG
 
 
 def test_moves_one_after_another_and_a_move_to_where_it_stands():
     p = planned(move(outer=30.0) + move(outer=30.0) + move(inner=-45.0) + dwell())
     # 30 deg: four phases of (30/(2 1000))^(1/3) = 0.247 s make 0.99 s; 45 deg likewise on inner
     assert [s.t_to for s in p.steps] == [1.0, 1.0, 2.0, 3.0]
-    assert np.degrees(p.dwells[0].joints) == pytest.approx([0, 0, 0, 30, 0, -45])
+    assert np.degrees(p.stretches[0].joints) == pytest.approx([0, 0, 0, 30, 0, -45])
 
 
 def test_dwells_of_odd_length_let_the_next_move_end_on_a_whole_second():
     p = planned(
         dwell("A", 0.3) + move(outer=10.0) + dwell("B", 2.25) + move(outer=0.0) + dwell("C")
     )
-    assert [s.t_from for s in p.dwells] == [0.0, 1.0, 4.0]
-    assert [s.t_to for s in p.dwells] == [0.3, 3.25, 5.0]
+    assert [s.t_from for s in p.stretches] == [0.0, 1.0, 4.0]
+    assert [s.t_to for s in p.stretches] == [0.3, 3.25, 5.0]
 
 
 # --- attitudes
@@ -203,12 +203,12 @@ def test_any_attitude_on_any_base(roll, yaw, pitch, sequence, base):
     names = dict(zip(JOINTS[:3], base, strict=True))
     wanted = {"roll": roll, "yaw": yaw, "pitch": pitch, "sequence": sequence}
     p = planned(move(**names) + move(attitude=wanted) + dwell())
-    joints = p.dwells[0].joints
+    joints = p.stretches[0].joints
     hand = wanted_C_nb(roll, yaw, pitch, sequence)
     # gimbal lock: the gimbals' middle turn is found from a cosine that vanishes, sqrt(1e-16) off
     slack = ATTITUDE if abs(np.cos(joints[4])) > 1e-3 else 3e-8
     np.testing.assert_allclose(attitude(STAND, joints).as_matrix(), hand, rtol=0, atol=slack)
-    np.testing.assert_allclose(p.dwells[0].C_nb.as_matrix(), hand, rtol=0, atol=slack)
+    np.testing.assert_allclose(p.stretches[0].C_nb.as_matrix(), hand, rtol=0, atol=slack)
     np.testing.assert_allclose(chain_C_nb(np.degrees(joints)), hand, rtol=0, atol=slack)
     assert np.degrees(joints[:3]) == pytest.approx(base, abs=1e-12)
     assert (np.abs(joints[3:] - p.steps[0].joints[3:]) <= 1.5 * np.pi + 1e-9).all()
@@ -218,9 +218,9 @@ def test_any_attitude_on_any_base(roll, yaw, pitch, sequence, base):
 def test_gimbal_lock_leaves_the_inner_axis_at_zero(pitch):
     wanted = {"roll": 0.0, "yaw": 20.0, "pitch": pitch}
     p = planned(move(attitude=wanted) + dwell())
-    assert np.degrees(p.dwells[0].joints) == pytest.approx([0, 0, 0, 20, pitch, 0], abs=1e-9)
+    assert np.degrees(p.stretches[0].joints) == pytest.approx([0, 0, 0, 20, pitch, 0], abs=1e-9)
     hand = wanted_C_nb(0.0, 20.0, pitch, "yaw-pitch-roll")
-    np.testing.assert_allclose(p.dwells[0].C_nb.as_matrix(), hand, rtol=0, atol=ATTITUDE)
+    np.testing.assert_allclose(p.stretches[0].C_nb.as_matrix(), hand, rtol=0, atol=ATTITUDE)
 
 
 @pytest.mark.parametrize(
@@ -229,13 +229,13 @@ def test_gimbal_lock_leaves_the_inner_axis_at_zero(pitch):
 )
 def test_the_nearest_turn_is_taken(outer, yaw, expected):
     p = planned(move(outer=outer) + move(attitude={"yaw": yaw}) + dwell())
-    gimbals = np.degrees(p.dwells[0].joints[3:])
+    gimbals = np.degrees(p.stretches[0].joints[3:])
     assert gimbals == pytest.approx([expected, 0, 0], abs=1e-9)  # the flipped one is 180 deg away
 
 
 def test_yaw_is_positive_to_the_west():
     p = planned(move(attitude={"yaw": 90.0}) + dwell())
-    np.testing.assert_allclose(p.dwells[0].C_nb.apply([1, 0, 0]), [0, -1, 0], atol=ATTITUDE)
+    np.testing.assert_allclose(p.stretches[0].C_nb.apply([1, 0, 0]), [0, -1, 0], atol=ATTITUDE)
 
 
 # --- refusals
@@ -250,7 +250,7 @@ def test_unreachable_joint_angle():
 
 def test_the_ends_of_the_travel_are_reachable():
     p = planned(move(base_pitch=15.0, base_yaw=-20.0) + dwell())
-    assert np.degrees(p.dwells[0].joints[1:3]) == pytest.approx([15, -20])
+    assert np.degrees(p.stretches[0].joints[1:3]) == pytest.approx([15, -20])
     assert "base_yaw = -20.001" in refusal(move(base_yaw=-20.001) + dwell())
 
 
@@ -309,9 +309,9 @@ def narrow(tmp_path):
 def test_the_turn_that_travel_allows(narrow):
     p = planned(move(attitude={"yaw": -70.0}) + dwell(), narrow)
     assert "allows -10 to 300" in refusal(move(outer=-70.0) + dwell(), narrow)
-    assert np.degrees(p.dwells[0].joints) == pytest.approx([0, 0, 0, 290, 0, 0])
+    assert np.degrees(p.stretches[0].joints) == pytest.approx([0, 0, 0, 290, 0, 0])
     hand = wanted_C_nb(0, -70.0, 0, "yaw-pitch-roll")
-    np.testing.assert_allclose(p.dwells[0].C_nb.as_matrix(), hand, rtol=0, atol=ATTITUDE)
+    np.testing.assert_allclose(p.stretches[0].C_nb.as_matrix(), hand, rtol=0, atol=ATTITUDE)
 
 
 def test_an_attitude_no_gimbal_angles_reach(narrow):
@@ -320,3 +320,163 @@ def test_an_attitude_no_gimbal_angles_reach(narrow):
         'p.toml: step 1 "M", attitude_deg = 90.000 deg on axis middle: '
         "table narrow allows -80 to 80 deg on middle"
     )
+
+
+# --- constant rates
+
+
+def rate(extra: str = "duration_s = 30", value: float = 10.0, axis: str = "outer") -> str:
+    return f'[[step]]\nkind = "rate"\nlabel = "R"\naxis = "{axis}"\nrate_deg_s = {value}\n{extra}\n'
+
+
+SOFT = "acceleration_deg_s2 = 20\njerk_deg_s3 = 80\n"
+
+
+def test_a_constant_rate_by_hand():
+    p = planned(rate("duration_s = 30\n" + SOFT) + dwell())
+    step = p.steps[0]
+    # jerk 80 up to 20 deg/s^2 takes 0.25 s; 10 deg/s: 10/20 + 0.25 = 0.75 s, so steady from 1 s on
+    assert (step.t_from, step.steady_from, step.steady_to, step.t_to) == (0.0, 1.0, 31.0, 32.0)
+    q, v, a = (x[:, 3] / DEG for x in p.motion.joints([0.25, 1.0, 16.0, 31.0, 31.75]))
+    assert v[1:4].tolist() == pytest.approx([10, 10, 10], rel=1e-15)
+    assert not a[1:4].any()
+    # both ramps are symmetric: half of the rate for 0.75 s each
+    assert q == pytest.approx([0, 3.75, 153.75, 303.75, 307.5], abs=1e-11)
+    assert p.steps[1].joints[3] / DEG == pytest.approx(307.5, abs=1e-11)
+    assert step.turning.axis == JOINTS.index("outer")
+    assert step.turning.rate == pytest.approx(10 * DEG, rel=1e-15)
+    assert step.turning.axis_b == pytest.approx([0, 1, 0], abs=1e-14)  # up is Y1
+    assert (step.C_nb.inv() * attitude(STAND, np.zeros(6))).magnitude() < ATTITUDE
+
+
+def test_a_ramp_that_never_reaches_its_acceleration():
+    # 10 deg/s at jerk 80: up and down again in 2 sqrt(10/80) = 0.7071 s, peak 28.28 deg/s^2
+    p = planned(rate("duration_s = 2\nacceleration_deg_s2 = 100\njerk_deg_s3 = 80\n"))
+    begin = 1 - 2 * math.sqrt(10 / 80)
+    _, v, a = p.motion.joints([begin, begin + math.sqrt(10 / 80), 1.0])
+    assert v[:, 3] / DEG == pytest.approx([0, 5, 10], abs=1e-9)
+    assert a[1, 3] / DEG == pytest.approx(math.sqrt(800), rel=1e-9)
+
+
+def test_whole_turns_both_ways():
+    p = planned(rate('turns = 2\ndirections = "both"\n' + SOFT, value=-30.0) + dwell())
+    there, back, rest = p.steps
+    assert (there.label, back.label) == ("R +", "R -")
+    for step, sign in ((there, -1), (back, 1)):
+        assert step.steady_to - step.steady_from == pytest.approx(24.0, abs=1e-12)
+        ends, v, _ = p.motion.joints([step.steady_from, step.steady_to])
+        assert np.diff(ends[:, 3] / DEG) == pytest.approx(sign * 720, abs=1e-9)
+        assert v[:, 3] / DEG == pytest.approx([sign * 30] * 2, rel=1e-12)
+    assert rest.joints[3] == pytest.approx(0, abs=1e-12)
+    assert [s.number for s in p.steps] == [0, 0, 1]
+
+
+def test_a_sweep_is_one_stretch_per_rate():
+    text = (
+        '[[step]]\nkind = "sweep"\nlabel = "S"\naxis = "inner"\nrates_deg_s = [1, -5.5, 100]\n'
+        "duration_s = 10\n"
+    )
+    p = planned(text)
+    assert [s.label for s in p.stretches] == ["S 1 deg/s", "S -5.5 deg/s", "S 100 deg/s"]
+    for step, value in zip(p.steps, (1, -5.5, 100), strict=True):
+        t = np.linspace(step.steady_from, step.steady_to, 7)
+        assert p.motion.joints(t)[1][:, 5] / DEG == pytest.approx([value] * 7, rel=1e-12)
+        assert step.turning.axis_b == pytest.approx([1, 0, 0], abs=1e-14)  # north is X1
+        assert step.steady_from == round(step.steady_from)
+
+
+def test_the_axis_in_b_follows_the_gimbals():
+    p = planned(move(middle=90.0) + rate(SOFT + "turns = 1"))
+    # pitched by 90 deg, X1 points up: the outer axis is X1
+    assert p.steps[1].turning.axis_b == pytest.approx([1, 0, 0], abs=1e-14)
+
+
+@settings(max_examples=40)
+@given(
+    value=st.floats(0.01, 180) | st.floats(-180, -0.01),
+    acceleration=st.floats(1, 200),
+    jerk=st.floats(1, 1000),
+    time=st.floats(0.01, 100),
+)
+def test_any_constant_rate_is_smooth_and_keeps_its_limits(value, acceleration, jerk, time):
+    limits = f"acceleration_deg_s2 = {acceleration!r}\njerk_deg_s3 = {jerk!r}\n"
+    p = planned(rate(limits + f"duration_s = {time!r}", value=value))
+    step, knots = p.steps[0], p.motion.knots
+    assert step.steady_to - step.steady_from == pytest.approx(time, abs=1e-9)
+    before, after = (np.array(p.motion.joints(knots + e)) / DEG for e in (-1e-9, 1e-9))
+    # between the two times lie 2 ns of at most 180 deg/s, 200 deg/s^2, 1000 deg/s^3
+    assert np.abs(after - before).max() < 2.1e-6
+    t = np.linspace(0, p.motion.duration, 2001)
+    _, v, a = p.motion.joints(t)
+    assert np.abs(v).max() <= abs(value) * DEG * (1 + 1e-9)
+    assert np.abs(a).max() <= acceleration * DEG * (1 + 1e-9)
+
+
+def test_rates_say_what_is_wrong():
+    assert refusal(rate("duration_s = 5\nturns = 1")) == (
+        'p.toml: step 1 "R": duration_s, turns: has both, must have one of them'
+    )
+    assert refusal(rate(value=0.0)).endswith("rate_deg_s = 0: must not be 0; a dwell stands still")
+    assert refusal(rate("duration_s = 5\nacceleration_deg_s2 = 201")).endswith(
+        "acceleration_deg_s2 = 201.0: table laboratory allows up to 200 on outer"
+    )
+    assert "axis" in refusal(rate(axis="outter"))
+    assert "outer" in refusal(rate(axis="outter"))
+
+
+# --- several motions at one time
+
+SINE = "axes = { base_roll = { amplitude_deg = 2, frequency_hz = 0.5 } }\nfade_s = 4\n"
+
+
+def behind(extra: str = "", first: str | None = None, last: str | None = None) -> str:
+    ends = "".join(f'{k} = "{v}"\n' for k, v in (("first", first), ("last", last)) if v)
+    return f'[[background]]\nkind = "sine"\n{SINE}{ends}{extra}'
+
+
+def test_a_background_adds_up_with_the_steps():
+    steps = dwell("A", 10.0) + move(base_roll=5.0) + dwell("B", 20.0)
+    alone, rocking = planned(steps), planned(steps + behind())
+    assert [s.t_to for s in rocking.steps] == [s.t_to for s in alone.steps]
+    t = np.linspace(4, rocking.motion.duration - 4, 500)
+    added = rocking.motion.joints(t)[0] - alone.motion.joints(t)[0]
+    # at full size from 4 s on: 2 deg sin(2 pi 0.5 (t - 4)), to the 1e-12 of its polynomials
+    assert added[:, 0] / DEG == pytest.approx(2 * np.sin(np.pi * (t - 4)), abs=1e-9)
+    assert not added[:, 1:].any()
+    assert rocking.rests[:, 0].tolist() == [False, False, False]
+    assert rocking.rests[:, 3].tolist() == [True, True, True]
+
+
+def test_a_background_runs_behind_the_steps_it_names():
+    steps = dwell("A", 10.0) + dwell("B", 20.0) + dwell("C", 10.0)
+    p = planned(steps + behind(first="B", last="B"))
+    t = np.array([5.0, 10.0, 15.5, 30.0, 35.0])
+    q = p.motion.joints(t)[0][:, 0] / DEG
+    assert q == pytest.approx([0, 0, 2 * math.sin(math.pi * 1.5), 0, 0], abs=1e-9)
+    assert p.rests[:, 0].tolist() == [True, False, True]
+
+
+def test_backgrounds_say_what_is_wrong():
+    steps = dwell("A", 10.0) + dwell("B", 20.0)
+    assert refusal(steps + behind(first="Z")).endswith(
+        'background 1, first = "Z": no steps have this label, must be one'
+    )
+    assert refusal(steps + behind(first="B", last="A")).endswith(
+        'background 1, last = "A": must not come before first = "B"'
+    )
+    assert refusal(steps + behind("", first="A", last="A").replace("fade_s = 4", "fade_s = 5")) == (
+        "p.toml: background 1, fade_s = 5: must be below half of the 10 s it runs"
+    )
+
+
+def test_sway_depends_on_the_seed_and_on_its_place_alone():
+    text = dwell("A", 60.0) + (
+        '[[background]]\nkind = "sway"\n'
+        "axes = { base_roll = { rms_deg = 1, frequency_hz = 0.2 } }\n"
+    )
+    source = Source("p", "p.toml", HEAD + text)
+    motions = [plan(procedure_from(source), STAND, TABLE, seed).motion for seed in (0, 0, 1)]
+    t = np.linspace(0, 60, 100)
+    same, again, other = (m.joints(t)[0][:, 0] for m in motions)
+    assert same.tolist() == again.tolist()
+    assert np.abs(same - other).max() > 0.1 * DEG

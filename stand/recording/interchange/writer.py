@@ -123,8 +123,7 @@ class McapWriter:
         self._logs: list[tuple[int, int, str]] = []
         self._open = True
         self._container = Container(path, _TOPICS)
-        for name, values in metadata.items():
-            self._container.metadata(name, values)
+        self._describe(metadata)
         self._attach(attachments)
         self._container.chunk(self._lasting_parts(model, robot_description))
 
@@ -157,16 +156,17 @@ class McapWriter:
         """
         self._logs.append((t_ns, level, text))
 
-    def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Add a metadata record that was not known when the run began."""
-        self._container.metadata(name, values)
-
-    def close(self, attachments: Mapping[str, tuple[str, bytes]] | None = None) -> None:
-        """Write the remaining texts, `attachments`, index and footer; again: does nothing."""
+    def close(
+        self,
+        attachments: Mapping[str, tuple[str, bytes]] | None = None,
+        metadata: Mapping[str, Mapping[str, str]] | None = None,
+    ) -> None:
+        """Write the remaining texts, both of these, index and footer; again: does nothing."""
         if not self._open:
             return
         self._container.chunk(self._log_parts(until_ns=None))
         self._attach(attachments or {})
+        self._describe(metadata or {})
         self._container.finish()
         self._open = False
 
@@ -184,6 +184,10 @@ class McapWriter:
         elif self._open:
             self._container.abandon()
             self._open = False
+
+    def _describe(self, metadata: Mapping[str, Mapping[str, str]]) -> None:
+        for name, values in metadata.items():
+            self._container.metadata(name, values)
 
     def _attach(self, attachments: Mapping[str, tuple[str, bytes]]) -> None:
         for name, (media_type, data) in attachments.items():

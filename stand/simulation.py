@@ -1,0 +1,224 @@
+"""A run as it goes: plan, table with its errors, drive, truth and readings, block by block.
+
+What is made of the samples is for others to say: `stand.session` records them, `stand.compare`
+sets methods side by side on them.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from alignment import ESTIMATORS, Options, Site
+from alignment.arrays import Array
+from stand.errors import StandError
+from stand.imperfection import TableErrors, TableErrorsEntry, draw
+from stand.imu import Imu, ImuSpec, Temperature, without
+from stand.limits import Torque, check
+from stand.motion import Motion, MotionKind
+from stand.physics.description import StandModel
+from stand.physics.dynamics import Payload, required_torque
+from stand.physics.following import Followed, Span
+from stand.physics.geometry import with_errors
+from stand.physics.mjcf import describe, load_model
+from stand.physics.servo import Servo
+from stand.physics.truth import Sampling, Truth, sample_count
+from stand.plan import Plan, PlannedStep, plan
+from stand.procedure import Procedure
+from stand.record import StepRecord
+from stand.samples import ImuBlock, Sensed, TruthBlock
+from stand.table import Table
+
+HIGHEST_RATE_HZ = 10_000
+BLOCK = 1000  # samples, or a second of them if that is more: a chunk of the recording
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Settings:
+    """All that decides a run: same settings, same bytes of `run.mcap`.
+
+    `imu` as it is to be simulated; `without` names the error terms that were switched off in it.
+    `motion`: whether the joints follow the plan or are moved by a simulated servo; `true_table`:
+    whether the table is without errors.
+    """
+
+    procedure: Procedure
+    imu: ImuSpec
+    table: Table
+    site: Site
+    options: Options
+    rate_hz: int = 200
+    sampling: Sampling = Sampling.MEAN
+    seed: int = 0
+    without: tuple[str, ...] = ()
+    motion: MotionKind = MotionKind.IDEAL
+    true_table: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.rate_hz <= HIGHEST_RATE_HZ:
+            raise StandError(f"rate = {self.rate_hz} Hz: must be 1 to {HIGHEST_RATE_HZ}")
+        if self.seed < 0:
+            raise StandError(f"seed = {self.seed}: must be 0 or more")
+
+
+class Block(NamedTuple):
+    """Some samples: what was true, what the unit reports, and the motion that made them."""
+
+    truth: TruthBlock
+    readings: ImuBlock
+    motion: Motion
+
+
+class Simulation:
+    """A run made ready: planned, checked against the table, its table and unit drawn.
+
+    Raises
+    ------
+    StandError
+        The plan is impossible on this table, or too short for the sample rate.
+    AlignmentError
+        A method needs the latitude, at a pole.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        model = load_model()
+        self.stand: StandModel = describe(model)
+        procedure, table = settings.procedure, settings.table
+        self.plan: Plan = plan(procedure, self.stand, table, settings.seed)
+        load = payload_of(procedure)
+        check(procedure, self.plan, table, _torque(model, table, load))
+        if any(ESTIMATORS[m].needs_latitude for m in methods_of(settings)):
+            settings.site.horizontal_rate()  # refuses poles before the work, not after
+        _check_samples(settings, self.plan)
+        self.errors: TableErrors = _table_errors(settings)
+        self.imu = Imu(
+            without(settings.imu, settings.without),
+            settings.seed,
+            settings.rate_hz,
+            _temperature(procedure),
+        )
+        self._truth = Truth(
+            with_errors(model, self.errors), settings.site, self.imu.spec.places, self.errors
+        )
+        self._drive: Motion | Servo = self.plan.motion
+        if settings.motion is MotionKind.SERVO:
+            spans = [Span(s.t_from, s.t_to, s.kind == "dwell") for s in self.plan.steps]
+            self._drive = Servo(model, table, self.plan.motion, load, spans=spans)
+
+    @property
+    def total(self) -> int:
+        """Number of samples."""
+        return sample_count(self.plan.motion.duration, self.settings.rate_hz)
+
+    def blocks(self) -> Iterator[Block]:
+        """The samples in order of time, once."""
+        settings = self.settings
+        size = max(BLOCK, settings.rate_hz)
+        for first in range(0, self.total, size):
+            last = min(first + size, self.total)
+            motion = self._drive.covering(first / settings.rate_hz, last / settings.rate_hz)
+            truth = self._truth.block(motion, settings.rate_hz, settings.sampling, first, last)
+            yield Block(truth, self.imu.report(self._sensed(truth, first)), motion)
+
+    def _sensed(self, truth: TruthBlock, first: int) -> Sensed:
+        """What the sensors feel at their own places and times; the truth where those are its."""
+        spec = self.imu.spec
+        if spec.clock.perfect and not spec.places.any():
+            return Sensed(truth.t_ns, truth.w_ib_b, truth.f_b)
+        edges = self.imu.clock.edges(first, first + len(truth))
+        motion = self._drive.covering(float(edges[0]), float(edges[-1]))
+        return self._truth.sensed(motion, edges, truth.t_ns, self.settings.sampling)
+
+    def following(self, block: Block) -> Array | None:
+        """Demanded minus realised joint angles (n, 6) [rad]; None of ideal motion."""
+        if self.settings.motion is MotionKind.IDEAL:
+            return None
+        t = block.truth.t_ns * 1e-9
+        return self.plan.motion.joints(t)[0] - block.motion.joints(t)[0]
+
+    def records(self) -> tuple[StepRecord, ...]:
+        """What the servo did in each step, after the last block; nothing of ideal motion."""
+        if isinstance(self._drive, Motion):
+            return ()
+        limits = self.settings.table.torque
+        return tuple(
+            _step_record(step, done, limits)
+            for step, done in zip(self.plan.steps, self._drive.followed(), strict=True)
+        )
+
+
+def methods_of(settings: Settings) -> tuple[str, ...]:
+    """What the procedure wants estimated."""
+    return settings.procedure.entry.estimate.methods
+
+
+def payload_of(procedure: Procedure) -> Payload:
+    """What the procedure fixes to the plate beside the unit."""
+    entry = procedure.entry.payload
+    return Payload(entry.mass_kg, np.array(entry.offset_m))
+
+
+def begins_of(records: tuple[StepRecord, ...]) -> dict[str, float | None]:
+    """From when each dwell of a servo run counts [s], where it had to settle; None: never."""
+    return {
+        r.label: None if r.settled is None else r.t_from + r.settled
+        for r in records
+        if r.rests and r.settled != 0.0
+    }
+
+
+def _torque(model: object, table: Table, payload: Payload) -> Torque | None:
+    """What torque a motion needs, where the table's motors are known."""
+    if None in table.motors:
+        return None
+    return partial(required_torque, model, table, payload)
+
+
+def _table_errors(settings: Settings) -> TableErrors:
+    entry, ideal = settings.procedure.entry.table_errors, settings.motion is MotionKind.IDEAL
+    if settings.true_table:
+        entry = TableErrorsEntry(drawn=False)
+    return draw(settings.table, settings.seed, entry, ideal)
+
+
+def _check_samples(settings: Settings, planned: Plan) -> None:
+    """Every stretch and its offset window hold two whole samples at least."""
+    least = 3 / settings.rate_hz
+    window = settings.options.offset_window
+    if window < least and any(ESTIMATORS[m].needs_offset for m in methods_of(settings)):
+        raise StandError(
+            f"{settings.procedure.name}: estimate, offset_window_s = {window:g}: must be "
+            f"{least:g} or more at {settings.rate_hz} Hz"
+        )
+    for step in planned.stretches:
+        duration = step.steady_to - step.steady_from
+        if duration < least:
+            allowed = f"must be {least:g} or more at {settings.rate_hz} Hz"
+            raise settings.procedure.fault(step.number, "duration_s", duration, allowed)
+
+
+def _temperature(procedure: Procedure) -> Temperature | None:
+    profile = procedure.entry.temperature
+    if profile is None:
+        return None
+    return Temperature(np.array(profile.time_s), np.array(profile.temperature_C))
+
+
+def _step_record(step: PlannedStep, done: Followed, limits: Array) -> StepRecord:
+    waits = [t for t, rests in zip(done.settling_s, done.rests, strict=True) if rests]
+    never = any(t is None for t in waits)
+    return StepRecord(
+        step.label,
+        step.kind,
+        step.t_from,
+        step.t_to,
+        done.greatest_error,
+        done.rms_error,
+        done.saturated_s,
+        done.peak_torque / limits,
+        bool(waits),
+        None if never else max((t for t in waits if t is not None), default=None),
+    )
