@@ -2,25 +2,39 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from alignment import Dwell, ImuReadings, Options, Site
+from alignment import Dwell, ImuReadings, Options, Site, Turn
 from alignment.angles import SequenceRule
+from alignment.arrays import Array
+from alignment.readings import EDGE
 from alignment.units import ARC_SECOND, DEG
-from stand.errors import StandError
+from stand.errors import StandError, unknown
+from stand.physics.description import JOINTS
 from stand.physics.kinematics import C_NW
-from stand.recording.interchange.reader import ImuLog, read_imu, read_truth
+from stand.recording.interchange.reader import (
+    ImuLog,
+    JointLog,
+    read_imu,
+    read_joints,
+    read_truth,
+)
 from stand.score import Truths
 
 if TYPE_CHECKING:  # planning takes a while to import, and reading needs none of it
-    from stand.plan import PlannedStep
+    from stand.plan import PlannedStep, Turning
 
 RUN = "run"  # the metadata record that marks a recording of ours
+NEVER = "never"  # of a dwell in the record `settled`: the table did not come to rest
+LONGEST_STEP = 90 * DEG  # of an encoder between readings, so that turns can be counted
+GROSS = 0.5  # part of a rate: scale errors of gyros are smaller, mistakes larger
+LARGEST_BIAS = 1 * DEG  # rad/s, of a gyro
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,19 +67,36 @@ def describe_site(site: Site) -> dict[str, str]:
 
 
 def describe_schedule(steps: "Sequence[PlannedStep]") -> dict[str, str]:
-    """The metadata record of the steps as they ran; `C_nb_xyzw` is the nominal attitude."""
+    """The metadata record of the steps as they ran.
+
+    `C_nb_xyzw` is the nominal attitude, of a `turning` step where its axis reads zero;
+    `axis_b` is that axis in b.
+    """
     entries = [
         {
             "kind": step.kind,
             "label": step.label,
             "t_from_s": step.t_from,
             "t_to_s": step.t_to,
+            "steady_from_s": step.steady_from,
+            "steady_to_s": step.steady_to,
             "joints_deg": [float(a) for a in step.joints / DEG],
             "C_nb_xyzw": [float(a) for a in step.C_nb.as_quat()],
+            "turning": _described(step.turning),
         }
         for step in steps
     ]
     return {"json": json.dumps(entries)}
+
+
+def _described(turning: "Turning | None") -> dict | None:
+    if turning is None:
+        return None
+    return {
+        "axis": JOINTS[turning.axis],
+        "rate_deg_s": turning.rate / DEG,
+        "axis_b": [float(a) for a in turning.axis_b],
+    }
 
 
 def describe_estimate(options: Options, methods: Sequence[str]) -> dict[str, str]:
@@ -77,18 +108,53 @@ def describe_estimate(options: Options, methods: Sequence[str]) -> dict[str, str
     }
 
 
-def load_log(path: Path, topic: str | None, t_from: float | None, t_to: float | None) -> Log:
-    """Read a recording and part it into dwells.
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """A time to estimate from [s]; what it is called, its nominal attitude, what turned it."""
 
-    A recording of ours brings its dwells, nominal and true attitudes and site; any other log,
+    label: str
+    t_from: float
+    t_to: float
+    nominal: tuple[float, ...] | None = None
+    joint: str | None = None
+    axis_b: tuple[float, ...] | None = None
+
+
+def load_log(
+    path: Path,
+    topic: str | None,
+    t_from: float | None,
+    t_to: float | None,
+    turn_joint: str | None = None,
+    turn_axis: Sequence[float] | None = None,
+) -> Log:
+    """Read a recording and part it into dwells and turns at constant rate.
+
+    A recording of ours brings its stretches, nominal and true attitudes and site; any other log,
     or a stretch chosen by `t_from` and `t_to`, is one dwell. Times count from the recording's
     epoch (ours, and imported logs: the log's own times) or from the first sample.
+
+    Parameters
+    ----------
+    path : Path
+    topic : str or None
+        Of the IMU; see `read_imu`.
+    t_from, t_to : float or None
+        A stretch [s]; None for the beginning, the end.
+    turn_joint : str, optional
+        The joint whose encoder turns the IMU: then all, or the chosen stretch, is one turn.
+    turn_axis : (3,), optional
+        The axis in b about which b turns as the encoder's angle grows. Without it the vertical
+        as the mean specific force says, upward or downward as the gyros say.
 
     Raises
     ------
     StandError
-        The file is not right, or holds nothing between `t_from` and `t_to`.
+        The file is not right, or holds nothing between `t_from` and `t_to`; no such joint, no
+        angles for the stretch, or gyros that contradict the encoder.
     """
+    if turn_axis is not None and turn_joint is None:
+        raise StandError("turn axis: must have a turn joint with it")
     imu = read_imu(path, topic)
     if len(imu) < 2:
         raise StandError(f"{path}: one IMU message on {imu.topic}, at least 2 are needed")
@@ -97,55 +163,172 @@ def load_log(path: Path, topic: str | None, t_from: float | None, t_to: float | 
     try:
         origin = int(metadata[RUN]["epoch_ns"]) if metadata else int(imu.t_ns[0])
         site, options, methods = _settings(metadata)
-        schedule = _schedule(metadata) if simulated else []
+        planned = _planned(metadata) if simulated else []
+        stretches = _settled(planned, metadata.get("settled", {}))
     except (KeyError, ValueError, TypeError) as error:
         raise StandError(f"{path}: metadata of the run is damaged: {error}") from error
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
     t.flags.writeable = False
     readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
-    if t_from is not None or t_to is not None or not simulated:
-        schedule = [_stretch(path, readings, schedule, t_from, t_to)]
-    dwells = tuple(_dwell(entry, readings) for entry in schedule)
+    if not simulated or (t_from, t_to, turn_joint) != (None, None, None):
+        chosen = _chosen(path, readings, planned, t_from, t_to)
+        if turn_joint is not None:
+            chosen = replace(chosen, joint=turn_joint, axis_b=_unit(turn_axis), nominal=None)
+        stretches = [chosen]
+    turning = any(stretch.joint is not None for stretch in stretches)
+    encoders = Encoders(read_joints(path), origin, counted=simulated) if turning else None
+    dwells = tuple(_dwell(path, stretch, readings, encoders) for stretch in stretches)
     truths = _truths(path, imu, origin, dwells, site) if simulated else [Truths()] * len(dwells)
     return Log(str(path), imu.topic, simulated, dwells, tuple(truths), site, options, methods)
 
 
-def _schedule(metadata: Mapping[str, Mapping[str, str]]) -> list[dict]:
-    steps = json.loads(metadata["schedule"]["json"])
-    return [step for step in steps if step["kind"] == "dwell"]
+def _planned(metadata: Mapping[str, Mapping[str, str]]) -> list[_Stretch]:
+    """The stretches of the schedule; older recordings know of dwells alone."""
+    found = []
+    for step in json.loads(metadata["schedule"]["json"]):
+        turning = step.get("turning")
+        if step["kind"] == "dwell" or turning is not None:
+            found.append(
+                _Stretch(
+                    step["label"],
+                    float(step.get("steady_from_s", step["t_from_s"])),
+                    float(step.get("steady_to_s", step["t_to_s"])),
+                    tuple(step["C_nb_xyzw"]),
+                    None if turning is None else turning["axis"],
+                    None if turning is None else tuple(turning["axis_b"]),
+                )
+            )
+    return found
 
 
-def _stretch(
+def _settled(planned: Sequence[_Stretch], begins: Mapping[str, str]) -> list[_Stretch]:
+    """The stretches from when the table had settled; what never did is left out."""
+    settled = [
+        replace(s, t_from=max(s.t_from, float(begins.get(s.label, s.t_from))))
+        for s in planned
+        if begins.get(s.label) != NEVER
+    ]
+    return [s for s in settled if s.t_from < s.t_to - EDGE]
+
+
+def _chosen(
     path: Path,
     readings: ImuReadings,
-    schedule: Sequence[dict],
+    planned: Sequence[_Stretch],
     t_from: float | None,
     t_to: float | None,
-) -> dict:
-    """The chosen stretch as a dwell; it keeps label and attitude of the dwell it lies in."""
+) -> _Stretch:
+    """The chosen stretch; it keeps what is known of the planned one it lies in."""
     begin = float(readings.t[0]) - readings.interval
     end = float(readings.t[-1])
     a = begin if t_from is None else t_from
     b = end if t_to is None else t_to
-    if not (np.isfinite(a) and np.isfinite(b) and begin - 1e-6 <= a < b <= end + 1e-6):
+    if not (np.isfinite(a) and np.isfinite(b) and begin - EDGE <= a < b <= end + EDGE):
         raise StandError(
             f"{path}: from {a:.3f} to {b:.3f} s: must be a stretch within the recording's "
             f"{begin:.3f} to {end:.3f} s"
         )
-    inside = [s for s in schedule if s["t_from_s"] <= a + 1e-6 and b - 1e-6 <= s["t_to_s"]]
-    known = inside[0] if inside else {"label": path.stem, "C_nb_xyzw": None}
-    return known | {"t_from_s": a, "t_to_s": b}
+    inside = [s for s in planned if s.t_from <= a + EDGE and b - EDGE <= s.t_to]
+    known = inside[0] if inside else _Stretch(path.stem, a, b)
+    return replace(known, t_from=a, t_to=b)
 
 
-def _dwell(entry: Mapping, readings: ImuReadings) -> Dwell:
-    nominal = entry["C_nb_xyzw"]
-    return Dwell(
-        entry["label"],
-        entry["t_from_s"],
-        entry["t_to_s"],
-        readings,
-        None if nominal is None else Rotation.from_quat(nominal),
-    )
+def _dwell(
+    path: Path, stretch: _Stretch, readings: ImuReadings, encoders: "Encoders | None"
+) -> Dwell:
+    nominal = None if stretch.nominal is None else Rotation.from_quat(stretch.nominal)
+    times = stretch.t_from, stretch.t_to
+    if stretch.joint is None or encoders is None:
+        return Dwell(stretch.label, *times, readings, nominal)
+    part = readings.between(*times)
+    try:
+        angle = encoders.angle(stretch.joint, part.t)
+        turn = Turn(_axis_of_turn(stretch, part, angle), angle)
+    except StandError as error:
+        raise StandError(f"{path}: {error}") from error
+    return Dwell(stretch.label, *times, part, nominal, turn)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Encoders:
+    """Encoder readings of a log whose time zero is `origin` [ns since the Unix epoch].
+
+    `counted`: whether the angles grow over turns, as ours do; a real encoder may begin anew.
+    """
+
+    log: JointLog
+    origin: int
+    counted: bool
+
+    def angle(self, joint: str, t: Array) -> Array:
+        """Its angle (n,) [rad] at times `t` (n,) [s], straight between readings, turns counted.
+
+        Raises
+        ------
+        StandError
+            No such joint; times that the readings do not span; readings too far apart.
+        """
+        log = self.log
+        if joint not in log.names:
+            raise unknown(f"{log.topic}: joint", joint, log.names)
+        stamps = (log.t_ns - self.origin) * 1e-9
+        if len(t) < 2 or t[0] < stamps[0] - EDGE or t[-1] > stamps[-1] + EDGE:
+            raise StandError(
+                f"{log.topic}: from {stamps[0]:.3f} to {stamps[-1]:.3f} s, must hold all of the "
+                "IMU's stretch (two samples or more)"
+            )
+        first = max(int(np.searchsorted(stamps, t[0], "right")) - 1, 0)
+        last = int(np.searchsorted(stamps, t[-1])) + 1
+        angle = log.angles[first:last, log.names.index(joint)]
+        return np.interp(t, stamps[first:last], angle if self.counted else self._counted(angle))
+
+    def _counted(self, angle: Array) -> Array:
+        whole = np.unwrap(angle)
+        step = float(np.abs(np.diff(whole)).max(initial=0.0))
+        if step > LONGEST_STEP:
+            raise StandError(
+                f"{self.log.topic}: steps of {step / DEG:.1f} deg between readings: must be at "
+                f"most {LONGEST_STEP / DEG:.0f}, or turns cannot be counted"
+            )
+        return whole
+
+
+def _axis_of_turn(stretch: _Stretch, readings: ImuReadings, angle: Array) -> Array:
+    """The axis in b: of the schedule, the told one, or the vertical.
+
+    The latter two are compared with the gyros: the encoder's rate is fitted to theirs by least
+    squares. A bias may be as large as a slow table's rate, so that a told axis stands then.
+    """
+    if stretch.nominal is not None:
+        return np.array(stretch.axis_b)
+    known = stretch.axis_b is not None
+    axis = np.array(stretch.axis_b if known else _unit(readings.f_b.mean(axis=0)))
+    rate = np.diff(angle) / np.diff(readings.t)
+    power = float(rate @ rate)
+    if power == 0.0:
+        raise StandError(f"{stretch.label}: {stretch.joint} does not turn")
+    # interval k ends at stamp k, as its mean rate does
+    share = float((readings.w_ib_b[1:] @ axis) @ rate) / power
+    if not known and share < 0:
+        axis, share = -axis, -share
+    off = abs(share - 1.0)
+    if off > GROSS and (not known or off * np.sqrt(power / len(rate)) > LARGEST_BIAS):
+        about = ", ".join(f"{a:.3f}" for a in axis)
+        raise StandError(
+            f"{stretch.label}: the gyros turn {share:.3f} times as fast about ({about}) as "
+            f"{stretch.joint} does, must be {1 - GROSS:g} to {1 + GROSS:g}: another axis or joint"
+        )
+    return axis
+
+
+def _unit(vector: ArrayLike | None) -> tuple[float, ...] | None:
+    if vector is None:
+        return None
+    v = np.asarray(vector, float)
+    length = float(np.linalg.norm(v))
+    if v.shape != (3,) or not np.isfinite(length) or length == 0.0:
+        raise StandError(f"turn axis {v.tolist()}: must be three numbers, not all zero")
+    return tuple((v / length).tolist())
 
 
 def _settings(
@@ -182,6 +365,17 @@ def _truths(
     t = (truth.t_ns - origin) * 1e-9
     last = np.searchsorted(t, [dwell.t_to + 1e-6 for dwell in dwells]) - 1
     return [
-        Truths(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell.nominal, site.latitude)
+        Truths(
+            at_zero(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell.turn),
+            dwell.nominal,
+            site.latitude,
+        )
         for k, dwell in zip(last, dwells, strict=True)
     ]
+
+
+def at_zero(C_nb: Rotation, turn: Turn | None) -> Rotation:
+    """The attitude where the encoder of a turning axis reads zero, from that of its last sample."""
+    if turn is None:
+        return C_nb
+    return C_nb * Rotation.from_rotvec(-turn.angle[-1] * turn.axis_b)

@@ -1,11 +1,11 @@
-"""Readings sorted by dwell while a run streams: whole samples only, whatever the blocks."""
+"""Readings sorted by stretch while a run streams: whole samples only, whatever the blocks."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from stand.dwells import DwellCollector
-from stand.plan import PlannedStep
+from stand.plan import PlannedStep, Turning
 from stand.samples import ImuBlock, TruthBlock
 
 RATE = 10  # Hz
@@ -13,21 +13,28 @@ NOMINAL = Rotation.from_euler("z", 30, degrees=True)
 C_NW = [[0, 1, 0], [1, 0, 0], [0, 0, -1]]  # ENU to NED
 
 
-def step(label: str, t_from: float, t_to: float) -> PlannedStep:
-    return PlannedStep("dwell", label, t_from, t_to, np.zeros(6), NOMINAL)
+def step(label: str, t_from: float, t_to: float, turning: Turning | None = None) -> PlannedStep:
+    """A step that is steady from `t_from` to `t_to`, with half a second of ramps around that."""
+    kind, ramp = ("dwell", 0.0) if turning is None else ("rate", 0.5)
+    times = (t_from - ramp, t_to + ramp, t_from, t_to)
+    return PlannedStep(0, kind, label, *times, np.zeros(6), NOMINAL, turning)
 
 
 def samples(n: int) -> tuple[TruthBlock, ImuBlock]:
-    """Sample k ends at (k + 1) / 10 s and says k in every channel; its attitude is k degrees."""
+    """Sample k ends at (k + 1) / 10 s and says k in every channel; its attitude is k degrees.
+
+    Encoders stand at 10 k + axis, which is not where the joints are.
+    """
     k = np.arange(n)
     w = k[:, None] + np.array([0.1, 0.2, 0.3])
     q = Rotation.from_rotvec(np.outer(k, [0, 0, np.pi / 180])).as_quat()
     zeros = np.zeros((n, 6))
     t_ns = (k + 1) * 100_000_000
-    return TruthBlock(t_ns, -w, -w, q, zeros, zeros), ImuBlock(t_ns, w, w * 10)
+    encoders = 10.0 * k[:, None] + np.arange(6)
+    return TruthBlock(t_ns, -w, -w, q, zeros, zeros, encoders, zeros), ImuBlock(t_ns, w, w * 10)
 
 
-def collected(dwells: list[PlannedStep], n: int, size: int):
+def collected(dwells: list[PlannedStep], n: int, size: int, begins=None):
     truth, imu = samples(n)
     collector = DwellCollector(dwells, RATE)
     for a in range(0, n, size):
@@ -36,7 +43,7 @@ def collected(dwells: list[PlannedStep], n: int, size: int):
             TruthBlock(*(getattr(truth, name)[part] for name in TruthBlock.__slots__)),
             ImuBlock(*(getattr(imu, name)[part] for name in ImuBlock.__slots__)),
         )
-    return collector.finish()
+    return collector.finish(begins)
 
 
 @pytest.mark.parametrize("size", [1, 3, 7, 20, 100])
@@ -83,3 +90,26 @@ def test_readings_are_read_only():
     (dwell,), _ = collected([step("A", 1.0, 2.0)], 30, 7)
     with pytest.raises(ValueError, match="read-only"):
         dwell.readings.w_ib_b[0] = 0.0
+
+
+@pytest.mark.parametrize("size", [1, 7, 100])
+def test_a_turning_stretch_has_the_encoder_angles_of_its_axis(size):
+    turning = Turning(4, 0.1, np.array([0.0, 0.6, 0.8]))
+    (dwell,), _ = collected([step("turn", 1.0, 2.0, turning)], 60, size)
+    assert dwell.turn is not None
+    np.testing.assert_array_equal(dwell.turn.axis_b, [0.0, 0.6, 0.8])
+    np.testing.assert_allclose(dwell.readings.t, np.arange(11, 21) / 10, rtol=1e-15)
+    np.testing.assert_array_equal(dwell.turn.angle, 10.0 * np.arange(10, 20) + 4)
+
+
+def test_a_dwell_counts_once_settled_and_never_if_never():
+    turning = Turning(2, 0.1, np.array([0.0, 1.0, 0.0]))
+    steps = [step("A", 0.0, 2.0), step("B", 3.0, 4.0), step("C", 4.5, 5.5, turning)]
+    begins = {"A": 0.75, "B": None, "C": 5.0}
+    (first, last), attitudes = collected(steps, 60, 13, begins)
+    assert (first.label, first.t_from, first.t_to) == ("A", 0.75, 2.0)
+    # the first whole sample after 0.75 s is from 0.8 to 0.9 s
+    np.testing.assert_allclose(first.readings.t, np.arange(9, 21) / 10, rtol=1e-15)
+    assert (last.label, len(attitudes)) == ("C", 2)
+    np.testing.assert_allclose(last.readings.t, np.arange(51, 56) / 10, rtol=1e-15)
+    np.testing.assert_array_equal(last.turn.angle, 10.0 * np.arange(50, 55) + 2)

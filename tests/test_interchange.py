@@ -433,7 +433,7 @@ def test_read_joints_bit_exact(run, topic, angles, rates):
 def test_a_late_metadata_record(tmp_path):
     with writer(tmp_path / "run.mcap") as file:
         file.write(*blocks(10))
-        file.metadata("settled", {"X1 up": "1.25"})
+        file.close(metadata={"settled": {"X1 up": "1.25"}})
     assert read_metadata(tmp_path / "run.mcap") == METADATA | {"settled": {"X1 up": "1.25"}}
     with open(tmp_path / "run.mcap", "rb") as opened:
         names = [m.name for m in make_reader(opened, validate_crcs=True).iter_metadata()]

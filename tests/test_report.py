@@ -13,12 +13,14 @@ from alignment.angles import C_nb_from_angles, Sequence
 from alignment.units import DEG
 from stand.imu import load_imu
 from stand.procedure import load_procedure
+from stand.record import StepRecord, record_to_json
 from stand.report.console import WIDTH, console, render, show
 from stand.report.document import (
     TableData,
     angle,
     config_document,
     markdown,
+    motion_table,
     number,
     report_document,
     score_tables,
@@ -185,6 +187,51 @@ def test_flags_become_notes_with_their_positions():
     assert table.notes[1:] == ("both", "A: only A")
 
 
+# --- what the servo did
+
+
+def servo_records() -> tuple[StepRecord, ...]:
+    """A rest that settled, a move at its limit, a rest that never settled."""
+    arc_s = np.pi / 180 / 3600
+    none = np.zeros(6)
+    lag = np.array([0, 0, 0, 1, 12.34, 2]) * arc_s
+    wild = np.array([0, 1234.5, 0, 0, 0, 0]) * arc_s
+    full = np.array([0, 0, 0, 0.2, 0.1, 1.0])
+    return (
+        StepRecord("X1 up", "dwell", 0, 60, lag, lag / 4, none, full / 10, True, 0.256),
+        StepRecord("to Y1 up", "move", 60, 64, wild, wild / 2, full * 0.35, full, False),
+        StepRecord("Y1 up", "dwell", 64, 99, none, none, none, none, True),
+    )
+
+
+def test_a_table_of_what_the_servo_did():
+    table = motion_table(servo_records())
+    assert table.columns == (
+        "step",
+        "kind",
+        "error max arc s",
+        "rms arc s",
+        "settled after s",
+        "saturated s",
+        "torque % of limit",
+    )
+    assert table.rows == (
+        ("X1 up", "dwell", "12.3 middle", "3.08", "0.26", "0", "10 inner"),
+        ("to Y1 up", "move", "1234 base_pitch", "617", "", "0.35 inner", "100 inner"),
+        ("Y1 up", "dwell", "0", "0", "never", "0", "0"),
+    )
+
+
+def test_the_servo_for_machines_has_its_units_in_the_keys():
+    json = record_to_json(servo_records()[1])
+    assert json["following_max_arc_s"]["base_pitch"] == pytest.approx(1234.5, rel=1e-12)
+    assert json["following_rms_arc_s"]["base_pitch"] == pytest.approx(617.25, rel=1e-12)
+    assert json["torque_percent"]["outer"] == pytest.approx(20.0, rel=1e-12)
+    assert json["saturated_s"]["inner"] == pytest.approx(0.35, rel=1e-12)
+    assert (json["t_from_s"], json["t_to_s"], json["settled_after_s"]) == (60, 64, None)
+    assert (json["label"], json["kind"], json["rests"]) == ("to Y1 up", "move", False)
+
+
 # --- markdown and the terminal
 
 
@@ -234,6 +281,20 @@ def test_the_terminal_shows_every_cell_as_it_is():
     assert render(table) is not None
 
 
+def test_numbers_keep_their_column_where_words_make_room():
+    rows = tuple(("id", "many words that may wrap " * 3, "12345.0") for _ in range(2))
+    table = TableData("T", ("id", "title", "base travel deg"), rows)
+    out = StringIO()
+    show(Console(file=out, width=40), [table])
+    text = out.getvalue()
+    assert "12345.0" in text
+    assert [line.split()[-1] for line in text.splitlines()[1:5] if line.strip()] == [
+        "base",
+        "travel",
+        "deg",
+    ]
+
+
 def test_a_pipe_gets_wide_tables():
     assert console().width == WIDTH
 
@@ -241,7 +302,7 @@ def test_a_pipe_gets_wide_tables():
 # --- documents
 
 
-def result(tmp_path, text: str = "") -> RunResult:
+def result(tmp_path, text: str = "", records: tuple[StepRecord, ...] = ()) -> RunResult:
     procedure, imu = load_procedure("six-position"), load_imu("stim300")
     if text:
         procedure = replace(procedure, text=text)
@@ -250,9 +311,8 @@ def result(tmp_path, text: str = "") -> RunResult:
         procedure, imu, load_table("laboratory"), entry.site.site(), entry.estimate.options()
     )
     plan = type("Plan", (), {"motion": type("Motion", (), {"duration": 384.0})})
-    return RunResult(
-        tmp_path, settings, plan, 76800, (0,) * 6, (scored("A", 1.0), scored("B", 3.0)), (), ()
-    )
+    scores = (scored("A", 1.0), scored("B", 3.0))
+    return RunResult(tmp_path, settings, plan, 76800, (0,) * 6, records, scores, (), ())
 
 
 def test_the_report_says_what_was_run(tmp_path):
@@ -264,6 +324,12 @@ def test_the_report_says_what_was_run(tmp_path):
     )
     assert "| *RMS* |" in document
     assert "heading = -yaw" in document
+
+
+def test_the_report_of_a_servo_run_shows_its_steps(tmp_path):
+    document = report_document(result(tmp_path, records=servo_records()))
+    assert "| to Y1 up | move | 1234 base_pitch | 617 |  | 0.35 inner | 100 inner |" in document
+    assert "servo: " not in report_document(result(tmp_path))
 
 
 def test_the_configuration_holds_the_files_in_closed_fences(tmp_path):
@@ -283,11 +349,17 @@ def test_lists_by_hand():
     assert imus["stim300"]["bias mg"] == 1.9
     assert imus["ring-laser"]["grade"] == "navigation RLG"
     procedures = {row["id"]: row for row in listing("procedures")}
-    assert procedures["six-position-published"]["rest_s"] == 1800.0
-    assert procedures["six-position"]["dwells"] == 6
+    assert procedures["six-position-published"]["steady_s"] == 1800.0
+    assert procedures["six-position"]["steps"] == "6 dwell"
+    # 360 deg thrice at 4 deg/s, there and back, between rests of 26 s
+    assert procedures["carousel"]["steady_s"] == 2 * 270.0 + 2 * 26.0
+    assert procedures["carousel"]["steps"] == "2 dwell, 1 rate"
+    assert procedures["random-sway"]["steps"] == "1 dwell; sway behind"
     tables = {row["id"]: row for row in listing("tables")}
-    assert tables["laboratory"]["base travel deg"] == "-15 to 15"
-    assert tables["laboratory"]["gimbal rate deg/s"] == "200"
+    assert tables["laboratory"]["base deg"] == "±20"
+    assert tables["laboratory"]["rate deg/s"] == pytest.approx(200.0, rel=1e-12)
+    assert tables["laboratory"]["servo Hz"] == 20.0
+    assert tables["laboratory"]["wobble arc s"] == 0.0
     methods = {row["id"]: row["needs latitude"] for row in listing("methods")}
     assert (methods["six-position"], methods["triad"]) == ("yes", "no")
 

@@ -1,0 +1,285 @@
+"""Recordings as dwells and turns: schedules new and old, when settled, encoders of real tables."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+from scipy.spatial.transform import Rotation
+
+from alignment import Site
+from stand.errors import StandError
+from stand.log import Encoders, describe_schedule, describe_site, load_log
+from stand.physics.mjcf import describe, load_model
+from stand.plan import PlannedStep, Turning
+from stand.recording.interchange import EPOCH_NS, JointLog, McapWriter, cdr, schemas
+from stand.samples import ImuBlock, TruthBlock
+
+RATE = 10  # Hz
+S = 1_000_000_000
+DEG = np.pi / 180
+C_NB = Rotation.from_euler("ZYX", [10.0, 20.0, 30.0], degrees=True)
+AXIS_B = (0.0, 0.6, 0.8)
+SPEED = 7.0  # deg/s
+
+
+def steps() -> tuple[PlannedStep, ...]:
+    """A dwell, a turn with ramps of a second, a rocking without rest, a dwell."""
+    turning = Turning(5, SPEED * DEG, np.array(AXIS_B))
+    zero = np.zeros(6)
+    return (
+        PlannedStep(0, "dwell", "A", 0.0, 4.0, 0.0, 4.0, zero, C_NB),
+        PlannedStep(1, "rate", "turn", 4.0, 16.0, 5.0, 15.0, zero, C_NB.inv(), turning),
+        PlannedStep(2, "sine", "rock", 16.0, 20.0, 17.0, 19.0, zero, C_NB),
+        PlannedStep(3, "dwell", "B", 20.0, 24.0, 20.0, 24.0, zero, C_NB * C_NB),
+    )
+
+
+def samples(n: int = 240) -> tuple[TruthBlock, ImuBlock]:
+    """The encoder of `inner` grows without end, 0.01 rad off the truth."""
+    t_ns = (np.arange(n) + 1) * (S // RATE)
+    rng = np.random.default_rng(2)
+    joints, zero = np.zeros((n, 6)), np.zeros((n, 6))
+    joints[:, 5] = SPEED * DEG * t_ns / S + 300.0
+    q = Rotation.random(n, rng).as_quat()
+    w, f = rng.normal(size=(2, n, 3))
+    return TruthBlock(t_ns, w, f, q, joints, zero, joints + 0.01, zero), ImuBlock(t_ns, w, f)
+
+
+def recording(path: Path, schedule: dict[str, str], settled: dict[str, str] | None = None) -> Path:
+    metadata = {
+        "run": {"stand_version": "0", "epoch_ns": str(EPOCH_NS)},
+        "site": describe_site(Site(0.8)),
+        "schedule": schedule,
+    }
+    model = describe(load_model())
+    with McapWriter(
+        path,
+        model=model,
+        robot_description="",
+        metadata=metadata,
+        attachments={},
+        rate_noise=np.zeros(3),
+        force_noise=np.zeros(3),
+    ) as file:
+        file.write(*samples())
+        if settled is not None:
+            file.close(metadata={"settled": settled})
+    return path
+
+
+def load(path: Path, t_from=None, t_to=None, **more):
+    return load_log(path, None, t_from, t_to, **more)
+
+
+def refusal(path: Path, *arguments, **more) -> str:
+    with pytest.raises(StandError) as caught:
+        load(path, *arguments, **more)
+    assert str(caught.value).isprintable()
+    return str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> Path:
+    return recording(tmp_path_factory.mktemp("log") / "run.mcap", describe_schedule(steps()))
+
+
+# --- our own recordings
+
+
+def test_the_schedule_says_when_each_step_is_steady_and_what_turns():
+    entries = json.loads(describe_schedule(steps())["json"])
+    assert [e["kind"] for e in entries] == ["dwell", "rate", "sine", "dwell"]
+    rate = entries[1]
+    assert (rate["t_from_s"], rate["t_to_s"]) == (4.0, 16.0)
+    assert (rate["steady_from_s"], rate["steady_to_s"]) == (5.0, 15.0)
+    assert rate["turning"]["axis"] == "inner"
+    assert rate["turning"]["rate_deg_s"] == pytest.approx(SPEED, rel=1e-15)
+    assert rate["turning"]["axis_b"] == list(AXIS_B)
+    assert entries[0]["turning"] is None
+
+
+def test_dwells_and_turns_of_a_recording(run):
+    truth, imu = samples()
+    log = load(run)
+    assert [(d.label, d.t_from, d.t_to) for d in log.dwells] == [
+        ("A", 0.0, 4.0),
+        ("turn", 5.0, 15.0),
+        ("B", 20.0, 24.0),
+    ]
+    first, turning, _ = log.dwells
+    assert first.turn is None
+    assert turning.turn is not None
+    np.testing.assert_array_equal(turning.turn.axis_b, AXIS_B)
+    # sample k ends at (k + 1) / 10 s: 5 s to 15 s are samples 50 to 149
+    np.testing.assert_array_equal(turning.readings.w_ib_b, imu.w_ib_b[50:150])
+    np.testing.assert_array_equal(turning.turn.angle, truth.encoders[50:150, 5])
+    assert len(turning.window()) == 100
+    for dwell, C_nb in zip(log.dwells, (C_NB, C_NB.inv(), C_NB * C_NB), strict=True):
+        assert (dwell.nominal * C_nb.inv()).magnitude() < 1e-15
+    # world to north-east-down by hand; of a turn: its end turned back by the encoder's angle,
+    # some 310 rad, which rounds to 3e-14
+    ned = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+    end = ned @ Rotation.from_quat(truth.q_wb[[39, 149]]).as_matrix()
+    back = Rotation.from_rotvec(-truth.encoders[149, 5] * np.array(AXIS_B)).as_matrix()
+    np.testing.assert_allclose(log.truths[0].C_nb.as_matrix(), end[0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(log.truths[1].C_nb.as_matrix(), end[1] @ back, rtol=0, atol=2e-13)
+
+
+@pytest.mark.parametrize(
+    ("settled", "found"),
+    [
+        ({"A": "1.25"}, [("A", 1.25), ("turn", 5.0), ("B", 20.0)]),
+        ({"A": "never", "B": "20.5"}, [("turn", 5.0), ("B", 20.5)]),
+        ({"A": "inf", "B": "24.0"}, [("turn", 5.0)]),
+        ({"A": "-3"}, [("A", 0.0), ("turn", 5.0), ("B", 20.0)]),
+    ],
+)
+def test_a_dwell_counts_from_when_it_had_settled(tmp_path, settled, found):
+    path = recording(tmp_path / "run.mcap", describe_schedule(steps()), settled)
+    assert [(d.label, d.t_from) for d in load(path).dwells] == found
+
+
+def test_a_damaged_record_is_told_in_one_line(tmp_path):
+    path = recording(tmp_path / "run.mcap", describe_schedule(steps()), {"A": "soon"})
+    assert "metadata of the run is damaged: could not convert" in refusal(path)
+
+
+def test_recordings_from_before_turns_still_load(tmp_path):
+    entries = json.loads(describe_schedule(steps())["json"])
+    for entry in entries:
+        for key in ("steady_from_s", "steady_to_s", "turning"):
+            del entry[key]
+    path = recording(tmp_path / "run.mcap", {"json": json.dumps(entries)})
+    assert [(d.label, d.t_from, d.t_to) for d in load(path).dwells] == [
+        ("A", 0.0, 4.0),
+        ("B", 20.0, 24.0),
+    ]
+
+
+def test_a_stretch_keeps_what_is_known_of_where_it_lies(run):
+    (dwell,) = load(run, 6.0, 9.0).dwells
+    assert (dwell.label, dwell.t_from, dwell.t_to) == ("turn", 6.0, 9.0)
+    assert dwell.turn is not None
+    np.testing.assert_array_equal(dwell.turn.angle, samples()[0].encoders[60:90, 5])
+    (across,) = load(run, 3.0, 9.0).dwells
+    assert (across.label, across.nominal, across.turn) == ("run", None, None)
+
+
+# --- logs of real tables
+
+
+def table_log(
+    path: Path,
+    rate=0.5,
+    wrap=True,
+    encoder_hz=20.0,
+    sign=1.0,
+    cover=(0.0, 60.0),
+    tilt=0.02,
+    bias=0.0,
+) -> tuple[Path, np.ndarray]:
+    """50 Hz of an IMU whose Y1 is up on a table, and its encoder on stamps of its own.
+
+    `sign`: of the encoder about up. Returns the file and the exact angle at the IMU's stamps.
+    """
+    t = 100.0 + np.arange(1, 3001) / 50.0
+    up = np.array([tilt, np.sqrt(1 - tilt**2), 0.0])
+    w = sign * rate * np.tile(up, (len(t), 1)) + bias * up
+    f = 9.8 * np.tile(up, (len(t), 1))
+    imu = cdr.imu_messages(np.round(t * S).astype(np.int64), w, f, frame_id="imu")
+    t_e = 100.0 + np.arange(cover[0], cover[1] + 1e-9, 1.0 / encoder_hz)
+    angle = rate * (t_e - 100.0) + 6.0
+    said = np.mod(angle, 2 * np.pi) if wrap else angle
+    stamps = np.round(t_e * S).astype(np.int64)
+    joints = cdr.joint_states(
+        stamps, ("lid", "table"), np.stack([0 * said, said], axis=1), np.zeros((len(t_e), 2))
+    )
+    with open(path, "wb") as file:
+        out = Writer(file)
+        out.start(profile="ros2", library="table")
+        for topic, kind, times, rows in (
+            ("/imu", schemas.IMU, np.round(t * S), imu),
+            ("/table/state", schemas.JOINT_STATE, stamps, joints),
+        ):
+            schema = out.register_schema(kind, "ros2msg", b"")
+            channel = out.register_channel(topic, "cdr", schema)
+            for stamp, row in zip(times, rows, strict=True):
+                out.add_message(channel, int(stamp), row.tobytes(), int(stamp))
+        out.finish()
+    return path, rate * (t - 100.0) + 6.0
+
+
+@pytest.mark.parametrize("wrap", [True, False])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_real_table_turns_about_the_vertical(tmp_path, sign, wrap):
+    path, angle = table_log(tmp_path / "log.mcap", sign=sign, wrap=wrap)
+    (dwell,) = load(path, turn_joint="table").dwells
+    assert dwell.turn is not None
+    assert dwell.nominal is None
+    # 0.02 rad off Y1; up or down, so that the encoder grows about it
+    hand = sign * np.array([0.02, 0.99979998, 0.0])
+    np.testing.assert_allclose(dwell.turn.axis_b, hand, atol=1e-8)
+    # straight between readings of a constant rate; stamps round to 1 ns
+    grown = dwell.turn.angle - dwell.turn.angle[0]
+    np.testing.assert_allclose(grown, angle - angle[0], atol=5e-9)
+    assert grown[-1] > 4 * 2 * np.pi
+
+
+def test_a_stretch_and_a_told_axis_of_a_real_table(tmp_path):
+    path, _ = table_log(tmp_path / "log.mcap")
+    (dwell,) = load(path, 10.0, 20.0, turn_joint="table", turn_axis=(0.0, 2.0, 0.0)).dwells
+    assert (dwell.t_from, dwell.t_to) == (10.0, 20.0)
+    np.testing.assert_array_equal(dwell.turn.axis_b, [0.0, 1.0, 0.0])
+    assert len(dwell.turn.angle) == len(dwell.readings) == 500
+
+
+def test_a_told_axis_stands_where_a_bias_could_hide_the_rate(tmp_path):
+    """A table at 0.03 deg/s under gyros with 0.5 deg/s of bias."""
+    path, _ = table_log(tmp_path / "log.mcap", rate=0.03 * DEG, bias=0.5 * DEG)
+    (dwell,) = load(path, turn_joint="table", turn_axis=(0.0, 1.0, 0.0)).dwells
+    np.testing.assert_array_equal(dwell.turn.axis_b, [0.0, 1.0, 0.0])
+    assert "times as fast about (0.020, 1.000, 0.000) as table does" in refusal(
+        path, turn_joint="table"
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "arguments", "text"),
+    [
+        ({}, {"turn_joint": "tabel"}, "/table/state: joint 'tabel': did you mean table? known"),
+        ({}, {"turn_joint": "lid"}, "log: lid does not turn"),
+        (
+            {"cover": (1.0, 60.0)},
+            {"turn_joint": "table"},
+            "/table/state: from 0.980 to 59.980 s, must hold all of the IMU's stretch",
+        ),
+        (
+            {"encoder_hz": 0.25, "rate": 0.5},
+            {"turn_joint": "table"},
+            "/table/state: steps of 114.6 deg between readings: must be at most 90",
+        ),
+        (
+            {},
+            {"turn_joint": "table", "turn_axis": (0.0, -1.0, 0.0)},
+            "the gyros turn -1.000 times as fast about (0.000, -1.000, 0.000) as table does",
+        ),
+        ({}, {"turn_joint": "table", "turn_axis": (0, 0, 0)}, "must be three numbers, not all"),
+        ({}, {"turn_axis": (0, 1, 0)}, "turn axis: must have a turn joint with it"),
+    ],
+)
+def test_faults_of_turns(tmp_path, options, arguments, text):
+    path, _ = table_log(tmp_path / "log.mcap", **options)
+    assert text in refusal(path, **arguments)
+
+
+def test_encoders_between_readings_by_hand():
+    """Readings at 0, 1, 2 s of 350, 10, 20 deg: at 0.5 s it is 360."""
+    angles = np.radians([[350.0], [10.0], [20.0]])
+    log = JointLog("", "/j", np.array([0, S, 2 * S]), ("table",), angles, None)
+    at = Encoders(log, 0, counted=False).angle("table", np.array([0.5, 1.0, 1.75]))
+    np.testing.assert_allclose(np.degrees(at), [360.0, 370.0, 377.5], rtol=1e-15)
+    # our own count turns themselves, however fast: nothing is added
+    same = Encoders(log, 0, counted=True).angle("table", np.array([0.5, 1.0]))
+    np.testing.assert_allclose(np.degrees(same), [180.0, 10.0], rtol=1e-14)
