@@ -31,7 +31,10 @@ class TruthBlock:
     q_wb : (n, 4)
         Quaternion (x, y, z, w) of C_wb at `t_ns`: takes b components to ENU components.
     joints, joint_rates : (n, 6)
-        Joint angles [rad] and rates [rad/s] at `t_ns`, in the order of `StandModel.joints`.
+        True joint angles [rad] and rates [rad/s] at `t_ns`, in the order of `JOINTS`.
+    encoders, encoder_rates : (n, 6)
+        What the encoders say [rad], and the rates of what they measure [rad/s]. None: of a
+        table without errors, the joints'.
     """
 
     t_ns: IntArray
@@ -40,6 +43,8 @@ class TruthBlock:
     q_wb: Array
     joints: Array
     joint_rates: Array
+    encoders: Array = None  # pyright: ignore[reportAssignmentType]  # never None once made
+    encoder_rates: Array = None  # pyright: ignore[reportAssignmentType]
 
     def __post_init__(self) -> None:
         n = len(self.t_ns)
@@ -52,6 +57,12 @@ class TruthBlock:
             joints=(self.joints, (n, None), float),
             joint_rates=(self.joint_rates, (n, None), float),
         )
+        for said, true in (("encoders", "joints"), ("encoder_rates", "joint_rates")):
+            if getattr(self, said) is None:
+                object.__setattr__(self, said, getattr(self, true))
+            else:
+                shape = getattr(self, true).shape
+                set_owned(self, **{said: (getattr(self, said), shape, float)})
 
     def __len__(self) -> int:
         return len(self.t_ns)

@@ -79,3 +79,87 @@ def _group(q, v, a, axes):
         w = w + v[:, i : i + 1] * along
         R = R @ turn(axis, q[:, i])
     return R, w, dw
+
+
+# A faulty table, by the product rule alone: a jet is a quantity with its first and second
+# derivative in time. Shares no formula with `sensors` above, nor with the stand.
+
+
+def jet_cos(x, shift=0.0):
+    """cos(x + shift) of a jet of numbers."""
+    c, s = np.cos(x[0] + shift), np.sin(x[0] + shift)
+    return c, -s * x[1], -s * x[2] - c * x[1] ** 2
+
+
+def jet_turn(axis, angle):
+    """Rotation about a fixed axis by a jet of angles: R, K R x', (K x'' + K K x'^2) R."""
+    R, K = turn(axis, angle[0]), skew(axis)
+    rate, acceleration = (x[:, None, None] for x in angle[1:])
+    return R, rate * (K @ R), acceleration * (K @ R) + rate**2 * (K @ K @ R)
+
+
+def jet_product(A, B):
+    return A[0] @ B[0], A[1] @ B[0] + A[0] @ B[1], A[2] @ B[0] + 2 * A[1] @ B[1] + A[0] @ B[2]
+
+
+def fixed(matrix, n):
+    R = np.broadcast_to(matrix, (n, 3, 3))
+    return R, np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
+
+
+def rotation(vector):
+    """Rotation by a vector (3,) [rad]."""
+    angle = np.linalg.norm(vector)
+    return turn(vector / angle, np.array([angle]))[0] if angle else np.eye(3)
+
+
+def leaning(axis, toward, angle):
+    return np.cos(angle) * axis + np.sin(angle) * toward
+
+
+def faulty_sensors(
+    q,
+    v,
+    a,
+    latitude,
+    gravity,
+    base=(0.0, 0.0, 0.0),
+    mounting=(0.0, 0.0, 0.0),
+    axes=AXES,
+    waves=(),
+    wobbles=(),
+):
+    """Angular rate, specific force in b (n, 3) and attitude C_wb (n, 3, 3) of a faulty table.
+
+    `base`: rotation vector in east, north, up of all above the pier; `mounting` in b; `axes`: the
+    hinges' directions; `waves`: (axis, c, k, shift), ``c cos(k q + shift)`` added to that angle;
+    `wobbles`: (axis, c, shift, first line, second line): nods by ``c cos(q + shift)`` about the
+    first, then ``c sin(q + shift)`` about the second, both turning with the axis.
+    """
+    n = len(q)
+    M = fixed(rotation(np.asarray(base)), n)
+    arms = []
+    for i, axis in enumerate(axes):
+        encoder = (q[:, i], v[:, i], a[:, i])
+        angle = encoder
+        for number, c, k, shift in waves:
+            if number == i:
+                wave = jet_cos([k * x for x in encoder], shift)
+                angle = [x + c * y for x, y in zip(angle, wave, strict=True)]
+        M = jet_product(M, jet_turn(axis, angle))
+        for number, c, shift, first, second in wobbles:
+            if number == i:
+                nod = [c * x for x in jet_cos(encoder, shift)]
+                M = jet_product(M, jet_turn(first, nod))
+                nod = [c * x for x in jet_cos(encoder, shift - np.pi / 2)]
+                M = jet_product(M, jet_turn(second, nod))
+        arms += [M] if i in (2, 5) else []
+    _, velocity, acceleration = (
+        b @ (CROSSING - BASE) + g @ LEVER for b, g in zip(*arms, strict=True)
+    )
+    earth = EARTH_RATE * np.array([0.0, np.cos(latitude), np.sin(latitude)])
+    C = M[0] @ ZERO @ rotation(np.asarray(mounting))
+    spin = np.einsum("nij,nkj->nik", M[1], M[0])  # R' R^T = [w x]
+    rate = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1) + earth
+    force = acceleration + 2 * np.cross(earth, velocity) + gravity * UP
+    return np.einsum("nji,nj->ni", C, rate), np.einsum("nji,nj->ni", C, force), C

@@ -6,7 +6,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignment import Site
-from stand.motion import Motion
+from stand.imperfection import PERFECT, TableErrors
+from stand.motion import Motion, splined
+from stand.physics.description import JOINTS
+from stand.physics.geometry import with_errors
 from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Sampling, Truth, sample_count, stamps_ns
 from stand.plan import joined, move_piece, plan, rest_piece
@@ -102,19 +105,24 @@ def test_samples_of_moves_match_the_closed_form(model, latitude):
     assert np.abs(instant.f_b - f).max() < 1e-9
     assert np.abs(instant.w_ib_b - w).max() < 1e-12
     mean = truth.block(motion, hz, Sampling.MEAN, 0, n)
-    w, f = oracle_means(motion, np.arange(n + 1) / hz, s)
+    w, f = oracle_means(motion, np.arange(n + 1) / hz, perfect_sensors(s))
     # Simpson at 5 ms: h^4/2880 = 2e-13 s^4 of the fourth derivatives, some 100 m/s^6, rad/s^5
     assert np.abs(mean.f_b - f).max() < 1e-9
     assert np.abs(mean.w_ib_b - w).max() < 1e-10
 
 
-def oracle_means(motion, edges, s):
+def perfect_sensors(s):
+    return lambda q, v, a: chain.sensors(q, v, a, s.latitude, s.gravity)
+
+
+def oracle_means(motion, edges, sensors):
     """Means by five-point Gauss on every stretch between sample edges and jerk switches."""
     x, weight = np.polynomial.legendre.leggauss(5)
-    ends = np.unique(np.concatenate([edges, motion.knots[motion.knots < edges[-1]]]))
+    inside = (motion.knots > edges[0]) & (motion.knots < edges[-1])
+    ends = np.unique(np.concatenate([edges, motion.knots[inside]]))
     h = np.diff(ends)
     t = (ends[:-1, None] + h[:, None] * (x + 1) / 2).ravel()
-    values = np.hstack(chain.sensors(*motion.joints(t), s.latitude, s.gravity))
+    values = np.hstack(sensors(*motion.joints(t)))
     parts = np.einsum("k,nkj->nj", weight / 2, values.reshape(-1, 5, 6)) * h[:, None]
     starts = np.searchsorted(ends, edges[:-1])
     means = np.add.reduceat(parts, starts) / np.add.reduceat(h, starts)[:, None]
@@ -164,7 +172,8 @@ def test_six_position_run_integrates_back(model):
         odd = total[-1:] if len(total) % 2 else total[:0]
         total = np.concatenate([total[: len(total) // 2 * 2 : 2] @ total[1::2], odd])
     turned = len(steps) / hz * chain.EARTH_RATE
-    earth = Rotation.from_rotvec(-turned * np.array([0, np.cos(s.latitude), np.sin(s.latitude)]))
+    latitude = np.radians(48.5)
+    earth = Rotation.from_rotvec(-turned * np.array([0, np.cos(latitude), np.sin(latitude)]))
     end = earth * Rotation.from_quat(block.q_wb[0]) * Rotation.from_matrix(total[0])
     error = (end.inv() * Rotation.from_quat(block.q_wb[-2])).magnitude() / ARC_SECOND
     assert error < 1e-3
@@ -185,7 +194,7 @@ SIX = {
 def test_rest_in_every_position_gives_gravity_and_earth_rate(model, latitude):
     planned = plan(load_procedure("six-position"), describe(model), load_table("laboratory"))
     truth, hz = Truth(model, site(latitude)), 200
-    for step in planned.dwells:
+    for step in (s for s in planned.steps if s.kind == "dwell"):
         k = int(step.t_from) * hz
         block = truth.block(planned.motion, hz, Sampling.MEAN, k, k + 3)
         up = np.array(SIX[step.label])
@@ -257,3 +266,402 @@ def test_a_value_that_is_not_finite_is_named(model):
     q[2, 4] = np.nan
     with pytest.raises(ValueError, match="q of joint middle: not finite at row 2"):
         Truth(model, site(0.0)).instants(q, np.zeros((4, 6)), np.zeros((4, 6)))
+
+
+# --- a table with errors
+
+EAST, NORTH, UP = np.eye(3)
+# what each axis leans toward, and the two lines across it about which it nods
+TOWARD = (None, NORTH, EAST, EAST, UP, EAST)
+LINES = ((UP, EAST), (NORTH, UP), (EAST, NORTH), (EAST, NORTH), (NORTH, UP), (UP, EAST))
+SIZE = 1500 * ARC_SECOND  # large, so that second orders would show
+
+rng = np.random.default_rng(4)
+FAULTS = {
+    "tilt": {"base_tilt": SIZE * rng.normal(size=2)},
+    "azimuth": {"base_azimuth": SIZE},
+    "mounting": {"mounting": SIZE * rng.normal(size=3)},
+    "placement": {"placement": SIZE * rng.normal(size=6)},
+    "encoder once": {"encoder_once": SIZE * rng.normal(size=(6, 2))},
+    "encoder twice": {"encoder_twice": SIZE * rng.normal(size=(6, 2))},
+    "leaning axes": {"non_orthogonality": SIZE * np.append(0, rng.normal(size=5))},
+    "wobble": {"wobble": SIZE * rng.normal(size=6), "wobble_phase": rng.uniform(-3, 3, 6)},
+    "wobble of one": {"wobble": np.array([0, 0, 0, 0, SIZE, 0])},
+    "ripple": {
+        "rate_ripple": 0.01 * rng.normal(size=6),
+        "ripple_per_turn": rng.integers(1, 40, 6),
+        "ripple_phase": rng.uniform(-3, 3, 6),
+    },
+}
+FAULTS["all"] = {name: value for fault in tuple(FAULTS.values()) for name, value in fault.items()}
+
+
+def oracle_of(errors):
+    """Arguments of `chain.faulty_sensors` for the same table, made by other means."""
+    axes = tuple(
+        axis if toward is None else chain.leaning(axis, toward, lean)
+        for axis, toward, lean in zip(chain.AXES, TOWARD, errors.non_orthogonality, strict=True)
+    )
+    waves, wobbles, quarter = [], [], np.pi / 2
+    for i in range(6):
+        n = int(errors.ripple_per_turn[i])
+        waves += [
+            (i, errors.placement[i], 0, 0.0),
+            (i, errors.encoder_once[i, 0], 1, 0.0),
+            (i, errors.encoder_once[i, 1], 1, -quarter),  # a sine
+            (i, errors.encoder_twice[i, 0], 2, 0.0),
+            (i, errors.encoder_twice[i, 1], 2, -quarter),
+            (i, -errors.rate_ripple[i] / n, n, errors.ripple_phase[i]),
+        ]
+        first = LINES[i][0] - (LINES[i][0] @ axes[i]) * axes[i]
+        first = first / np.linalg.norm(first)
+        second = np.cross(axes[i], first)
+        wobbles.append((i, errors.wobble[i], errors.wobble_phase[i], first, second))
+    return {
+        "base": [*errors.base_tilt, errors.base_azimuth],
+        "mounting": errors.mounting,
+        "axes": axes,
+        "waves": waves,
+        "wobbles": wobbles,
+    }
+
+
+def faulty(model, latitude, **fields):
+    """The truth of a table with these errors."""
+    errors = TableErrors(**fields)
+    return Truth(with_errors(model, errors), site(latitude), errors=errors)
+
+
+def test_both_oracles_agree_on_a_perfect_table():
+    rng = np.random.default_rng(1)
+    q, v, a = rng.uniform(-3, 3, (3, 500, 6))
+    w, f = chain.sensors(q, v, a, 0.8, 9.81)
+    w_faulty, f_faulty, C = chain.faulty_sensors(q, v, a, 0.8, 9.81)
+    assert np.abs(w_faulty - w).max() < 1e-13  # rounding of rates of 10 rad/s
+    assert np.abs(f_faulty - f).max() < 1e-12
+    assert np.abs(C - chain.pose(q)[0]).max() < 1e-14
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("latitude", [48.5, -33.0])
+def test_every_error_matches_the_product_rule(model, latitude, fault):
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-3, 3, (1500, 6))
+    v = rng.uniform(-1, 1, (1500, 6)) * np.radians([30, 30, 30, 200, 200, 400])
+    a = rng.uniform(-1, 1, (1500, 6)) * np.radians([60, 60, 60, 200, 200, 400])
+    errors = TableErrors(**FAULTS[fault])
+    s = site(latitude)
+    found = Truth(with_errors(model, errors), s, errors=errors).instants(q, v, a)
+    w, f, C = chain.faulty_sensors(q, v, a, s.latitude, s.gravity, **oracle_of(errors))
+    # rounding alone, as of the perfect table
+    assert np.abs(found.f_b - f).max() < 1e-12
+    assert np.abs(found.w_ib_b - w).max() < 1e-13
+    assert np.abs(Rotation.from_quat(found.q_wb).as_matrix() - C).max() < 1e-14
+    perfect, _ = chain.sensors(q, v, a, s.latitude, s.gravity)
+    assert np.abs(w - perfect).max() > 1e-7  # the error does show
+
+
+def test_a_perfect_table_is_the_nominal_one_to_the_bit(model):
+    motion = tumbling(moves=1)
+    plain = Truth(model, site(48.5)).block(motion, 200, Sampling.MEAN, 0, 700)
+    same = Truth(with_errors(model, PERFECT), site(48.5), errors=PERFECT)
+    block = same.block(motion, 200, Sampling.MEAN, 0, 700)
+    for name in block.__slots__:
+        np.testing.assert_array_equal(getattr(block, name), getattr(plain, name), err_msg=name)
+    assert block.encoders is block.joints
+
+
+def test_the_model_given_stays_as_it_was(model):
+    axes, base = model.jnt_axis.copy(), model.body_quat.copy()
+    with_errors(model, TableErrors(**FAULTS["all"]))
+    np.testing.assert_array_equal(model.jnt_axis, axes)
+    np.testing.assert_array_equal(model.body_quat, base)
+
+
+def at_angle(truth, **degrees):
+    """Force [m/s^2] and rate [deg/h] at rest at these joint angles."""
+    q = np.zeros((1, 6))
+    for name, value in degrees.items():
+        q[0, JOINTS.index(name)] = np.radians(value)
+    found = truth.instants(q, 0 * q, 0 * q)
+    return found.f_b[0], np.degrees(found.w_ib_b[0]) * 3600
+
+
+def six(**of):
+    return np.array([of.get(name, 0.0) for name in JOINTS])
+
+
+# At 48.5 deg: g = 9.8093587 m/s^2; W cos lat = 9.96651, W sin lat = 11.26509 deg/h.
+# sin 5'' = 2.424068e-5, sin 10'' = 4.848137e-5; g times these 2.377856e-4 and 4.755711e-4 m/s^2
+# (24.2 and 48.5 ug). X1 = north, Y1 = up, Z1 = east at zero. Bounds: the last digit given, and
+# 1e-13 for the rounding of g.
+FIVE = 5 * ARC_SECOND
+
+
+def test_inner_axis_leans_toward_the_middle_one_by_hand(model):
+    """Axis N + 5'' E. At 90 deg X1 goes to the axis + sin 5'' (E x N = up): +g sin 5''.
+
+    At 180 deg N goes to 2 a (a N) - N = N cos 10'' + E sin 10'', and Z1 = E to N sin 10'' - E: it
+    feels W cos lat sin 10'' = 4.83190e-4 deg/h, and as the axis is level, nothing of gravity.
+    """
+    truth = faulty(model, 48.5, non_orthogonality=six(inner=FIVE))
+    f, _ = at_angle(truth, inner=90)
+    assert f[0] == pytest.approx(2.377856e-4, abs=1e-10)
+    f, w = at_angle(truth, inner=180)
+    assert f == pytest.approx([0, -9.8093587, 0], abs=5e-8)
+    assert w[2] == pytest.approx(4.8319e-4, abs=1e-8)
+    f, w = at_angle(truth)
+    assert f[[0, 2]] == pytest.approx([0, 0], abs=1e-13)  # nothing changes at zero
+    assert w[2] == pytest.approx(0, abs=1e-14)
+
+
+def test_middle_axis_leans_toward_the_outer_one_by_hand(model):
+    """Axis E + 5'' up. At 180 deg Z1 = E goes to 2 a (a E) - E = E cos 10'' + up sin 10''."""
+    truth = faulty(model, 48.5, non_orthogonality=six(middle=FIVE))
+    f, _ = at_angle(truth, middle=180)
+    assert f[[0, 2]] == pytest.approx([0, 4.755711e-4], abs=1e-10)
+    assert at_angle(truth)[0][2] == pytest.approx(0, abs=1e-13)
+
+
+@pytest.mark.parametrize("axis", ["outer", "base_yaw"])
+def test_an_upright_axis_leans_east_by_hand(model, axis):
+    """Axis up + 5'' E. At 180 deg Z1 = E goes to 2 a sin 5'' - E: up by sin 10''."""
+    truth = faulty(model, 48.5, non_orthogonality=six(**{axis: FIVE}))
+    f, _ = at_angle(truth, **{axis: 180})
+    assert f[[0, 2]] == pytest.approx([0, 4.755711e-4], abs=1e-10)
+
+
+def test_base_pitch_leans_north_by_hand(model):
+    """Axis E + 5'' N. At 90 deg Z1 = E goes to the axis + sin 5'' (N x E = down): -g sin 5''."""
+    truth = faulty(model, 48.5, non_orthogonality=six(base_pitch=FIVE))
+    f, _ = at_angle(truth, base_pitch=90)
+    assert f[2] == pytest.approx(-2.377856e-4, abs=1e-10)
+
+
+def test_placement_of_the_outer_axis_by_hand(model):
+    """1' about up takes Z1 = E to E + N sin 1': it feels 9.96651 * 2.908882e-4 deg/h."""
+    truth = faulty(model, 48.5, placement=six(outer=60 * ARC_SECOND))
+    f, w = at_angle(truth)
+    assert w[2] == pytest.approx(2.899140e-3, abs=2e-9)  # 9.96651 has six digits
+    assert f[[0, 2]] == pytest.approx([0, 0], abs=1e-13)
+
+
+def test_base_tilt_and_azimuth_by_hand(model):
+    """About north by 10'': E goes down (N x E), Z1 feels -g sin 10''. About east: X1 = N goes up.
+
+    Azimuth about up, as the placement of the outer axis: 9.96651 sin 10'' deg/h on Z1.
+    """
+    f, _ = at_angle(faulty(model, 48.5, base_tilt=np.array([0, 2 * FIVE])))
+    assert f[[0, 2]] == pytest.approx([0, -4.755711e-4], abs=1e-10)
+    f, _ = at_angle(faulty(model, 48.5, base_tilt=np.array([2 * FIVE, 0])))
+    assert f[[0, 2]] == pytest.approx([4.755711e-4, 0], abs=1e-10)
+    f, w = at_angle(faulty(model, 48.5, base_azimuth=2 * FIVE))
+    assert f[[0, 2]] == pytest.approx([0, 0], abs=1e-13)
+    assert w[2] == pytest.approx(4.8319e-4, abs=1e-8)
+
+
+def test_a_tilted_base_stays_tilted_as_the_table_turns(model):
+    """Outer at 90 deg takes X1 to -E, which the tilt about north lifts: +g sin 10''."""
+    f, _ = at_angle(faulty(model, 48.5, base_tilt=np.array([0, 2 * FIVE])), outer=90)
+    assert f[[0, 2]] == pytest.approx([4.755711e-4, 0], abs=1e-10)
+
+
+def test_mounting_of_the_imu_by_hand(model):
+    """x_b = x - m x x of what is nominal, f = (0, g, 0), w = (wN, wU, 0), at any table angle.
+
+    About X1 by 10'': Z1 feels -g sin 10''. About Z1: X1 +g sin 10''. About Y1: Z1 turns to north,
+    9.96651 sin 10'' deg/h.
+    """
+    turn = 2 * FIVE * np.eye(3)
+    f, _ = at_angle(faulty(model, 48.5, mounting=turn[0]), outer=70)
+    assert f[[0, 2]] == pytest.approx([0, -4.755711e-4], abs=1e-10)
+    f, _ = at_angle(faulty(model, 48.5, mounting=turn[2]), outer=70)
+    assert f[[0, 2]] == pytest.approx([4.755711e-4, 0], abs=1e-10)
+    f, w = at_angle(faulty(model, 48.5, mounting=turn[1]))
+    assert f[[0, 2]] == pytest.approx([0, 0], abs=1e-13)
+    assert w[2] == pytest.approx(4.8319e-4, abs=1e-8)
+
+
+def test_wobble_goes_once_per_turn_as_the_imu_feels_it(model):
+    """At 0 deg the plate is turned about its east line: X1 up, +g sin 5''. At 90 deg about its
+    north line, X1: Z1 down. At 180 and 270 deg the other way round."""
+    truth = faulty(model, 48.5, wobble=six(outer=FIVE))
+    level = 2.377856e-4
+    for angle, expected in (
+        (0, (level, 0)),
+        (90, (0, -level)),
+        (180, (-level, 0)),
+        (270, (0, level)),
+    ):
+        f, _ = at_angle(truth, outer=angle)
+        assert f[[0, 2]] == pytest.approx(expected, abs=1e-10), angle
+
+
+def test_encoder_error_once_per_turn_by_hand(model):
+    """Sine of 10'': at 90 deg the axis is 10'' further, X1 = -E - N sin 10''; at -90 deg less."""
+    truth = faulty(model, 48.5, encoder_once=np.outer(six(outer=2 * FIVE), [0, 1]))
+    _, w = at_angle(truth, outer=90)
+    assert w[0] == pytest.approx(-4.8319e-4, abs=1e-8)
+    _, w = at_angle(truth, outer=-90)
+    # -10'' at -90 deg: X1 = E - N sin 10''
+    assert w[0] == pytest.approx(-4.8319e-4, abs=1e-8)
+    rates = six(outer=1.0)[None]
+    found = truth.instants(0 * rates, rates, 0 * rates)
+    # at 0 deg the true rate is 1 + sin 10'' cos 0; Earth's 7.292115e-5 sin 48.5 deg added
+    assert found.w_ib_b[0, 1] == pytest.approx(1 + 4.848137e-5 + 5.461471e-5, abs=1e-10)
+
+
+def test_ripple_of_a_constant_rate_by_hand(model):
+    """0.1 %, 36 times per turn, phase 90 deg: the rate of 1 rad/s is 1.001 at 0 deg.
+
+    At 2.5 deg (a quarter of its turn) the rate is right and falls by r n w^2 = 0.036 rad/s^2: the
+    point at 0.04 m east, 0.06 m north feels that sideways, beside the centripetal and at the
+    pole Coriolis force.
+    """
+    truth = faulty(
+        model,
+        90.0,
+        rate_ripple=six(outer=1e-3),
+        ripple_per_turn=np.full(6, 36),
+        ripple_phase=six(outer=np.pi / 2),
+    )
+    rates = six(outer=1.0)[None]
+    found = truth.instants(0 * rates, rates, 0 * rates)
+    assert found.w_ib_b[0, 1] == pytest.approx(1.001 + 7.292115e-5, abs=1e-14)
+    found = truth.instants(np.radians(2.5) * rates, rates, 0 * rates)
+    assert found.w_ib_b[0, 1] == pytest.approx(1 + 7.292115e-5, abs=1e-14)
+    inward = 1 + 2 * 7.292115e-5
+    # up x (0.04 E + 0.06 N) = 0.04 N - 0.06 E, times -0.036
+    expected = [-inward * 0.06 - 0.036 * 0.04, -inward * 0.04 + 0.036 * 0.06]
+    assert found.f_b[0, [0, 2]] == pytest.approx(expected, abs=1e-13)
+
+
+def test_encoders_and_true_joints_of_a_block(model):
+    """Readings are whole steps of where the drive is; joints and rates are where the axes are."""
+    motion, hz = tumbling(moves=2), 200
+    step = six(outer=36.0, inner=3.6) * ARC_SECOND
+    truth = faulty(
+        model, 48.5, placement=six(outer=SIZE), encoder_step=step, rate_ripple=six(inner=0.01)
+    )
+    n = sample_count(motion.duration, hz)
+    block = truth.block(motion, hz, Sampling.MEAN, 0, n)
+    q, v, _ = motion.joints(np.arange(1, n + 1) / hz)
+    off = block.encoders - q
+    assert np.abs(off).max(axis=0) == pytest.approx(step / 2, rel=0.02)  # over 800 samples
+    np.testing.assert_array_equal(block.encoder_rates, v)
+    assert block.joints[:, 3] - q[:, 3] == pytest.approx(np.full(n, SIZE), abs=1e-14)
+    assert block.joint_rates[:, 5] == pytest.approx(v[:, 5] * (1 + 0.01 * np.sin(q[:, 5])))
+    np.testing.assert_array_equal(block.joints[:, [0, 1, 2, 4]], q[:, [0, 1, 2, 4]])
+
+
+def test_means_of_a_rippling_table_match_the_closed_form(model):
+    """Waves of 36 and 90 per turn at 60 deg/s: the quadrature steps are short enough for them."""
+    motion, hz, s = tumbling(), 100, site(-33.0)
+    fields = {
+        "rate_ripple": six(outer=0.01, inner=0.001),
+        "ripple_per_turn": np.array([1, 1, 1, 36, 1, 90]),
+        "wobble": six(middle=60 * ARC_SECOND),
+        "encoder_twice": np.full((6, 2), 60 * ARC_SECOND),
+    }
+    n = sample_count(motion.duration, hz)
+    mean = faulty(model, -33.0, **fields).block(motion, hz, Sampling.MEAN, 0, n)
+    oracle = oracle_of(TableErrors(**fields))
+
+    def sensors(q, v, a):
+        w, f, _ = chain.faulty_sensors(q, v, a, s.latitude, s.gravity, **oracle)
+        return w, f
+
+    w, f = oracle_means(motion, np.arange(n + 1) / hz, sensors)
+    assert np.abs(mean.f_b - f).max() < 1e-9  # what the quadrature promises
+    assert np.abs(mean.w_ib_b - w).max() < 1e-9
+
+
+# --- a servo's motion: quintic pieces of 1 ms
+
+
+def servo_like(duration, ripple=0.0, ripple_hz=20.0):
+    """Rocking on all six axes from rest to rest, as quintic pieces of 1 ms.
+
+    `ripple` [rad/s]: amplitude of a rate ripple on every axis.
+    """
+    t = np.arange(round(duration * 1000) + 1) / 1000
+    size = np.radians([10, 10, 8, 60, 60, 170])
+    pulse = 2 * np.pi * np.array([0.17, 0.21, 0.13, 0.05, 0.11, 0.07])
+    part = np.clip(np.minimum(t, duration - t) / 2, 0, 1)
+    fade = part**6 * (462 - 1980 * part + 3465 * part**2 - 3080 * part**3 + 1386 * part**4)
+    fade = (fade - 252 * part**11)[:, None]  # five derivatives vanish at its ends
+    shake = ripple / (2 * np.pi * ripple_hz) * np.sin(2 * np.pi * ripple_hz * t)[:, None]
+    return splined(fade * (size * np.sin(pulse * t[:, None] + np.arange(6)) + shake), 1e-3)
+
+
+def window(motion, first, last):
+    """Pieces `first` to `last` - 1 of a motion."""
+    return Motion(motion.knots[first : last + 1], motion.coefficients[:, first:last])
+
+
+def test_windows_of_a_motion_give_what_the_whole_gives(model):
+    motion, hz = servo_like(6.0), 200
+    truth = Truth(model, site(48.5))
+    whole = truth.block(motion, hz, Sampling.MEAN, 0, 1200)
+    for first, last in ((0, 400), (400, 401), (401, 1199)):
+        # to the bit if the piece that begins with the last sample is there, else by rounding
+        bare = truth.block(window(motion, 5 * first, 5 * last), hz, Sampling.MEAN, first, last)
+        part = truth.block(window(motion, 5 * first, 5 * last + 1), hz, Sampling.MEAN, first, last)
+        assert np.abs(bare.w_ib_b - part.w_ib_b).max() < 1e-11
+        for name in part.__slots__:
+            rows = getattr(whole, name)[first:last]
+            np.testing.assert_array_equal(getattr(part, name), rows, err_msg=name)
+    # a clock of its own: intervals from between the knots to between the knots
+    edges = np.arange(400, 801) / hz * 1.0001 - 0.00123
+    stamps = stamps_ns(np.arange(401, 801), hz)
+    felt = truth.sensed(motion, edges, stamps, Sampling.MEAN)
+    part = truth.sensed(window(motion, 1990, 4010), edges, stamps, Sampling.MEAN)
+    np.testing.assert_array_equal(part.f_b, felt.f_b)
+    np.testing.assert_array_equal(part.w_ib_b, felt.w_ib_b)
+
+
+def test_a_window_costs_two_evaluations_a_step(model, monkeypatch):
+    """Knots at 0.001 k s and samples at k / 200 s meet though they differ by rounding."""
+    truth, rows = Truth(model, site(10.0)), []
+    original = truth.instants
+    monkeypatch.setattr(truth, "instants", lambda q, v, a: rows.append(len(q)) or original(q, v, a))
+    truth.block(window(servo_like(6.0), 1000, 2000), 200, Sampling.MEAN, 200, 400)
+    assert rows == [2001]
+
+
+@pytest.mark.parametrize("ripple_hz", [5.0, 20.0])
+def test_means_of_a_servo_s_motion_match_a_finer_quadrature(model, ripple_hz):
+    """0.007 deg/s of ripple on every axis. Simpson's error is (w h)^4/2880 of the part of the
+    force that is no piecewise cubic: here 0.7 m times both rates, twice, 1e-4 at 20 Hz."""
+    s, hz = site(48.5), 200
+    motion = servo_like(8.0, np.radians(0.007), ripple_hz)
+    mean = Truth(model, s).block(motion, hz, Sampling.MEAN, 500, 1100)
+    w, f = oracle_means(motion, np.arange(500, 1101) / hz, perfect_sensors(s))
+    assert np.abs(mean.f_b - f).max() < 1e-9
+    assert np.abs(mean.w_ib_b - w).max() < 1e-10
+
+
+def drift(block, hz, latitude):
+    """As `integrate_back`, from the residue of each step: their sum while it is small."""
+    n = len(block)
+    earth = chain.EARTH_RATE * np.array([0.0, np.cos(latitude), np.sin(latitude)]) / hz
+    inertial = Rotation.from_rotvec(np.arange(n)[:, None] * earth)
+    C_ib = inertial * Rotation.from_quat(block.q_wb)
+    steps = Rotation.from_rotvec(coning_increments(block.w_ib_b / hz))  # of samples 1 to n - 2
+    residue = (C_ib[1:-1].inv() * C_ib[:-2] * steps).as_rotvec()
+    return np.linalg.norm(np.cumsum(C_ib[1:-1].apply(residue), axis=0), axis=1).max() / ARC_SECOND
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("hz", "bound"), [(200, 0.005), (1000, 0.0001)])
+def test_rocking_of_all_six_axes_integrates_back(model, hz, bound):
+    """120 s; the bounds are the published ones, coning between the samples sets the first."""
+    motion = servo_like(120.0)
+    s = site(48.5)
+    truth = Truth(model, s)
+    block = truth.block(motion, hz, Sampling.MEAN, 0, 120 * hz)
+    assert drift(block, hz, s.latitude) < bound
+    part = type(block)(*(getattr(block, k)[: 4 * hz] for k in block.__slots__))
+    if hz == 200:  # both ways of adding up agree
+        one_by_one = integrate_back(part, hz, s.latitude)
+        assert drift(part, hz, s.latitude) == pytest.approx(one_by_one, rel=1e-3, abs=1e-8)

@@ -7,6 +7,9 @@ and MuJoCo's own sensors are read at (q, q', q'').
 Earth: ``w_ib_b = w_nb_b + C_bn w_ie_n`` and ``f_b = a + 2 w_ie x v - g``; gravity includes the
 centrifugal term and is uniform over the stand (its gradient is 3e-7 g per metre). Earth rate
 enters as the model's magnetic field, so that a magnetometer reads ``C_bn w_ie_n``.
+
+Motions are of the encoders. The axes of a real table turn by the curves of its errors, exactly by
+the chain rule, and an axis that wobbles has two small hinges across it, prescribed as well.
 """
 
 # mujoco fills its namespace from C, unseen by pyright.
@@ -15,7 +18,7 @@ enters as the model's magnetic field, so that a magnetometer reads ``C_bn w_ie_n
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from itertools import pairwise
+from itertools import count, pairwise
 
 import mujoco
 import numpy as np
@@ -24,6 +27,8 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray
 from alignment.earth import Site
+from alignment.units import STANDARD_GRAVITY
+from stand.imperfection import PERFECT, TableErrors
 from stand.motion import Motion
 from stand.physics.description import JOINTS
 from stand.physics.kinematics import C_NW
@@ -34,6 +39,8 @@ ARMATURE = 1e15  # kg m^2: dwarfs every real inertia by 1e12, so q'' comes back 
 ROWS = 1000  # evaluations per call: the state rows stay in cache
 LONGEST_NODE = 5e-3  # s between the ends of a Simpson step
 WIDEST_NODE = 0.02  # rad turned between them: Simpson's error is then below 1e-9 m/s^2
+SAME_TIME = 1e-9  # s: a knot nearer to an edge is on it
+HINGES = 6  # at most on one body of MuJoCo's
 NANOSECOND = 1_000_000_000
 
 _SENSORS = (
@@ -73,22 +80,30 @@ class Instants:
     f_places: Array
 
 
-def lean_model(model: mujoco.MjModel, site: Site, places: Array | None = None) -> mujoco.MjModel:
-    """The stand's kinematics alone: six hinges on one body at the instrument's point.
+def lean_model(
+    model: mujoco.MjModel,
+    site: Site,
+    places: Array | None = None,
+    errors: TableErrors = PERFECT,
+) -> mujoco.MjModel:
+    """The stand's kinematics alone: its hinges on one body at the instrument's point.
 
     Parameters
     ----------
     model : MjModel
-        The whole stand, with single hinges named as `JOINTS` and the site `imu`.
+        The whole stand as built, with single hinges named as `JOINTS` and the site `imu`.
     site : Site
         ``latitude`` needed.
     places : (3, 3) or None
         Row i: where an accelerometer is added, in b, from the instrument's point [m].
+    errors : TableErrors
+        Behind each axis that wobbles come two hinges across it, `nods` of it.
 
     Notes
     -----
     A chain of hinges is the same rigid motion as the hinges in series on its last body, each
-    with the axis and anchor it has at zero angles; that spares five bodies' arithmetic.
+    with the axis and anchor it has at zero angles; that spares five bodies' arithmetic. More
+    than MuJoCo allows on one body go to others in the same place.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -99,16 +114,15 @@ def lean_model(model: mujoco.MjModel, site: Site, places: Array | None = None) -
     spec.option.magnetic = C_NW.inv().apply(site.w_ie_n)
     spec.option.disableflags = int(_UNUSED_STAGES)
     quat = Rotation.from_matrix(C_wb).as_quat(scalar_first=True)
-    body = spec.worldbody.add_body(
-        name="imu", pos=origin, quat=quat, mass=1.0, inertia=[1, 1, 1], explicitinertial=True
-    )
-    for name in JOINTS:
-        joint = model.joint(name).id
+    body = _weighted(spec.worldbody, pos=origin, quat=quat)
+    for number, (name, axis, anchor) in enumerate(_hinges(model, data, errors)):
+        if number and number % HINGES == 0:
+            body = _weighted(body)
         body.add_joint(
             name=name,
             type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=C_wb.T @ data.xaxis[joint],
-            pos=C_wb.T @ (data.xanchor[joint] - origin),
+            axis=C_wb.T @ axis,
+            pos=C_wb.T @ (anchor - origin),
             armature=ARMATURE,
         )
     body.add_site(name=SITE)
@@ -124,6 +138,32 @@ def lean_model(model: mujoco.MjModel, site: Site, places: Array | None = None) -
     return spec.compile()
 
 
+def _weighted(parent: mujoco.MjsBody, **place: Array) -> mujoco.MjsBody:
+    return parent.add_body(mass=1.0, inertia=[1, 1, 1], explicitinertial=True, **place)
+
+
+def _hinges(
+    model: mujoco.MjModel, data: mujoco.MjData, errors: TableErrors
+) -> Iterator[tuple[str, Array, Array]]:
+    """Name, axis and anchor in w at zero angles of the six hinges and of the nods behind them."""
+    for number, name in enumerate(JOINTS):
+        joint = model.joint(name).id
+        axis, anchor = data.xaxis[joint], data.xanchor[joint]
+        yield name, axis, anchor
+        if errors.wobble[number]:
+            body = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3)
+            first = body @ _across(model.jnt_axis[joint])
+            yield f"{name}_nod_first", first, anchor
+            yield f"{name}_nod_second", np.cross(axis, first), anchor
+
+
+def _across(axis: Array) -> Array:
+    """The first line across an axis: after east comes north, then up, then east again."""
+    line = np.eye(3)[(np.abs(axis).argmax() + 1) % 3]
+    line = line - (line @ axis) * axis
+    return line / np.linalg.norm(line)
+
+
 class Truth:
     """Evaluates perfect sensors at prescribed joint motions.
 
@@ -135,16 +175,29 @@ class Truth:
         As `lean_model`.
     places : (3, 3) or None
         Where the X1, Y1, Z1 accelerometers sit, in b [m]; None (or zeros) for the point itself.
+    errors : TableErrors or None
+        Curves and wobble of the axes. What is wrong with the geometry is in `model` already, by
+        `stand.physics.geometry.with_errors`.
     """
 
-    def __init__(self, model: mujoco.MjModel, site: Site, places: Array | None = None) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        site: Site,
+        places: Array | None = None,
+        errors: TableErrors | None = None,
+    ) -> None:
         self._places = places if places is not None and places.any() else None
-        self._lean = lean_model(model, site, self._places)
+        self._errors = PERFECT if errors is None else errors
+        self._perfect = self._errors.perfect
+        self._lean = lean_model(model, site, self._places, self._errors)
+        self._order = _order(self._errors)
+        self._node: tuple[Motion, float] | None = None  # the motion met last and its nodes
         self.batch = Batch(self._lean, ROWS, nthread=1)
         self._sensors = self.batch.bind("sensordata")
 
     def instants(self, joints: Array, rates: Array, accelerations: Array) -> Instants:
-        """Sensors at joint angles, rates and accelerations, (n, 6) each, in radians.
+        """Sensors at the encoders' angles, rates and accelerations, (n, 6) each, in radians.
 
         Raises
         ------
@@ -154,14 +207,27 @@ class Truth:
         if not np.isfinite(joints.sum() + rates.sum() + accelerations.sum()):
             raise _not_finite(joints, rates, accelerations)
         n = len(joints)
+        states = self._states(joints, rates, accelerations)
         raw = np.empty((n, self._sensors.shape[1]))
         for first in range(0, n, ROWS):
             part = slice(first, min(first + ROWS, n))
-            raw[part] = self._evaluate(joints[part], rates[part], accelerations[part])
+            raw[part] = self._evaluate(*(s[part] for s in states))
         earth, velocity = raw[:, 9:12], raw[:, 6:9]
         f_b = raw[:, 0:3] + 2 * _cross(earth, velocity)
         f_places = f_b if self._places is None else self._at_places(raw)
         return Instants(raw[:, 3:6] + earth, f_b, raw[:, [13, 14, 15, 12]], f_places)
+
+    def _states(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Angles, rates and accelerations of the lean model's hinges."""
+        if self._perfect:
+            return q, v, a
+        true = self._errors.realised(q, v, a)
+        if not len(self._errors.wobbling):
+            return true
+        nods = self._errors.nods(q, v, a)
+        both = (np.hstack([t, n])[:, self._order] for t, n in zip(true, nods, strict=True))
+        angles, rates, accelerations = both
+        return angles, rates, accelerations
 
     def _at_places(self, raw: Array) -> Array:
         """Component i of the force at place i, its own Coriolis term included."""
@@ -201,9 +267,13 @@ class Truth:
         ticks = np.arange(first, last + 1)
         edges = ticks / rate_hz
         over = self.over(motion, edges, sampling)
-        joints, rates, _ = motion.joints(edges[1:])
+        q, v, a = motion.joints(edges[1:])
         stamps = stamps_ns(ticks[1:], rate_hz)
-        return TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, joints, rates)
+        if self._perfect:
+            return TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, q, v)
+        joints, rates, _ = self._errors.realised(q, v, a)
+        said = self._errors.readings(q)
+        return TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, joints, rates, said, v)
 
     def sensed(self, motion: Motion, edges: Array, t_ns: IntArray, sampling: Sampling) -> Sensed:
         """What the sensors feel, each at its place, over intervals of any lengths.
@@ -216,7 +286,8 @@ class Truth:
     def over(self, motion: Motion, edges: Array, sampling: Sampling) -> Instants:
         """Samples over the n intervals between `edges` (n + 1,) [s]; `q_wb` at their ends.
 
-        Before its start and after its end the motion is held.
+        Before its start and after its end the motion is held: a window of a longer motion must
+        cover the intervals.
         """
         n = len(edges) - 1
         out = [np.empty((n, size)) for size in (3, 3, 4, 3)]
@@ -237,14 +308,15 @@ class Truth:
 
         Notes
         -----
-        Simpson's rule on the union of the edges and the motion's knots. Each interval is parted
-        for itself, so that its neighbours leave no trace: no part exceeds `LONGEST_NODE`, nor
-        `WIDEST_NODE` at the motion's fastest. Aligned with the jerk switches, the error is
-        ``h^4/2880`` times the fourth derivative, some ``g (w h)^4 / 2880`` at the turning rate w.
+        Simpson's rule on the union of the edges and the motion's knots. Each piece between these
+        is parted for itself, so that its neighbours leave no trace: no part exceeds
+        `LONGEST_NODE`, nor `WIDEST_NODE` at the motion's fastest. Aligned with the knots, the
+        rule is exact for the accelerations of cubic and quintic pieces; in what else there is of
+        force, the error is ``h^4/2880`` times the fourth derivative, some ``g (w h)^4 / 2880`` at
+        the turning rate w. (On a servo's steps of 1 ms a closed six-point rule over five of them
+        takes half the evaluations, but is no longer exact for the accelerations.)
         """
-        knots = motion.knots[(motion.knots > edges[0]) & (motion.knots < edges[-1])]
-        node = min(LONGEST_NODE, WIDEST_NODE / max(fastest(motion), 1e-9))
-        ends = np.unique(np.concatenate([edges, _parted(edges, node), knots]))
+        ends = self._ends(motion, edges)
         nodes = np.empty(2 * len(ends) - 1)
         nodes[::2] = ends
         nodes[1::2] = (ends[:-1] + ends[1:]) / 2
@@ -259,6 +331,41 @@ class Truth:
             _simpson(at.f_places, ends, starts) if own else f_b,
         )
 
+    def _ends(self, motion: Motion, edges: Array) -> Array:
+        """Where the Simpson steps between the `edges` meet: each of these to the bit, and more."""
+        first, last = np.searchsorted(motion.knots, edges[[0, -1]], side="right")
+        knots = motion.knots[first:last]
+        after = np.clip(np.searchsorted(edges, knots), 1, len(edges) - 1)
+        near = np.minimum(np.abs(edges[after] - knots), np.abs(knots - edges[after - 1]))
+        ends = np.sort(np.concatenate([edges, knots[near > SAME_TIME]]))
+        if self._node is None or self._node[0] is not motion:
+            self._node = motion, self._longest_node(motion)
+        between = _parted(ends, self._node[1])
+        return np.sort(np.concatenate([ends, between])) if len(between) else ends
+
+    def _longest_node(self, motion: Motion) -> float:
+        """Simpson steps [s] for which no turn and no wave costs 1e-9 m/s^2.
+
+        A wave of c rad on an axis, k times round, shakes the force by ``c (g + (k w)^2 1 m)``, and
+        may turn through `WIDEST_NODE` when that is g: by the fourth root further when it is less.
+        """
+        rates = fastest(motion)
+        node = min(LONGEST_NODE, WIDEST_NODE / max(rates.sum(), 1e-9))
+        for axes, order, cosine, sine in self._errors.waves:
+            pulse = np.maximum(order * rates[axes], 1e-9)
+            shaken = np.hypot(cosine, sine) * (1 + pulse**2 / STANDARD_GRAVITY)
+            node = min(node, float((WIDEST_NODE / pulse / shaken**0.25).min()))
+        return node
+
+
+def _order(errors: TableErrors) -> IntArray:
+    """Columns of the six angles, then the nods, as the lean model's hinges take them."""
+    order: list[int] = []
+    nods = count(len(JOINTS))
+    for number in range(len(JOINTS)):
+        order += [number, *((next(nods), next(nods)) if errors.wobble[number] else ())]
+    return np.array(order)
+
 
 def _parted(edges: Array, longest: float) -> Array:
     """Times that part each interval of `edges` evenly, into pieces of at most `longest`."""
@@ -269,11 +376,12 @@ def _parted(edges: Array, longest: float) -> Array:
     return edges[own] + lengths[own] * number / parts[own]
 
 
-def fastest(motion: Motion) -> float:
-    """Bound of the turning rate [rad/s]: the joints' greatest rates added up."""
+def fastest(motion: Motion) -> Array:
+    """The greatest rates of the joints (6,) [rad/s], at knots and between them."""
     middles = (motion.knots[1:] + motion.knots[:-1]) / 2
-    _, rates, _ = motion.joints(np.concatenate([motion.knots, middles]))
-    return float(np.abs(rates).max(axis=0).sum())
+    _, rates, _ = motion.joints(np.append(middles, motion.knots[-1]))
+    starts = motion.coefficients[-2:-1].reshape(-1, rates.shape[1])
+    return np.maximum(np.abs(rates).max(axis=0), np.abs(starts).max(axis=0, initial=0.0))
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -305,7 +413,10 @@ def rest_of(motion: Motion, edges: Array) -> np.ndarray:
     """Whether the motion stands still over each of the n intervals of `edges` (n + 1,)."""
     piece = np.clip(np.searchsorted(motion.knots, edges[:-1], side="right") - 1, 0, None)
     piece = np.minimum(piece, len(motion.knots) - 2)
-    return motion.at_rest[piece] & (edges[1:] <= motion.knots[piece + 1])
+    first = piece[0]
+    moving = np.any(motion.coefficients[:-1, first : piece[-1] + 1], axis=(0, 2))
+    resting = np.logical_not(moving)[piece - first]
+    return resting & (edges[1:] <= motion.knots[piece + 1])
 
 
 def runs(flags: np.ndarray) -> list[tuple[int, int, bool]]:

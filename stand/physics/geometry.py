@@ -1,0 +1,63 @@
+"""The stand as it was built: its model with the table's constant errors in its geometry.
+
+What depends on the angles (curves of the axes, wobble) is the truth's: `stand.physics.truth`.
+"""
+
+# mujoco fills its namespace from C, unseen by pyright.
+# pyright: reportAttributeAccessIssue=false
+
+import copy
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array
+from stand.imperfection import TableErrors
+from stand.physics.description import JOINTS
+from stand.physics.mjcf import SITE
+
+# the axis toward which each one leans: the one that carries it; outer is parallel to its own
+# carrier, base_yaw, and so leans where that leans
+_TOWARD = {
+    "base_pitch": "base_roll",
+    "base_yaw": "base_pitch",
+    "outer": "base_pitch",
+    "middle": "outer",
+    "inner": "middle",
+}
+
+
+def with_errors(model: mujoco.MjModel, errors: TableErrors) -> mujoco.MjModel:
+    """A copy of the whole stand with tilt and azimuth of its base, leaning axes and the IMU's seat.
+
+    The base is turned about the crossing of its axes, by one rotation vector in w; the IMU by one
+    in b: ``C_true = C_nominal exp(mounting)``. Each axis leans from its nominal direction in its
+    nominal plane, so that what one leans changes no other.
+    """
+    built = copy.copy(model)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for name, toward in _TOWARD.items():
+        joint, carrier = model.joint(name).id, model.joint(toward).id
+        lean = errors.non_orthogonality[JOINTS.index(name)]
+        axis = np.cos(lean) * data.xaxis[joint] + np.sin(lean) * data.xaxis[carrier]
+        body = model.jnt_bodyid[joint]
+        built.jnt_axis[joint] = data.xmat[body].reshape(3, 3).T @ axis
+    base = model.jnt_bodyid[model.joint(JOINTS[0]).id]
+    tilt = Rotation.from_rotvec([*errors.base_tilt, errors.base_azimuth])
+    built.body_quat[base] = _wxyz(tilt * _rotation(model.body_quat[base]))
+    site = model.site(SITE).id
+    seat = Rotation.from_rotvec(errors.mounting.copy())  # scipy takes no locked array
+    built.site_quat[site] = _wxyz(_rotation(model.site_quat[site]) * seat)
+    # MuJoCo takes a site whose frame is its body's from there
+    built.site_sameframe[site] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    return built
+
+
+def _rotation(wxyz: Array) -> Rotation:
+    return Rotation.from_quat(wxyz, scalar_first=True)
+
+
+def _wxyz(rotation: Rotation) -> Array:
+    return rotation.as_quat(scalar_first=True)
