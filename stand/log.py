@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from alignment import Dwell, ImuReadings, Options, Site, Turn
+from alignment import Dwell, ImuReadings, Options, Priors, Site, Turn
 from alignment.angles import SequenceRule
 from alignment.arrays import Array
 from alignment.readings import EDGE
@@ -31,6 +31,16 @@ if TYPE_CHECKING:  # planning takes a while to import, and reading needs none of
     from stand.plan import PlannedStep, Turning
 
 RUN = "run"  # the metadata record that marks a recording of ours
+PRIOR_UNITS = {
+    "gyro_bias": "rad_s",
+    "accel_bias": "m_s2",
+    "gyro_scale": "ratio",
+    "accel_scale": "ratio",
+    "gyro_walk": "rad_rt_s",
+    "accel_walk": "m_s_rt_s",
+    "turn": "rad",
+    "lever_arm": "m",
+}
 NEVER = "never"  # of a dwell in the record `settled`: the table did not come to rest
 LONGEST_STEP = 90 * DEG  # of an encoder between readings, so that turns can be counted
 GROSS = 0.5  # part of a rate: scale errors of gyros are smaller, mistakes larger
@@ -105,6 +115,9 @@ def describe_estimate(options: Options, methods: Sequence[str]) -> dict[str, str
         "methods": ",".join(methods),
         "offset_window_s": repr(options.offset_window),
         "sequences": options.rule.value,
+    } | {
+        f"prior_{name}_{unit}": repr(getattr(options.priors, name))
+        for name, unit in PRIOR_UNITS.items()
     }
 
 
@@ -353,9 +366,16 @@ def _settings(
         Options(
             float(estimate.get("offset_window_s", Options().offset_window)),
             SequenceRule(estimate.get("sequences", SequenceRule.REGULAR.value)),
+            _priors(estimate),
         ),
         tuple(estimate["methods"].split(",")) if "methods" in estimate else ("triad",),
     )
+
+
+def _priors(estimate: Mapping[str, str]) -> Priors:
+    """The recorded priors; older recordings have none."""
+    keys = {name: f"prior_{name}_{unit}" for name, unit in PRIOR_UNITS.items()}
+    return Priors(**{name: float(estimate.get(key, "0")) for name, key in keys.items()})
 
 
 def _truths(

@@ -1,6 +1,7 @@
 """Recordings as dwells and turns: schedules new and old, when settled, encoders of real tables."""
 
 import json
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,10 @@ import pytest
 from mcap.writer import Writer
 from scipy.spatial.transform import Rotation
 
-from alignment import Site
+from alignment import Options, Priors, Site
+from alignment.angles import SequenceRule
 from stand.errors import StandError
-from stand.log import Encoders, describe_schedule, describe_site, load_log
+from stand.log import Encoders, describe_estimate, describe_schedule, describe_site, load_log
 from stand.physics.mjcf import describe, load_model
 from stand.plan import PlannedStep, Turning
 from stand.recording.interchange import EPOCH_NS, JointLog, McapWriter, cdr, schemas
@@ -47,11 +49,17 @@ def samples(n: int = 240) -> tuple[TruthBlock, ImuBlock]:
     return TruthBlock(t_ns, w, f, q, joints, zero, joints + 0.01, zero), ImuBlock(t_ns, w, f)
 
 
-def recording(path: Path, schedule: dict[str, str], settled: dict[str, str] | None = None) -> Path:
+def recording(
+    path: Path,
+    schedule: dict[str, str],
+    settled: dict[str, str] | None = None,
+    estimate: dict[str, str] | None = None,
+) -> Path:
     metadata = {
         "run": {"stand_version": "0", "epoch_ns": str(EPOCH_NS)},
         "site": describe_site(Site(0.8)),
         "schedule": schedule,
+        "estimate": estimate or {},
     }
     model = describe(load_model())
     with McapWriter(
@@ -165,6 +173,20 @@ def test_a_stretch_keeps_what_is_known_of_where_it_lies(run):
     np.testing.assert_array_equal(dwell.turn.angle, samples()[0].encoders[60:90, 5])
     (across,) = load(run, 3.0, 9.0).dwells
     assert (across.label, across.nominal, across.turn) == ("run", None, None)
+
+
+def test_what_was_to_be_estimated_comes_back(tmp_path):
+    """Every prior with a value of its own, so that none takes another's place."""
+    given = {f.name: 0.1 + k for k, f in enumerate(fields(Priors))}
+    options = Options(4.5, SequenceRule.PUBLISHED, Priors(**given))
+    estimate = describe_estimate(options, ("triad", "carousel"))
+    path = recording(tmp_path / "run.mcap", describe_schedule(steps()), estimate=estimate)
+    log = load(path)
+    assert log.options == options
+    assert log.methods == ("triad", "carousel")
+    del estimate["prior_turn_rad"]  # a recording from before
+    path = recording(tmp_path / "old.mcap", describe_schedule(steps()), estimate=estimate)
+    assert load(path).options.priors == replace(options.priors, turn=0.0)
 
 
 # --- logs of real tables
