@@ -303,14 +303,14 @@ def draw(
         given = getattr(chosen, _KEYS[name][0])
         if given is not None:
             return np.asarray(given, dtype=float) * ARC_SECOND
-        return sigma_arc_s * ARC_SECOND * np.array([normal(name, i) for i in range(size)])
+        return sigma_arc_s * ARC_SECOND * np.array([normal(name, i) for i in range(size)]) + 0.0
 
     def each(name: str, otherwise: Callable[[int], Array | float]) -> Array:
         """Of every axis: the set value, or what else it is, in the key's unit; gives SI."""
         key, unit = _KEYS[name]
         given = [getattr(chosen.axis.get(axis), key, None) for axis in JOINTS]
         values = [otherwise(i) if g is None else g for i, g in enumerate(given)]
-        return np.array(values, dtype=float) * unit
+        return np.array(values, dtype=float) * unit + 0.0  # no -0 where the class states nothing
 
     sizes = [table.entry.axis[axis].errors for axis in JOINTS]
     geometry = table.entry.geometry

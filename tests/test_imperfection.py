@@ -194,6 +194,8 @@ def test_nothing_drawn_and_nothing_set_is_perfect():
     assert PERFECT.perfect
     assert draw(table_of(), 3, entry_of("drawn = false"), True).perfect
     assert draw(table_of({}, {}), 3, None, True).perfect  # phases alone do no harm
+    record = draw(table_of({}, {}), 3, None, True).record()
+    assert not any("-0.0" in text for key, text in record.items() if "phase" not in key)
     assert not draw(table_of({}, {"base_azimuth_arc_s": 1.0}), 3, None, True).perfect
     for key in ("encoder_step_arc_s", "wobble_arc_s", "rate_ripple_percent"):
         assert not draw(table_of({key: 1.0}, {}), 3, None, True).perfect
