@@ -27,7 +27,7 @@ from stand.report.document import (
     sigma_text,
 )
 from stand.report.listing import listing
-from stand.score import Score, Truths, score
+from stand.score import Refusal, Score, Truths, score
 from stand.session import RunResult, Settings
 from stand.table import load_table
 
@@ -329,7 +329,11 @@ def test_the_report_says_what_was_run(tmp_path):
 def test_the_report_of_a_servo_run_shows_its_steps(tmp_path):
     document = report_document(result(tmp_path, records=servo_records()))
     assert "| to Y1 up | move | 1234 base_pitch | 617 |  | 0.35 inner | 100 inner |" in document
-    assert "servo: " not in report_document(result(tmp_path))
+    assert "Joints by the simulated servo: Laboratory three-axis table on a rock" in document
+    assert "servo" not in report_document(result(tmp_path))
+    nothing = replace(result(tmp_path), scores=(), refusals=(Refusal("a", "b"), Refusal("c", "d")))
+    text = report_document(nothing)
+    assert text.endswith("a gives no estimate: b\n\nc gives no estimate: d\n")  # two paragraphs
 
 
 def test_the_configuration_holds_the_files_in_closed_fences(tmp_path):

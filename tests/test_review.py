@@ -368,6 +368,13 @@ def test_every_kind_of_step_has_a_colour():
     assert set(review.KIND_COLORS) == kinds
 
 
+def test_neighbours_of_one_kind_are_told_apart():
+    dwell, rate = review.KIND_COLORS["dwell"], review.KIND_COLORS["rate"]
+    dark = (13, 89, 38)  # three quarters of (17, 119, 51)
+    kinds = ["dwell", "rate", "rate", "rate", "dwell"]
+    assert review._shaded(kinds) == [dwell, rate, dark, rate, dwell]
+
+
 def test_layout_is_paused_and_names_method_factor_and_range(rrd):
     paused = [[PlayState.Paused.value]]
     assert blueprint_values(rrd, "TimePanelBlueprint:play_state") == 2 * paused

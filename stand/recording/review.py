@@ -353,7 +353,7 @@ class ReviewWriter:
         style = rr.StateConfiguration(
             values=list(named),
             labels=[phase.label for phase in named.values()],
-            colors=[KIND_COLORS.get(phase.kind, GREY) for phase in named.values()],
+            colors=_shaded([phase.kind for phase in named.values()]),
         )
         self._log("phase", style)
 
@@ -483,6 +483,18 @@ def _samples(truth: TruthBlock, imu: ImuBlock, following: Array | None) -> Array
         (imu.w_ib_b - truth.w_ib_b) / DEG_PER_HOUR,
     ]
     return np.hstack(columns if following is None else [*columns, following / ARC_SECOND])
+
+
+def _shaded(kinds: Sequence[str]) -> list[Color]:
+    """Colours of successive phases; of neighbours of one kind every other one is darker."""
+    colors: list[Color] = []
+    darker = False
+    for before, kind in zip(["", *kinds], kinds, strict=False):
+        darker = kind == before and not darker
+        red, green, blue = KIND_COLORS.get(kind, GREY)
+        part = 0.75 if darker else 1.0
+        colors.append((round(part * red), round(part * green), round(part * blue)))
+    return colors
 
 
 def _state(phase: Phase) -> str:

@@ -253,14 +253,17 @@ def report_document(result: RunResult) -> str:
         "",
         f"{s.imu.title}, seed {s.seed}; {result.plan.motion.duration:g} s at {s.rate_hz} Hz "
         f"({s.sampling.value} samples), latitude {(s.site.latitude or 0.0) / DEG:g} deg, "
-        f"g = {s.site.gravity:.7f} m/s2.",
+        f"g = {s.site.gravity:.7f} m/s2."
+        + (f" Joints by the simulated servo: {s.table.title}." if result.records else ""),
         "",
     ]
     tables = score_tables(result.scores)
     if result.records:
         tables.append(motion_table(result.records))
     body = [markdown(table) for table in tables]
-    return "\n".join([*head, *body, *refusal_lines(result.refusals), ANGLE_NOTE, ""])
+    refused = [f"{line}\n" for line in refusal_lines(result.refusals)]
+    note = [ANGLE_NOTE, ""] if result.scores else []
+    return "\n".join([*head, *body, *refused, *note])
 
 
 def config_document(result: RunResult) -> str:
