@@ -361,6 +361,20 @@ def test_every_error_matches_the_product_rule(model, latitude, fault):
     assert np.abs(w - perfect).max() > 1e-7  # the error does show
 
 
+def test_accelerometers_at_their_places_on_a_faulty_table(model):
+    """All at one place feel what the instrument's point would feel there."""
+    place, errors = np.array([0.03, -0.02, 0.05]), TableErrors(**FAULTS["all"])
+    built = with_errors(model, errors)
+    there = with_errors(model, errors)
+    sid = there.site("imu").id
+    there.site_pos[sid] += Rotation.from_quat(there.site_quat[sid], scalar_first=True).apply(place)
+    q, v, a = np.random.default_rng(1).uniform(-2, 2, (3, 300, 6))
+    found = Truth(built, site(48.5), np.tile(place, (3, 1)), errors).instants(q, v, a)
+    moved = Truth(there, site(48.5), errors=errors).instants(q, v, a)
+    assert np.abs(found.f_places - moved.f_b).max() < 1e-12  # rounding of 100 m/s^2
+    assert np.abs(found.f_places - found.f_b).max() > 0.1
+
+
 def test_a_perfect_table_is_the_nominal_one_to_the_bit(model):
     motion = tumbling(moves=1)
     plain = Truth(model, site(48.5)).block(motion, 200, Sampling.MEAN, 0, 700)
@@ -652,7 +666,6 @@ def drift(block, hz, latitude):
     return np.linalg.norm(np.cumsum(C_ib[1:-1].apply(residue), axis=0), axis=1).max() / ARC_SECOND
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("hz", "bound"), [(200, 0.005), (1000, 0.0001)])
 def test_rocking_of_all_six_axes_integrates_back(model, hz, bound):
     """120 s; the bounds are the published ones, coning between the samples sets the first."""
