@@ -11,7 +11,6 @@ from functools import cache
 from math import comb
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import chebyshev, polynomial
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solveh_banded
@@ -135,12 +134,15 @@ def _fitted(angles: Callable[[Array], Array], knots: Array) -> Array:
     t = knots[:-1, None] + lengths[:, None] * nodes
     t[:, -1] = knots[1:]  # both neighbours see the same angle where they meet
     values = angles(t.ravel()).reshape(len(lengths), FIT_DEGREE + 1, -1)
-    # The chords apart: powers of u cancel one another, so what they carry should be small.
-    chord = values[:, -1] - values[:, 0]
-    bent = values - values[:, :1] - chord[:, None] * nodes[:, None]
+    # Cubics through every third point apart: powers of u cancel one another, so what they carry
+    # should be small.
+    bent = values - values[:, :1]
+    _, to_cubic = _chebyshev(FIT_DEGREE // 3)
+    cubic = np.einsum("pn,knj->pkj", to_cubic, bent[:, ::3])
+    bent -= np.einsum("np,pkj->knj", np.vander(nodes, len(cubic), increasing=True), cubic)
     scaled = np.einsum("pn,knj->pkj", to_powers, bent)
+    scaled[: len(cubic)] += cubic
     scaled[0] = values[:, 0]
-    scaled[1] += chord
     powers = np.arange(FIT_DEGREE + 1)[:, None]
     return (scaled / (lengths**powers)[:, :, None])[::-1]
 
@@ -181,10 +183,10 @@ def splined(samples: Array, step: float, start: float = 0.0) -> Motion:
     right[-2] -= last / 120
     c = solveh_banded(bands, right, check_finite=False)
     ends = np.zeros((2, c.shape[1])), np.repeat(last[None], 2, axis=0)
-    return b_spline(np.concatenate([ends[0], c, ends[1]]) + samples[0], step, start)
+    return b_spline(np.concatenate([ends[0], c, ends[1]]), step, start, samples[0])
 
 
-def b_spline(weights: Array, step: float, start: float = 0.0) -> Motion:
+def b_spline(weights: Array, step: float, start: float = 0.0, level: ArrayLike = 0.0) -> Motion:
     """The sum of quintic B-splines at even steps [s], C4: where six of them weigh zero, rest.
 
     Parameters
@@ -192,12 +194,18 @@ def b_spline(weights: Array, step: float, start: float = 0.0) -> Motion:
     weights : (k + 5, joints) rad
         Of the B-splines about ``start + step (-2, -1, 0, ... k + 2)``; the k pieces begin at
         `start`.
+    step, start : float
+    level : (joints,) or number
+        Added to the angles [rad]: what all weights have in common only rounds the derivatives.
     """
     k = len(weights) - 5
+    to_powers = _cardinal() / (step ** np.arange(5.0, -1.0, -1.0))[:, None]
     coefficients = np.empty((6, k, weights.shape[1]))
-    for joint, own in enumerate(weights.T):
-        np.matmul(_cardinal(), sliding_window_view(own, 6).T, out=coefficients[:, :, joint])
-    coefficients /= (step ** np.arange(5, -1, -1))[:, None, None]
+    for first in range(0, k, FIT_BLOCK):
+        block = weights[first : first + FIT_BLOCK + 5]
+        windows = np.stack([block[i : len(block) - 5 + i] for i in range(6)])
+        coefficients[:, first : first + FIT_BLOCK] = np.tensordot(to_powers, windows, axes=1)
+    coefficients[-1] += level
     coefficients.flags.writeable = False
     return Motion(start + step * np.arange(k + 1), coefficients)
 
