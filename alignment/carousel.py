@@ -62,33 +62,38 @@ def interval_harmonics(angle: Array) -> Array:
     of it. A sample pairs with its interval so, not with the angle at its stamp.
     """
     middle, half = (angle[1:] + angle[:-1]) / 2, np.diff(angle) / 2
-    part = np.sinc(half / np.pi)
+    # sine of half the interval over it; an interval without turning has its middle's value
+    part = np.divide(np.sin(half), half, out=np.ones_like(half), where=half != 0)
     return np.stack([np.ones_like(middle), part * np.cos(middle), part * np.sin(middle)], axis=1)
 
 
-def harmonic_fit(angle: Array, values: Array) -> Harmonics:
-    """Least squares of samples (..., m, k) on their intervals' angles (m + 1,) [rad].
+def harmonic_fit(X: Array, values: Array) -> Harmonics:
+    """Least squares of samples (..., m, k) on their `interval_harmonics` (m, 3).
 
     Notes
     -----
     The noise of a sample is taken from 32 block means of the residuals, less what the three
     coefficients took of them; noise slower than a turn is thereby overstated.
     """
-    X = interval_harmonics(angle)
     m = len(X)
     if m < BLOCKS:
         raise TooShort(f"{m} samples: at least {BLOCKS} are needed")
     normal = np.linalg.inv(X.T @ X)
-    coefficients = (normal @ X.T) @ values
-    edges = np.arange(BLOCKS + 1) * m // BLOCKS
-    lengths = np.diff(edges)
-    X_mean = np.add.reduceat(X, edges[:-1], axis=0) / lengths[:, None]
-    y_mean = np.add.reduceat(values, edges[:-1], axis=-2) / lengths[:, None]
-    left = np.sum((y_mean - X_mean @ coefficients) ** 2, axis=-2)
+    coefficients = normal @ (X.T @ values)
+    X_mean, lengths = _block_means(X, BLOCKS)
+    left = np.sum((_block_means(values, BLOCKS)[0] - X_mean @ coefficients) ** 2, axis=-2)
     # expectation for unit white noise: trace of B (1 - X normal X^T) B^T, B the block means
     expected = np.sum(1 / lengths) - np.sum((X_mean @ normal) * X_mean)
     constant, cosine, sine = np.moveaxis(coefficients, -2, 0)
     return Harmonics(constant, cosine, sine, left / expected, normal)
+
+
+def _block_means(values: Array, blocks: int) -> tuple[Array, Array]:
+    """Means (..., blocks, k) of stretches of (..., m, k), and their lengths (blocks,)."""
+    m = values.shape[-2]
+    edges = np.arange(blocks + 1) * m // blocks
+    lengths = np.diff(edges)
+    return np.add.reduceat(values, edges[:-1], axis=-2) / lengths[:, None], lengths
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -306,10 +311,11 @@ def _stretch(dwell: Dwell) -> _Stretch:
     readings, angle = whole_turns(dwell)
     assert dwell.turn is not None
     axis = dwell.turn.axis_b / np.linalg.norm(dwell.turn.axis_b)
-    h_w, h_f = harmonic_fit(angle, readings.w_ib_b), harmonic_fit(angle, readings.f_b)
-    _check_turning(dwell.label, readings, angle, axis, h_w, h_f)
+    X = interval_harmonics(angle)
+    h_w, h_f = harmonic_fit(X, readings.w_ib_b), harmonic_fit(X, readings.f_b)
+    _check_turning(dwell.label, readings, X, axis, h_w, h_f)
     steps = np.diff(readings.t, prepend=readings.t[0] - readings.interval)
-    speed = harmonic_fit(angle, (np.diff(angle) / steps)[:, None])
+    speed = harmonic_fit(X, (np.diff(angle) / steps)[:, None])
     flags = gap_doubt(readings)
     used = (readings.t[-1] - readings.t[0]) / (dwell.t_to - dwell.t_from)
     if used < 1 - UNUSED:
@@ -333,24 +339,23 @@ def _present(values: Array) -> tuple[bool, bool, bool]:
 
 
 def _check_turning(
-    label: str, readings: ImuReadings, angle: Array, axis: Array, h_w: Harmonics, h_f: Harmonics
+    label: str, readings: ImuReadings, X: Array, axis: Array, h_w: Harmonics, h_f: Harmonics
 ) -> None:
     """Raise `NotAtRest` where 1 s means leave the harmonics by more than a dwell may its mean."""
-    X = interval_harmonics(angle)
     blocks = max(2, min(round(readings.interval * len(X) / REST_BLOCK), len(X)))
-    edges = np.arange(blocks) * len(X) // blocks
-    lengths = np.diff(edges, append=len(X))[:, None]
+    X_mean, _ = _block_means(X, blocks)
     for values, h, allowed, what in (
         (readings.w_ib_b, h_w, REST_RATE, "rate"),
         (readings.f_b, h_f, REST_TILT * np.linalg.norm(h_f.constant), "force"),
     ):
         coefficients = np.stack([h.constant, h.cosine, h.sine])
-        left = np.add.reduceat(values - X @ coefficients, edges, axis=0) / lengths
+        left = _block_means(values, blocks)[0] - X_mean @ coefficients
         size = np.linalg.norm(left - (left @ axis)[:, None] * axis, axis=1)
         worst = int(np.argmax(size))
         if size[worst] > allowed:
+            at = float(readings.t[worst * len(X) // blocks])
             raise NotAtRest(
-                f"{label}: not a steady turn near {readings.t[edges[worst]]:.1f} s: {what} leaves "
+                f"{label}: not a steady turn near {at:.1f} s: {what} leaves "
                 f"its harmonic by {size[worst] / allowed:.1f} times what is allowed"
             )
 

@@ -443,7 +443,9 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
     Notes
     -----
     Leading errors: placements (in each attitude its own, less what the others tell of it); white
-    noise ``ARW/(W cos lat sqrt(T))``, T the time of all dwells; drift of the biases.
+    noise ``ARW/(W cos lat sqrt(T))``, T the time of all dwells; drift of the biases. With three
+    positions or more the placements themselves show, as far as Earth rate and scale are known:
+    leave `gyro_scale` at 0 only where it is.
     """
     if len(dwells) < 2:
         raise AlignmentError(f"too little turn: {len(dwells)} dwells, at least 2 are needed")
@@ -552,27 +554,46 @@ def _verdict(
     given: tuple[float | None, float | None],
     priors: Priors,
 ) -> tuple[str, ...]:
-    """Whether the turns paid, where the unit's bias is stated."""
+    """Whether the turns paid, and of two positions 90 against 180 deg; empty without a bias."""
     if not priors.gyro_bias:
         return ()
-    # one position alone, with all the time: the noise of the mean of all positions
-    alone = 1 / np.sum(1 / (variances + ROUNDING**2), axis=0)
     latitude = float(fit.latitude) if fit.latitude is not None else given[0]
     assert latitude is not None
     gravity = given[1] or normal_gravity(latitude)
-    one = predicted_covariance(
-        fit.C_nb[0], alone[None], relative[:1], latitude, gravity, priors, given[0] is None
-    )
-    several = float(np.sqrt(fit.covariance[0, 2, 2]))
-    return (_pays(several, float(np.sqrt(one[0, 2, 2]))),)
+    # the noise of the mean of all positions: what one alone would have in all the time
+    whole = 1 / np.sum(1 / (variances + ROUNDING**2), axis=0)
+
+    def heading(turns: Array) -> float:
+        shared = np.tile(len(turns) * whole, (len(turns), 1))
+        P = predicted_covariance(
+            fit.C_nb[0], shared, turns, latitude, gravity, priors, given[0] is None
+        )
+        return float(np.sqrt(P[0, 2, 2]))
+
+    one, several = heading(relative[:1]), float(np.sqrt(fit.covariance[0, 2, 2]))
+    if len(relative) > 2:
+        return (_pays(several, one),)
+    axis = Rotation.from_matrix(relative[1]).as_rotvec()
+    axis = axis / np.linalg.norm(axis)
+    half, quarter = (heading(_turns(axis, angle)) for angle in (np.pi, np.pi / 2))
+    return (f"{_pays(several, one)}; 180 deg: {_minutes(half)}, 90 deg: {_minutes(quarter)}",)
+
+
+def _turns(axis_b: Array, angle: float) -> Array:
+    """Relative attitudes (2, 3, 3) of a position and of one turned [rad] about an axis."""
+    return Rotation.from_rotvec(np.outer([0.0, angle], axis_b)).as_matrix()
+
+
+def _minutes(angle: float) -> str:
+    return f"{angle / ARC_MINUTE:.3g}'"
 
 
 def _pays(several: float, one: float) -> str:
     """In words; sigmas of heading [rad] with and without turns."""
     verdict = "pay" if several < one else "do not pay"
     return (
-        f"turns {verdict}: heading sigma {several / ARC_MINUTE:.3g}' "
-        f"against {one / ARC_MINUTE:.3g}' of one position in the same time"
+        f"turns {verdict}: heading sigma {_minutes(several)} "
+        f"against {_minutes(one)} of one position in the same time"
     )
 
 

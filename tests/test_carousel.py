@@ -143,7 +143,7 @@ def test_harmonics_and_their_noise():
     truth = np.array([[1.0, 20], [3, -4], [0.5, 7]])
     sigma = np.array([0.1, 2.0])
     y = X @ truth + sigma * rng.normal(size=(500, 640, 2))
-    h = harmonic_fit(angle, y)
+    h = harmonic_fit(X, y)
     for found, want in ((h.constant, truth[0]), (h.cosine, truth[1]), (h.sine, truth[2])):
         # 500 runs of 640 samples: sigma sqrt(2/640/500), five times
         assert (np.abs(np.mean(found, axis=0) - want) < 5 * 0.0025 * sigma).all()
@@ -153,7 +153,7 @@ def test_harmonics_and_their_noise():
     scatter = h.sine.var(axis=0) / (h.normal[2, 2] * sigma**2)
     np.testing.assert_allclose(scatter, 1, rtol=0, atol=4 * sqrt(2 / 500))
     with pytest.raises(TooShort, match="31 samples: at least 32"):
-        harmonic_fit(angle[:32], y[0, :31])
+        harmonic_fit(X[:31], y[0, :31])
 
 
 @pytest.mark.parametrize("sensors", [(True, False, False), (False, False, True)])
@@ -161,7 +161,7 @@ def test_one_gyro_alone_tells_the_direction(sensors):
     """By hand: u sees u.p with the cosine and p.(a x u) with the sine; a = Y1: X1 x -> -Z1."""
     p = np.array([3.0, 0, 4.0])
     cosine, sine = p * 1.05, np.array([-4.0, 0, 3.0]) * 1.05  # -(Y1 x p) = (-4, 0, 3)
-    h = harmonic_fit(np.linspace(0, 2 * pi, 101), np.zeros((100, 3)))
+    h = harmonic_fit(interval_harmonics(np.linspace(0, 2 * pi, 101)), np.zeros((100, 3)))
     h = type(h)(np.ones(3), cosine, sine, np.ones(3), h.normal)
     found = turning_vector(h, Y1, sensors)
     np.testing.assert_allclose(found.across, 1.05 * p, rtol=1e-14)
@@ -263,7 +263,7 @@ def test_axis_tilt_toward_north_enters_by_tan_lat_unless_levelled(latitude):
     # Without the accelerometers' harmonic the axis counts as vertical: eta_N = -tilt brings
     # tan(lat) of it into heading.
     readings, angle = whole_turns(turning(C, latitude=lat))
-    gyros = turning_vector(harmonic_fit(angle, readings.w_ib_b), Y1)
+    gyros = turning_vector(harmonic_fit(interval_harmonics(angle), readings.w_ib_b), Y1)
     blind = TurningVector(np.zeros(3), np.asarray(1e-12), np.array([0, G, 0]), np.asarray(0.5))
     fit = carousel_attitude(gyros, blind, Y1, lat, Priors())
     assert error(fit.C_nb, C)[2] == pytest.approx(tilt * tan(lat), rel=2e-3)
@@ -338,6 +338,7 @@ def test_groups_are_kept_apart():
 RUNS = 500
 SAMPLES, TURNS, SECONDS = 480, 3, 600.0
 ANGLES = np.linspace(0, 2 * pi * TURNS, SAMPLES + 1)
+TURNING = interval_harmonics(ANGLES)
 REGIMES = {  # priors, gyro [deg/rt-h], accelerometer [ug/rt-Hz], lean of the axis [deg]
     "noise": (Priors(10 * DEG_H, MILLI_G), 0.05, 50, 0.0),
     # 1 mg along an axis that leans by 4 deg: 14'' of tilt beside 1.6'' of noise, first order still
@@ -356,7 +357,6 @@ def simulated(priors, arw, vrw, lean, latitude, rng, runs):
     """Gyro and accelerometer samples (runs, m, 3) each, and true attitudes at angle 0."""
     C = Rotation.from_rotvec(radians(lean) * np.array([0.6, -0.8, 0])).as_matrix() @ NOSE_60
     placed = Rotation.from_rotvec(priors.turn * rng.normal(size=(runs, 3))).as_matrix()
-    X = interval_harmonics(ANGLES)
     y = []
     density = SAMPLES / SECONDS
     for v_n, walk, bias, scale in (
@@ -375,7 +375,7 @@ def simulated(priors, arw, vrw, lean, latitude, rng, runs):
     ):
         v = C.T @ v_n
         across = v - Y1 * v[1]
-        true = X @ np.stack([Y1 * v[1], across, -np.cross(Y1, across)])
+        true = TURNING @ np.stack([Y1 * v[1], across, -np.cross(Y1, across)])
         K_ = scale * rng.normal(size=(runs, 1, 3))
         b = bias * rng.normal(size=(runs, 1, 3))
         noise = walk * sqrt(density) * rng.normal(size=(runs, SAMPLES, 3))
@@ -385,8 +385,8 @@ def simulated(priors, arw, vrw, lean, latitude, rng, runs):
 
 
 def fitted(w, f, latitude, priors, one):
-    gyros = turning_vector(harmonic_fit(ANGLES, w), Y1, (True, True, not one))
-    accels = turning_vector(harmonic_fit(ANGLES, f), Y1)
+    gyros = turning_vector(harmonic_fit(TURNING, w), Y1, (True, True, not one))
+    accels = turning_vector(harmonic_fit(TURNING, f), Y1)
     return carousel_attitude(gyros, accels, Y1, latitude, priors)
 
 
@@ -413,9 +413,8 @@ def test_white_noise_floor(latitude, one):
     arw = floor * W * cos(lat) * sqrt(SECONDS) / DEG_RT_H / (sqrt(2) if one else 1)
     rng = np.random.default_rng(72)
     squares = 0.0
-    X = interval_harmonics(ANGLES)
     v = LEVEL.T @ np.array([W * cos(lat), 0, -W * sin(lat)])
-    true = X @ np.stack([v * Y1, v - v * Y1, -np.cross(Y1, v)])
+    true = TURNING @ np.stack([v * Y1, v - v * Y1, -np.cross(Y1, v)])
     f = np.tile(np.array([0, G, 0]), (SAMPLES, 1))
     for _ in range(4):
         sigma = arw * DEG_RT_H * sqrt(SAMPLES / SECONDS)

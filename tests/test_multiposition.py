@@ -185,6 +185,10 @@ def test_whether_the_turn_pays_is_part_of_the_answer():
     # A laser of 1e-4 deg/h on a table of 5': one position is as good, the prior keeps it so.
     assert verdict(1e-4 * DEG_H, 5 * MINUTE) != []
     assert verdict(0.0, MINUTE) == []
+    # What 180 and 90 deg would give: (d1 - d0)/2, and nose north east of it the same here.
+    half, quarter = pays.split("; ")[1].split(", ")
+    assert half == "180 deg: 0.707'"
+    assert quarter.startswith("90 deg: ")
 
 
 # --- placement, scale, noise: first order, by hand ------------------------------------------------
