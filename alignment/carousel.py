@@ -380,7 +380,7 @@ def carousel(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     Returns
     -------
     list of AttitudeEstimate
-        One per group of dwells, under the first one's label.
+        One per group of dwells, under the label of the first in time.
 
     Raises
     ------
@@ -398,7 +398,7 @@ def carousel(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     site.horizontal_rate()
     latitude, _ = local_vectors(site)
     assert latitude is not None
-    stretches = [_stretch(dwell) for dwell in dwells]
+    stretches = [_stretch(dwell) for dwell in sorted(dwells, key=lambda dwell: dwell.t_from)]
     return [_together(group, latitude, site, options) for group in _groups(stretches)]
 
 

@@ -410,6 +410,7 @@ def two_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     Leading errors: placement ``(d180 - d0)/2`` in heading; white noise
     ``ARW/(W cos lat sqrt(T))`` with T the time of both dwells; drift of the biases between them.
     """
+    dwells = _in_time(dwells)
     summaries = _summaries(dwells)
     estimates = []
     for k in range(len(dwells) - 1):
@@ -449,10 +450,16 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
     """
     if len(dwells) < 2:
         raise AlignmentError(f"too little turn: {len(dwells)} dwells, at least 2 are needed")
+    dwells = _in_time(dwells)
     summaries = _summaries(dwells)
     if _widest_turn(dwells) < LEAST_TURN:
         raise AlignmentError("too little turn: no two dwells are 30 deg or more apart")
     return _estimates(MULTI_POSITION, dwells, summaries, site, options)
+
+
+def _in_time(dwells: Ordered[Dwell]) -> list[Dwell]:
+    """Successive is meant in time: the order in which dwells are handed over does not matter."""
+    return sorted(dwells, key=lambda dwell: dwell.t_from)
 
 
 def _summaries(dwells: Ordered[Dwell]) -> list[tuple[Array, Array]]:

@@ -92,6 +92,10 @@ class Turn:
             self, axis_b=(self.axis_b, (3,), float), angle=(self.angle, (len(self.angle),), float)
         )
 
+    def back(self, C_nb: Rotation) -> Rotation:
+        """``C_nb`` where the encoder reads zero, from ``C_nb`` at the last sample."""
+        return C_nb * Rotation.from_rotvec(-self.angle[-1] * self.axis_b)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dwell:

@@ -73,15 +73,9 @@ class DwellCollector:
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
             readings = ImuReadings(t, w, f)
             dwells.append(Dwell(step.label, t_from, step.steady_to, readings, step.C_nb, turn))
-            attitudes.append(_at_zero(C_NW * Rotation.from_quat(q_wb), turn))
+            C_nb = C_NW * Rotation.from_quat(q_wb)
+            attitudes.append(C_nb if turn is None else turn.back(C_nb))
         return dwells, attitudes
-
-
-def _at_zero(C_nb: Rotation, turn: Turn | None) -> Rotation:
-    """The attitude where the encoder of a turning axis reads zero, from that of its last sample."""
-    if turn is None:
-        return C_nb
-    return C_nb * Rotation.from_rotvec(-turn.angle[-1] * turn.axis_b)
 
 
 def _ticks(step: PlannedStep, rate_hz: int) -> tuple[int, int]:

@@ -385,17 +385,11 @@ def _truths(
     t = (truth.t_ns - origin) * 1e-9
     last = np.searchsorted(t, [dwell.t_to + 1e-6 for dwell in dwells]) - 1
     return [
-        Truths(
-            at_zero(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell.turn),
-            dwell.nominal,
-            site.latitude,
-        )
+        Truths(_told(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell), dwell.nominal, site.latitude)
         for k, dwell in zip(last, dwells, strict=True)
     ]
 
 
-def at_zero(C_nb: Rotation, turn: Turn | None) -> Rotation:
-    """The attitude where the encoder of a turning axis reads zero, from that of its last sample."""
-    if turn is None:
-        return C_nb
-    return C_nb * Rotation.from_rotvec(-turn.angle[-1] * turn.axis_b)
+def _told(C_nb: Rotation, dwell: Dwell) -> Rotation:
+    """The attitude an estimate speaks of: of a turning stretch that at encoder angle zero."""
+    return C_nb if dwell.turn is None else dwell.turn.back(C_nb)

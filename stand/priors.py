@@ -3,7 +3,7 @@
 import numpy as np
 
 from alignment import Priors
-from alignment.units import ARC_SECOND
+from alignment.units import ARC_SECOND, STANDARD_GRAVITY
 from stand.imu import ImuSpec
 from stand.physics.description import JOINTS
 from stand.table import Table
@@ -16,7 +16,8 @@ def priors_of(imu: ImuSpec, table: Table | None) -> Priors:
 
     The placement of a position: encoder errors of the gimbals, and what bends the turn between
     two positions: the instrument's seat and axes that are not square or wobble. A constant offset
-    of an axis turns with it and cancels between positions.
+    of an axis turns with it and cancels between positions. Misaligned accelerometers feel a part
+    of gravity across them: to a levelling that is one more bias.
     """
     turn = 0.0
     if table is not None:
@@ -28,7 +29,11 @@ def priors_of(imu: ImuSpec, table: Table | None) -> Priors:
         turn = float(np.linalg.norm([*worst, table.entry.geometry.mounting_arc_s])) * ARC_SECOND
     return Priors(
         gyro_bias=float(np.hypot(imu.gyro.bias, imu.gyro.instability)),
-        accel_bias=float(np.hypot(imu.accel.bias, imu.accel.instability)),
+        accel_bias=float(
+            np.linalg.norm(
+                [imu.accel.bias, imu.accel.instability, imu.accel.misalignment * STANDARD_GRAVITY]
+            )
+        ),
         gyro_scale=imu.gyro.scale,
         accel_scale=imu.accel.scale,
         gyro_walk=imu.gyro.noise,

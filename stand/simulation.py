@@ -123,10 +123,20 @@ class Simulation:
             truth = self._truth.block(motion, settings.rate_hz, settings.sampling, first, last)
             yield Block(truth, self.imu.report(self._sensed(truth, first)), motion)
 
+    def again(self, block: Block) -> Block:
+        """A block of another run with the same truth, as this run's unit reports it."""
+        truth = block.truth
+        readings = self.imu.report(Sensed(truth.t_ns, truth.w_ib_b, truth.f_b))
+        return Block(truth, readings, block.motion)
+
+    @property
+    def feels_truth(self) -> bool:
+        """Whether the sensors sit at the unit's point and its clock is right."""
+        return self.imu.spec.clock.perfect and not self.imu.spec.places.any()
+
     def _sensed(self, truth: TruthBlock, first: int) -> Sensed:
         """What the sensors feel at their own places and times; the truth where those are its."""
-        spec = self.imu.spec
-        if spec.clock.perfect and not spec.places.any():
+        if self.feels_truth:
             return Sensed(truth.t_ns, truth.w_ib_b, truth.f_b)
         edges = self.imu.clock.edges(first, first + len(truth))
         motion = self._drive.covering(float(edges[0]), float(edges[-1]))

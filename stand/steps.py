@@ -20,7 +20,7 @@ Limit = Annotated[float, Field(ge=1e-3)]
 AngleDeg = Annotated[float, Field(ge=-36000, le=36000)]
 Duration = Annotated[float, Field(gt=0, le=LONGEST_STEP)]
 FrequencyHz = Annotated[float, Field(ge=1e-4, le=200)]
-Fade = Annotated[float, Field(gt=0, le=3600)]
+Fade = Annotated[float, Field(ge=1e-2, le=3600)]
 
 
 def _one_line_text(text: str) -> str:
@@ -198,12 +198,13 @@ class SwayEntry(catalogue.Entry):
 
     The angle's one-sided density is that of white noise through a resonator,
     1 / ((f0^2 - f^2)^2 + (2 damping f0 f)^2), up to `cutoff_hz` (5 f0 if absent), scaled to
-    `rms_deg`; or that of `psd_file`: rows of frequency [Hz], density [deg^2/Hz].
+    `rms_deg`; or that of `psd_file`: rows of frequency [Hz], density [deg^2/Hz], straight lines
+    between them and nothing outside, scaled to `rms_deg` if given.
     """
 
     rms_deg: Annotated[float, Field(gt=0, le=180)] | None = None
     frequency_hz: FrequencyHz | None = None
-    damping: Annotated[float, Field(gt=0, le=10)] = 0.1
+    damping: Annotated[float, Field(ge=1e-3, le=10)] = 0.1
     cutoff_hz: FrequencyHz | None = None
     psd_file: Text | None = None
 
@@ -211,6 +212,9 @@ class SwayEntry(catalogue.Entry):
     def _one_spectrum(self) -> "SwayEntry":
         if (self.psd_file is None) == (self.frequency_hz is None):
             raise ValueError("frequency_hz, psd_file: must have one of them")
+        for key in ("damping", "cutoff_hz"):
+            if self.psd_file is not None and key in self.model_fields_set:
+                raise ValueError(f"{key}: must not stand beside psd_file")
         if self.psd_file is None and self.rms_deg is None:
             raise ValueError("rms_deg: required beside frequency_hz")
         cutoff, f0 = self.cutoff_hz, self.frequency_hz

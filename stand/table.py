@@ -113,6 +113,10 @@ class TableEntry(catalogue.Entry):
     def _all_axes(self) -> "TableEntry":
         if set(self.axis) != set(JOINTS):
             raise ValueError(f"axis: has {sorted(self.axis)}, must be {sorted(JOINTS)}")
+        if self.axis[JOINTS[0]].errors.non_orthogonality_arc_s:
+            raise ValueError(
+                f"axis, {JOINTS[0]}, errors, non_orthogonality_arc_s: must be 0: no axis carries it"
+            )
         return self
 
 

@@ -117,6 +117,15 @@ def test_each_successive_pair_with_a_turn_counts():
     assert [(e.label, e.t_from, e.t_to) for e in found] == [("p0", 0, 120), ("p2", 200, 320)]
 
 
+def test_the_order_of_dwells_does_not_matter():
+    dwells = dwells_of(TILTED, TURNS["four"], BIAS)
+    for method in (two_position, multi_position):
+        forward, backward = (method(d, HERE, Options()) for d in (dwells, dwells[::-1]))
+        assert [e.label for e in forward] == [e.label for e in backward]
+        for a, b in zip(forward, backward, strict=True):
+            assert a.C_nb.as_quat().tolist() == b.C_nb.as_quat().tolist()
+
+
 def test_refusals():
     still = dwells_of(LEVEL, about([0, 1, 0], 0, 29))
     with pytest.raises(AlignmentError, match="too little turn: no two successive dwells"):

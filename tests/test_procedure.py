@@ -83,7 +83,7 @@ def test_steps_keep_their_order_and_defaults():
         ),
         (
             HEAD + DWELL.replace('kind = "dwell"\n', ""),
-            f"step 1 \"A\", kind: must be one of {KINDS}",
+            f'step 1 "A", kind: must be one of {KINDS}',
         ),
         (
             HEAD + DWELL.replace("duration_s", "duration"),
@@ -177,7 +177,8 @@ def test_steps_keep_their_order_and_defaults():
         ),
         (
             HEAD.replace("six-position", "six-positon") + DWELL,
-            "estimate, methods: unknown method 'six-positon': did you mean six-position? "
+            "estimate, methods: unknown method 'six-positon': did you mean six-position or "
+            "multi-position or two-position? "
             f"known: {', '.join(sorted(ESTIMATORS))}",
         ),
         (
