@@ -42,7 +42,8 @@ METHOD = "fine"
 UPDATE = 0.1  # s between zero-displacement updates
 STILL = 1e-6  # m: least noise of an update
 _START = np.repeat([0.3, 10.0, 1.0, 1.0], [2, 1, 3, 3])  # rad N, E; D; m/s; m: as good as unknown
-_ERRORS = len(_START)  # attitude, velocity, displacement
+_GRAVITY = 0.01  # part by which gravity's size is free where no accelerometer constant has a prior
+_ERRORS = len(_START) + 1  # attitude, velocity, displacement, size of gravity
 _SETTLED = 0.01  # rad: a correction of the reference above it calls for another pass
 _PASSES = 8
 _CHUNK = 2048  # updates whose matrices are held at once
@@ -165,12 +166,14 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
         ``latitude`` needed, not at a pole.
     options : Options
         `priors`: ``gyro_walk`` and ``accel_walk`` (0: from the readings); biases, scale factor
-        errors and ``lever_arm`` become states where their prior is above 0.
+        errors and ``lever_arm`` become states where their prior is above 0. Where neither
+        accelerometer constant has one, gravity's size is free within 1 %: an unstated bias along
+        the vertical would else pass for sway.
 
     Returns
     -------
     list of AttitudeEstimate
-        ``C_nb`` at ``t_to`` and its covariance, cross terms included.
+        ``C_nb`` at ``t_to``, the last sample's stamp, and its covariance, cross terms included.
 
     Raises
     ------
@@ -238,7 +241,7 @@ def _fine(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         METHOD,
         dwell.label,
         dwell.t_from,
-        dwell.t_to,
+        float(run.t[-1]),
         C_nb,
         options.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
         covariance=covariance,
@@ -304,7 +307,9 @@ def _filter(model: _Model, reference: _Reference, variance: float) -> _Pass:
     v, p = gravity_velocity(carried.t, model.site)
     z = np.concatenate([np.zeros((1, 3)), np.cumsum(carried.p, axis=0)]) @ C_ni.T - p
     sigmas = [np.repeat(getattr(model.priors, name), 3) for name in names]
-    x, P = np.zeros(size), np.diag(np.concatenate([_START, *sigmas]) ** 2)
+    told = model.priors.accel_bias > 0 or model.priors.accel_scale > 0
+    gravity = [0.0 if told else _GRAVITY]
+    x, P = np.zeros(size), np.diag(np.concatenate([_START, gravity, *sigmas]) ** 2)
     if "gyro_bias" in names:  # the reference has some of it taken out already
         x[_place(names.index("gyro_bias"))] = -reference.offset
     out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
@@ -365,6 +370,8 @@ def _matrices(
     F[:, 3:6, :3] = -push
     F[:, 6:9, :3] = -spans / 2 * push
     F[:, 6:9, 3:6] = spans * np.eye(3)
+    F[:, 3:6, 9] = gravity
+    F[:, 6:9, 9] = spans[:, 0] / 2 * gravity
     for k, name in enumerate(model.names):
         column = _place(k)
         if name == "lever_arm":

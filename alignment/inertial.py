@@ -223,7 +223,7 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     Returns
     -------
     list of AttitudeEstimate
-        ``C_nb`` at ``t_to`` and its covariance, cross terms included.
+        ``C_nb`` at ``t_to``, the last sample's stamp, and its covariance, cross terms included.
 
     Raises
     ------
@@ -303,7 +303,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         METHOD,
         dwell.label,
         dwell.t_from,
-        dwell.t_to,
+        float(readings.t[-1]),
         C_nb,
         options.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
         covariance=covariance,

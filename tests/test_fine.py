@@ -145,6 +145,18 @@ def test_scale_factor_error_of_a_turn_is_in_the_covariance():
     assert (np.abs(error) < 2 * np.sqrt(run.covariance[-1].diagonal())).all()
 
 
+def test_unstated_vertical_bias_is_not_taken_for_sway():
+    """Half a milli-g along the vertical, and no word of it: gravity's size is free."""
+    stretch, C = exact(STILL, T, 10.0)
+    r = stretch.readings
+    up = C.T @ [0.0, 0.0, -1.0]
+    moved = dwell(r.t, r.w_ib_b, r.f_b + 5e-3 * up)
+    estimate = fine([moved], site(STILL), Options(priors=QUIET))[0]
+    error = errors(estimate.C_nb.as_matrix()[None], C)[0]
+    assert not estimate.flags
+    assert (np.abs(error) < 0.1 * np.sqrt(estimate.covariance.diagonal())).all()
+
+
 # --- nothing is used twice --------------------------------------------------------------------
 
 
