@@ -133,7 +133,8 @@ def test_rosbags_reads_every_message_bit_exactly(laser):
     wanted = {
         "/imu/data": np.vstack([np.hstack([b.w_ib_b, b.f_b]) for b in reported]),
         "/imu/truth": np.vstack([np.hstack([b.w_ib_b, b.f_b, b.q_wb]) for b in blocks]),
-        "/joint_states": np.vstack([np.hstack([b.joints, b.joint_rates]) for b in blocks]),
+        "/joint_states": np.vstack([np.hstack([b.encoders, b.encoder_rates]) for b in blocks]),
+        "/joint_truth": np.vstack([np.hstack([b.joints, b.joint_rates]) for b in blocks]),
     }
     stamps = EPOCH_NS + np.concatenate([b.t_ns for b in blocks])
     found = {topic: [] for topic in wanted}
@@ -154,7 +155,7 @@ def test_rosbags_reads_every_message_bit_exactly(laser):
 
 
 def _values(topic, m):
-    if topic == "/joint_states":
+    if topic.startswith("/joint"):
         return (*m.position, *m.velocity)
     w, a, q = m.angular_velocity, m.linear_acceleration, m.orientation
     attitude = (q.x, q.y, q.z, q.w) if topic == "/imu/truth" else ()
