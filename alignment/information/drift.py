@@ -1,0 +1,133 @@
+"""Covariance of means and harmonics of slow processes, within a stretch and between stretches.
+
+A stretch of time T is told by integrals of the process times ``exp(i k (r t + angle))``, k = 0 at
+rest, k = 0 and 1 where it turns by whole turns at rate r; `coefficients` makes constant, cosine and
+sine of them. Closed forms: nothing is sampled.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from alignment.arrays import Array
+
+_TO_REAL = np.array([[1, 0, 0], [0, 1, 1], [0, -1j, 1j]])  # of integrals with k = 0, 1, -1
+
+
+@dataclass(frozen=True, slots=True)
+class GaussMarkov:
+    """A stationary process with covariance ``sigma^2 exp(-|t|/time)``; `time` in s.
+
+    Bias instability is a sum of them, a decade of time apart each.
+    """
+
+    sigma: float
+    time: float
+
+    def __post_init__(self) -> None:
+        if not self.sigma >= 0 or not self.time > 0:
+            raise ValueError(f"sigma {self.sigma}, time {self.time}: must be >= 0 and > 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A stretch's time: `start`, `length` [s]; `rate` [rad/s] and `angle` [rad] at its start.
+
+    `rate` 0 is rest; else `length` is whole turns.
+    """
+
+    start: float
+    length: float
+    rate: float = 0.0
+    angle: float = 0.0
+
+    @property
+    def orders(self) -> Array:
+        """Of the harmonics that tell it."""
+        return np.array([0.0, 1.0, -1.0]) if self.rate else np.zeros(1)
+
+    @property
+    def to_coefficients(self) -> np.ndarray:
+        """Takes integrals by order to constant, cosine and sine; (3, 3) or (1, 1)."""
+        n = len(self.orders)
+        return _TO_REAL[:n, :n] * np.exp(1j * self.orders * self.angle) / self.length
+
+
+def ramp_coefficients(span: Span) -> Array:
+    """Constant, cosine and sine (1,) or (3,) [s] of time itself."""
+    moments = [_moment(span, k) + span.start * span.length * (k == 0) for k in span.orders]
+    return np.real(span.to_coefficients @ np.array(moments))
+
+
+def gauss_markov(spans: Sequence[Span], time: float) -> Array:
+    """Covariance (h, h) of all coefficients, of a Gauss-Markov process of variance one."""
+    a = 1 / time
+
+    def within(span: Span) -> np.ndarray:
+        k = 1j * span.orders[:, None] * span.rate
+        m = k.T
+        decayed = -np.expm1(-a * span.length)
+        same = (k == m) * 2 * a * span.length / (a**2 - m**2)
+        return same - decayed * (1 / ((a - m) * (a - k)) + 1 / ((a + m) * (a + k)))
+
+    def between(first: Span, second: Span) -> np.ndarray:
+        end = -np.expm1(-a * first.length) / (a + 1j * first.orders * first.rate)
+        begin = -np.expm1(-a * second.length) / (a - 1j * second.orders * second.rate)
+        gap = second.start - first.start - first.length
+        return np.exp(-a * gap) * end[:, None] * begin[None, :]
+
+    return _assembled(spans, within, between)
+
+
+def random_walk(spans: Sequence[Span]) -> Array:
+    """Covariance (h, h) of a walk that starts from zero at time 0, one per root second."""
+
+    def within(span: Span) -> np.ndarray:
+        T, k = span.length, span.orders
+        level = T * (k == 0)
+        result = span.start * level[:, None] * level[None, :] + 0j
+        # the walk from the start on: each step dB(u) counts by g(u), the integral from u to T
+        result[0, 0] += T**3 / 3
+        if span.rate:
+            r = span.rate
+            cross = (T**2 / 2 - 1j * T / r) / (1j * r)
+            result[0, 1:] += np.conj([cross, np.conj(cross)])
+            result[1:, 0] += [cross, np.conj(cross)]
+            result[1:, 1:] += np.array([[2.0, -1.0], [-1.0, 2.0]]) * T / r**2
+        return result
+
+    def between(first: Span, second: Span) -> np.ndarray:
+        early = [_moment(first, k) + first.start * first.length * (k == 0) for k in first.orders]
+        late = second.length * (second.orders == 0)
+        return np.array(early)[:, None] * late[None, :]
+
+    return _assembled(spans, within, between)
+
+
+def _moment(span: Span, order: float) -> complex:
+    """Integral of ``t exp(i order r t)`` over the stretch, t from its start."""
+    return span.length**2 / 2 if order == 0 else span.length / (1j * order * span.rate)
+
+
+def _assembled(
+    spans: Sequence[Span],
+    within: Callable[[Span], np.ndarray],
+    between: Callable[[Span, Span], np.ndarray],
+) -> Array:
+    """Blocks by `within(span)` and `between(first, second)`, as real coefficients.
+
+    `within` holds E[x_k conj(x_m)] of integrals x, `between` E[x_k x_m].
+    """
+    edges = np.concatenate([[0], np.cumsum([len(s.orders) for s in spans])])
+    C: Array = np.zeros((edges[-1], edges[-1]))
+    for i, a in enumerate(spans):
+        at = slice(edges[i], edges[i + 1])
+        M = a.to_coefficients
+        C[at, at] = np.real(M @ within(a) @ M.conj().T)
+        for j, b in enumerate(spans):
+            if a.start < b.start:
+                to = slice(edges[j], edges[j + 1])
+                C[at, to] = np.real(M @ between(a, b) @ b.to_coefficients.T)
+                C[to, at] = C[at, to].T
+    return C
