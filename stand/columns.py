@@ -71,6 +71,8 @@ def _columns(rows: Iterator[tuple[int, list[str]]], file: str, most_rows: int) -
     for line, cells in rows:
         if not width:
             width = len(cells)
+            if width == 1 and (";" in cells[0] or "\t" in cells[0]):
+                raise StandError(f"{file}: line {line}: values must be separated by commas")
             if _number(cells[0]) is None:
                 names = tuple(cells)
                 continue
