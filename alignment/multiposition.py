@@ -7,7 +7,7 @@ maximum a posteriori fit.
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -34,16 +34,22 @@ MULTI_POSITION = "multi-position"
 UNKNOWN_BIAS = np.repeat([0.01, 0.5], 3)  # rad/s, m/s^2
 UNKNOWN_LATITUDE = 1.0  # rad
 UNKNOWN_GRAVITY = 0.03  # m/s^2: 9.78 to 9.83 over the Earth
-ROUNDING = np.repeat([1e-12, 1e-9], 3)  # rad/s, m/s^2: no mean is surer than this
+ANOMALY = 5e-4  # m/s^2: of gravity about its WGS 84 value, where nobody measured it
+ROUNDING = np.repeat([1e-10, 1e-7], 3)  # rad/s (2e-5 deg/h), m/s^2: no mean is surer than this
 
 LEAST_TURN = np.radians(30.0)  # below it biases hardly change sides
 SEEN = 0.5  # part of its prior that a bias must come down to
 MISFIT = 1e-3  # probability of chi-square above which positions contradict one another
+AMBIGUOUS = 12.0  # margin of chi-square: odds of 400 to 1
 
 _EXACT = 1e-12  # a scale error not stated beside one that is
 _ITERATIONS = 30
 _CONVERGED = 1e-9  # rad, and parts of a standard deviation
 _POLE = 1e-3  # least horizontal part of Earth rate
+_ANOTHER = np.radians(1.0)  # two ends farther apart than this are two attitudes
+_GRAVITY = 9.81  # m/s^2, to start from
+_DOUBTED = 0.05  # part of Earth rate: a component known worse may have either sign
+_LATITUDE_START = 0.999  # sine of the latitude to start from: not at a pole
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +73,8 @@ class PositionFit:
         Sum of squared residuals and priors over their variances; its expectation.
     rank : int
         How many of attitude (3) and biases (6) the readings alone determine.
+    margin : (...)
+        By how much chi-square of another attitude exceeds this one's; inf where there is none.
     """
 
     C_nb: Array
@@ -80,6 +88,7 @@ class PositionFit:
     chi2: Array
     freedom: Array
     rank: int
+    margin: Array
 
     @property
     def unseen(self) -> Array:
@@ -107,7 +116,7 @@ class _Unknowns:
         return 3 + len(self.sigmas)
 
 
-def _unknowns(n: int, priors: Priors, latitude_known: bool, gravity_known: bool) -> _Unknowns:
+def _unknowns(n: int, priors: Priors, latitude_known: bool, gravity_sigma: float) -> _Unknowns:
     stated = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
     scale = np.repeat([priors.gyro_scale, priors.accel_scale], 3)
     groups = [
@@ -115,7 +124,7 @@ def _unknowns(n: int, priors: Priors, latitude_known: bool, gravity_known: bool)
         np.maximum(scale, _EXACT) if scale.any() else scale[:0],
         np.full(3 * n if priors.turn > 0 else 0, priors.turn),
         np.full(0 if latitude_known else 1, UNKNOWN_LATITUDE),
-        np.full(0 if gravity_known else 1, UNKNOWN_GRAVITY),
+        np.full(1 if gravity_sigma > 0 else 0, gravity_sigma),
     ]
     ends = 3 + np.cumsum([len(group) for group in groups])
     parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
@@ -132,6 +141,7 @@ def fit_positions(
     latitude: float | None,
     gravity: float | None,
     priors: Priors,
+    gravity_sigma: float = 0.0,
 ) -> PositionFit:
     """Attitude of every position and the biases, from the means of all of them.
 
@@ -148,6 +158,8 @@ def fit_positions(
     priors : Priors
         Biases and scale errors of each axis; `turn` is the placement of each position about each
         of its three axes. A bias of 0 here means that nobody knows it, not that there is none.
+    gravity_sigma : float
+        Of a gravity that is given [m/s^2].
 
     Raises
     ------
@@ -157,25 +169,82 @@ def fit_positions(
     Notes
     -----
     Model: ``y_k = (1 + K)(C_nbk^T (w_ie, -g)) + b + noise``, ``C_nbk = C_nb0 C_b0_bk exp(d_k)``;
-    Gauss-Newton by QR, started from a linear fit of the two vectors and the biases.
+    Gauss-Newton by QR, started from linear fits of the two vectors and the biases; of two ends
+    the likelier one.
     """
-    n = means.shape[-2]
-    sigma = np.sqrt(variances + ROUNDING**2)
-    unknowns = _unknowns(n, priors, latitude is not None, gravity is not None)
-    x = np.zeros((*means.shape[:-2], unknowns.count))
-    C, x[..., 3:9], found = _start(means, sigma, relative, unknowns.sigmas[:6])
-    x[..., unknowns.latitude] = found[..., None]
+    lead, n = means.shape[:-2], means.shape[-2]
+    sigma = np.sqrt(np.broadcast_to(variances, means.shape) + ROUNDING**2).reshape(-1, n, 6)
+    y = means.reshape(-1, n, 6)
+    unknown_gravity = UNKNOWN_GRAVITY if gravity is None else gravity_sigma
+    unknowns = _unknowns(n, priors, latitude is not None, unknown_gravity)
     given = latitude, gravity
+    starts, hidden = _starts(y, sigma, relative, unknowns)
+    ends = [_descended(start, y, sigma, relative, given, unknowns) for start in starts]
+    C, x, margin = _likeliest(ends)
+    if hidden is not None:
+        start = _mirrored(C, x, hidden, latitude, unknowns)
+        ends.append(_descended(start, y, sigma, relative, given, unknowns))
+        C, x, margin = _likeliest(ends)
+    C, x = C.reshape(*lead, 3, 3), x.reshape(*lead, unknowns.count)
+    sigma = sigma.reshape(means.shape)
+    predicted, J = _readings(C, x, relative, given, unknowns)
+    fit = _result(C, x, (means - predicted) / sigma, J / sigma[..., None], relative, unknowns)
+    return replace(fit, margin=margin.reshape(lead))
+
+
+def _likeliest(ends: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Array]:
+    """Of several ends (C, x, cost) the best of each run, and by how much (r,) another one's cost
+    exceeds it."""
+    attitudes, unknowns, costs = (np.stack(parts) for parts in zip(*ends, strict=True))
+    best, runs = np.argmin(costs, axis=0), np.arange(costs.shape[1])
+    C = attitudes[best, runs]
+    between = Rotation.from_matrix((attitudes @ np.swapaxes(C, -1, -2)).reshape(-1, 3, 3))
+    another = between.magnitude().reshape(costs.shape) > _ANOTHER
+    margins = np.where(another, costs - costs[best, runs], np.inf)
+    return C, unknowns[best, runs], margins.min(axis=0)
+
+
+def _mirrored(
+    C: Array, x: Array, hidden: Array, latitude: float | None, unknowns: _Unknowns
+) -> tuple[Array, Array]:
+    """Start from the other sign of the rate along the axis that the turns do not show."""
+    lat = x[:, unknowns.latitude][:, 0] if latitude is None else np.full(len(C), latitude)
+    w_n = EARTH_RATE * np.stack([np.cos(lat), np.zeros(len(C)), -np.sin(lat)], axis=1)
+    w = np.einsum("rji,rj->ri", C, w_n)
+    flipped = 2 * (w @ hidden)[:, None] * hidden
+    x = x.copy()
+    x[:, 3:6] += flipped
+    up = -C[:, 2]
+    return attitude_from_means(w - flipped, up, Sequence.YAW_PITCH_ROLL).as_matrix(), x
+
+
+def _descended(
+    start: tuple[Array, Array],
+    y: Array,
+    sigma: Array,
+    relative: Array,
+    given: tuple[float | None, float | None],
+    unknowns: _Unknowns,
+) -> tuple[Array, Array, Array]:
+    """Attitudes (r, 3, 3), unknowns (r, p) and costs (r,) that Gauss-Newton ends in."""
+    C, x = (part.copy() for part in start)
+    active = np.arange(len(y))
     for _ in range(_ITERATIONS):
-        predicted, J = _readings(C, x, relative, given, unknowns)
-        step, _ = _step((means - predicted) / sigma, J / sigma[..., None], x, unknowns)
-        C = _turned(step[..., :3], C)
-        x[..., 3:] += step[..., 3:]
-        scaled = np.concatenate([step[..., :3], step[..., 3:] / unknowns.sigmas], axis=-1)
-        if np.abs(scaled).max(initial=0.0) < _CONVERGED:
+        predicted, J = _readings(C[active], x[active], relative, given, unknowns)
+        noise = sigma[active]
+        step, _ = _step((y[active] - predicted) / noise, J / noise[..., None], x[active], unknowns)
+        # beyond a radian the linear system says nothing
+        turn = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
+        step = step / np.maximum(turn, 1.0)
+        C[active] = _turned(step[:, :3], C[active])
+        x[active, 3:] += step[:, 3:]
+        scaled = np.concatenate([step[:, :3], step[:, 3:] / unknowns.sigmas], axis=1)
+        active = active[np.abs(scaled).max(axis=1) >= _CONVERGED]
+        if not len(active):
             break
     predicted, J = _readings(C, x, relative, given, unknowns)
-    return _result(C, x, (means - predicted) / sigma, J / sigma[..., None], relative, unknowns)
+    _, whole = _system((y - predicted) / sigma, J, x, unknowns)
+    return C, x, np.sum(whole**2, axis=-1)
 
 
 def predicted_covariance(
@@ -193,7 +262,7 @@ def predicted_covariance(
     not given latitude and gravity; the rest as `fit_positions`.
     """
     given = (None, None) if estimated else (latitude, gravity)
-    unknowns = _unknowns(len(relative), priors, not estimated, not estimated)
+    unknowns = _unknowns(len(relative), priors, not estimated, UNKNOWN_GRAVITY * estimated)
     x = np.zeros(unknowns.count)
     x[unknowns.latitude] = latitude
     predicted, J = _readings(C_nb, x, relative, given, unknowns)
@@ -215,37 +284,63 @@ def _cross_matrix(v: Array) -> Array:
     return M
 
 
-def _start(
-    means: Array, sigma: Array, relative: Array, bias_sigma: Array
-) -> tuple[Array, Array, Array]:
-    """Attitude (..., 3, 3) of position 0, biases (..., 6) and latitude (...), nothing given.
+def _starts(
+    y: Array, sigma: Array, relative: Array, unknowns: _Unknowns
+) -> tuple[list[tuple[Array, Array]], Array | None]:
+    """Attitudes (r, 3, 3) of position 0 and unknowns (r, p) to start from; the hidden axis.
 
-    Linear least squares for each triad: ``y_k = R_k^T u + b``, `u` no larger than it can be.
+    Linear least squares for each triad: ``y_k = R_k^T u + b``, `u` no larger than it can be. Where
+    the turns do not tell the rate along their axis from its bias, there are two starts: along the
+    axis (3,) in b, either way what is missing of Earth rate.
     """
-    vectors, biases = [], []
-    n = len(relative)
-    for part, size in ((slice(0, 3), EARTH_RATE), (slice(3, 6), 9.81)):
-        A = np.zeros((3 * n + 6, 6))
-        A[: 3 * n, :3] = relative.transpose(0, 2, 1).reshape(3 * n, 3)
-        A[: 3 * n, 3:] = np.tile(np.eye(3), (n, 1))
-        # one noise for all positions is enough to start from
-        noise = float(np.sqrt(np.mean(sigma[..., part] ** 2)))
-        A[: 3 * n] /= noise
-        A[3 * n :] = np.diag(1 / np.concatenate([np.full(3, size), bias_sigma[part]]))
-        y = means[..., part].reshape(*means.shape[:-2], 3 * n) / noise
-        solution = y @ np.linalg.pinv(A)[:, : 3 * n].T
-        vectors.append(solution[..., :3])
-        biases.append(solution[..., 3:])
-    w, f = vectors
-    up = f / np.linalg.norm(f, axis=-1, keepdims=True)
-    horizontal = np.linalg.norm(np.cross(w, up), axis=-1)
-    if np.any(horizontal < _POLE * EARTH_RATE):
+    w, w_bias, weak, doubt = _linear(y[..., :3], sigma[..., :3], relative, unknowns, EARTH_RATE)
+    f, f_bias, _, _ = _linear(y[..., 3:], sigma[..., 3:], relative, unknowns, _GRAVITY)
+    candidates, hidden = [(w, w_bias)], None
+    if doubt > _DOUBTED * EARTH_RATE:
+        hidden = weak
+        along = w @ weak
+        across = w - along[:, None] * weak
+        missing = EARTH_RATE**2 - np.sum(across**2, axis=1)
+        size = np.sqrt(np.maximum(missing, (_DOUBTED * EARTH_RATE) ** 2))
+        candidates = [
+            (across + sign * size[:, None] * weak, w_bias + (along - sign * size)[:, None] * weak)
+            for sign in (1.0, -1.0)
+        ]
+    up = f / np.linalg.norm(f, axis=1, keepdims=True)
+    level_parts = [np.linalg.norm(np.cross(w, up), axis=1) for w, _ in candidates]
+    if np.any(np.max(level_parts, axis=0) < _POLE * EARTH_RATE):
         raise PoleError("mean rate and vertical are collinear: heading is undefined")
-    C = attitude_from_means(w.reshape(-1, 3), f.reshape(-1, 3), Sequence.YAW_PITCH_ROLL)
-    # a bias may take its share of the vertical rate: the horizontal one tells the size of latitude
-    vertical = np.einsum("...i,...i->...", w, up)
-    latitude = np.copysign(np.arccos(np.clip(horizontal / EARTH_RATE, 0.05, 0.999)), vertical)
-    return C.as_matrix().reshape(*w.shape, 3), np.concatenate(biases, axis=-1), latitude
+    starts = []
+    for w, w_bias in candidates:
+        x = np.zeros((len(y), unknowns.count))
+        x[:, 3:9] = np.concatenate([w_bias, f_bias], axis=1)
+        lean = np.einsum("ri,ri->r", w, up) / np.linalg.norm(w, axis=1)
+        x[:, unknowns.latitude] = np.arcsin(np.clip(lean, -_LATITUDE_START, _LATITUDE_START))[
+            :, None
+        ]
+        C = attitude_from_means(w, f, Sequence.YAW_PITCH_ROLL).as_matrix()
+        starts.append((C, x))
+    return starts, hidden
+
+
+def _linear(
+    y: Array, sigma: Array, relative: Array, unknowns: _Unknowns, size: float
+) -> tuple[Array, Array, Array, float]:
+    """Vectors (r, 3), biases (r, 3), the direction (3,) known worst, and its sigma."""
+    n = len(relative)
+    bias_sigma = unknowns.sigmas[:3] if size == EARTH_RATE else unknowns.sigmas[3:6]
+    A = np.zeros((3 * n + 6, 6))
+    A[: 3 * n, :3] = relative.transpose(0, 2, 1).reshape(3 * n, 3)
+    A[: 3 * n, 3:] = np.tile(np.eye(3), (n, 1))
+    # one noise for all positions is enough to start from
+    noise = float(np.sqrt(np.mean(sigma**2)))
+    A[: 3 * n] /= noise
+    A[3 * n :] = np.diag(1 / np.concatenate([np.full(3, size), bias_sigma]))
+    inverse = np.linalg.pinv(A)
+    solution = y.reshape(len(y), 3 * n) / noise @ inverse[:, : 3 * n].T
+    variances, directions = np.linalg.eigh((inverse @ inverse.T)[:3, :3])
+    worst = float(np.sqrt(variances[-1]))
+    return solution[:, :3], solution[:, 3:], directions[:, -1], worst
 
 
 def _readings(
@@ -260,10 +355,10 @@ def _readings(
     lead = x.shape[:-1]
     latitude, gravity = given
     lat = x[..., unknowns.latitude][..., 0] if latitude is None else np.full(lead, latitude)
-    if gravity is None:
-        g = _normal_gravity(lat) + x[..., unknowns.gravity][..., 0]
-    else:
-        g = np.full(lead, gravity)
+    g = _normal_gravity(lat) if gravity is None else np.full(lead, gravity)
+    heavier = unknowns.gravity.stop > unknowns.gravity.start
+    if heavier:
+        g = g + x[..., unknowns.gravity][..., 0]
     zero = np.zeros(lead)
     w_n = EARTH_RATE * np.stack([np.cos(lat), zero, -np.sin(lat)], axis=-1)
     f_n = np.stack([zero, zero, -g], axis=-1)
@@ -294,7 +389,7 @@ def _readings(
     if latitude is None:
         by_lat = EARTH_RATE * np.stack([-np.sin(lat), zero, -np.cos(lat)], axis=-1)
         J[..., :3, unknowns.latitude] = C_kn @ by_lat[..., None, :, None]
-    if gravity is None:
+    if heavier:
         J[..., 3:, unknowns.gravity] = true[..., 3:, None] / g[..., None, None, None]
     return (1 + scale) * true + x[..., None, 3:9], J
 
@@ -360,6 +455,7 @@ def _result(
         chi2=np.sum(whole**2, axis=-1),
         freedom=6 * n - 3 - _spent(P, unknowns),
         rank=_rank(J, unknowns),
+        margin=np.full(lead, np.inf),
     )
 
 
@@ -514,7 +610,8 @@ def _estimates(
     latitude, gravity = local_vectors(site)
     if latitude is not None:
         site.horizontal_rate()  # refuses at a pole
-    fit = fit_positions(means, variances, relative, latitude, gravity, options.priors)
+    anomaly = ANOMALY if site.local_gravity is None else 0.0
+    fit = fit_positions(means, variances, relative, latitude, gravity, options.priors, anomaly)
     shared = _doubts(fit) + _verdict(fit, variances, relative, (latitude, gravity), options.priors)
     return [
         AttitudeEstimate(
@@ -546,6 +643,11 @@ _AXES = (
 def _doubts(fit: PositionFit) -> tuple[str, ...]:
     hidden = [name for name, unseen in zip(_AXES, fit.unseen, strict=True) if unseen]
     flags = (f"biases not shown by these turns: {', '.join(hidden)}",) if hidden else ()
+    if fit.margin < AMBIGUOUS:
+        flags += (
+            "ambiguous: another attitude fits nearly as well (chi-square "
+            f"{float(fit.margin):.1f} more); a turn about a second axis would tell",
+        )
     if fit.chi2 > chi2.isf(MISFIT, fit.freedom):
         flags += (
             f"positions contradict one another: chi-square {float(fit.chi2):.0f} for "

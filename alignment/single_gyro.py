@@ -16,7 +16,7 @@ from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate
 from alignment.gyrocompass import triad_attitude
 from alignment.levelling import attitude_covariance
-from alignment.multiposition import local_vectors
+from alignment.multiposition import ROUNDING, local_vectors
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from alignment.options import Options, Priors
 from alignment.readings import Dwell
@@ -170,7 +170,7 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     except AlignmentError as error:
         raise type(error)(f"{dwell.label}: {error}") from error
     up = means[3:] if dwell.nominal is None else dwell.nominal.inv().apply([0.0, 0.0, -1.0])
-    whole = variances + prior_variances(means, options.priors)
+    whole = variances + prior_variances(means, options.priors) + ROUNDING**2
     covariance = attitude_covariance(C_nb, whole, G)
     sigma = None
     if latitude_row is not None:

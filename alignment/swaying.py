@@ -16,7 +16,7 @@ from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, TooShort
 from alignment.estimate import AttitudeEstimate
 from alignment.levelling import attitude_covariance, attitude_sensitivity, level
-from alignment.multiposition import local_vectors
+from alignment.multiposition import ROUNDING, local_vectors
 from alignment.noise import gap_doubt
 from alignment.options import Options
 from alignment.readings import Dwell, ImuReadings
@@ -233,7 +233,7 @@ def _variances(readings: ImuReadings, options: Options) -> Array:
             white_density(readings.f_b, readings.interval) / T,
         ]
     )
-    variances += prior_variances(means, options.priors)
+    variances += prior_variances(means, options.priors) + ROUNDING**2
     variances[1] = 0.0
     return variances
 
