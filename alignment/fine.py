@@ -186,8 +186,9 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
     Notes
     -----
     Leading errors: heading ``ARW/(W cos lat sqrt T)``, and ``b_E/(W cos lat)`` until a turn tells
-    the bias; tilt b/g. First order about the reference, which is corrected and run again while
-    the correction exceeds 0.01 rad. Where the innovations contradict their sigmas the noise of
+    the bias; tilt b/g; an accelerometer's drift as for `inertial`. First order about the
+    reference, which is corrected and run again while the correction exceeds 0.01 rad. Where the
+    innovations contradict their sigmas the noise of
     the updates is raised to all of the displacement that is not drift, and that is flagged.
     """
     return [_fine(dwell, site, options) for dwell in dwells]

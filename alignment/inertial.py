@@ -22,7 +22,7 @@ from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.noise import gap_doubt
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
-from alignment.static import heading_doubt, track_ends
+from alignment.static import heading_doubt
 from alignment.strapdown import Carried, carry
 
 METHOD = "inertial"
@@ -34,6 +34,7 @@ _LEAST_SPECTRUM, _MOST_SPECTRUM = 64, 2**17  # samples from which noise is told
 _GRAVITY_DOUBT = 0.01  # part of gravity by which the mean specific force may differ unremarked
 _WANDER_ORDERS = slice(3, 6)  # Legendre orders of velocity that neither the fit nor a bias makes
 _SMOOTH_ORDER = 8  # velocity beyond it is sway, not drift
+_FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
 _WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarked
 _WANDER_LIMIT = 10.0  # sigmas that are refused, where the instrument also moves by this:
 _WANDER_SPEED = 0.1  # m/s
@@ -236,9 +237,11 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     Notes
     -----
     Leading errors: heading ``1.195 ARW/(W cos lat sqrt T)`` (velocity curves with their start
-    unknown: sqrt(10/7) of the floor) and ``b_E/(W cos lat)``; tilt b/g; sway of displacement r
-    leaves some ``60 r/(g T^2)`` over ``W T cos lat``, which is in the covariance. The residuals
-    are sums of noise, so the covariance is not taken from their size but from the estimate's own
+    unknown: sqrt(10/7) of the floor) and ``b_E/(W cos lat)``; tilt b/g. A drift d of
+    accelerometers toward north over the record feigns a turn, ``d/(g W T cos lat)`` of heading
+    (10 ug in 600 s: 1.2'), which no prior here states. Sway of displacement r leaves some
+    ``60 r/(g T^2)`` over ``W T cos lat``, which is in the covariance. The residuals are sums of
+    noise, so the covariance is not taken from their size but from the estimate's own
     sensitivity to each block's noise. Valid while the heading's sigma is below 8 deg.
     """
     site.horizontal_rate()
@@ -246,28 +249,25 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
 
 
 def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrack]:
-    """The attitude at the end of the record so far, as it grows."""
+    """The attitude at the end of the record so far, as it grows: the last of them `inertial`'s."""
     site.horizontal_rate()
     readings = checked_readings(dwell)
     noise = noise_of(readings, options.priors)
-    ends = track_ends(readings)
-    ends = ends[ends >= max(2 * _LEAST_BLOCKS, len(readings) // _TRACK_POINTS)]
-    ends = np.unique(ends[:: -max(1, len(ends) // _TRACK_POINTS)])
-    if not len(ends):
-        raise TooShort(f"{dwell.label}: {len(readings)} samples are too few for a track")
+    carried = carry(readings, block_of(readings))
+    m = len(carried.spans)
+    ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
     found = []
     for end in ends:
-        part = ImuReadings(readings.t[:end], readings.w_ib_b[:end], readings.f_b[:end])
-        carried = carry(part, block_of(part))
-        matched = match(carried, site)
-        C_nb = matched.C_ni * Rotation.from_quat(carried.q[-1])
-        found.append((C_nb, covariances(carried, matched, noise, options.priors)[0]))
+        part = carried.until(int(end))
+        matched = match(part, site)
+        C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
+        found.append((C_nb, covariances(part, matched, noise, options.priors)[0]))
     sequence = options.rule.sequence_for(found[-1][0].inv().apply([0.0, 0.0, -1.0]))
     return [
         AttitudeTrack(
             METHOD,
             dwell.label,
-            readings.t[ends - 1],
+            carried.t[ends],
             Rotation.concatenate([C for C, _ in found]),
             sequence,
             np.array([P for _, P in found]),
@@ -330,8 +330,8 @@ def covariances(
     gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
     P = functional_covariance(gyro, accel, C_ni, carried, noise, priors)
     sway = sway_covariance(carried, matched)
-    ends_2 = np.einsum("ko,kp->op", *[_legendre(carried)[[0, -1], _WANDER_ORDERS]] * 2)
-    wander = P[3:, 3:] + np.kron(ends_2, sway)
+    # Each order is one at both ends of the record, where the sway happens to stand.
+    wander = P[3:, 3:] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
     sway = sway + _slow_sway(wander_values(carried, matched), wander)
     ends = [fit @ skew(reference[[k]])[0] for k in (0, -1)]
     return P[:3, :3] + sum(e @ sway @ e.T for e in ends), wander

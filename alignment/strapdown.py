@@ -51,6 +51,19 @@ class Carried:
         """Duration of each block (m,) [s]."""
         return np.diff(self.t)
 
+    def until(self, end: int) -> "Carried":
+        """The first `end` blocks."""
+        edges, blocks = slice(end + 1), slice(end)
+        return Carried(
+            self.t[edges],
+            self.q[edges],
+            self.v[edges],
+            self.p[blocks],
+            self.turned[blocks],
+            self.dtheta[blocks],
+            self.dv[blocks],
+        )
+
 
 def cross(a: Array, b: Array) -> Array:
     """Cross products of rows (n, 3), faster than the general one of numpy."""
@@ -68,8 +81,8 @@ def rotation_vectors(first: Array, second: Array) -> Array:
     -----
     ``a + b + 2/3 a x b``: P. G. Savage, Strapdown Inertial Navigation Integration Algorithm
     Design Part 1 (1998), the two-sample algorithm of R. B. Miller (1983). Under coning of half
-    angle c at frequency w with samples every h it drifts by ``c^2 w (w h)^4 / 60`` rad/s (without the
-    correction: ``c^2 w (w h)^2 / 12``).
+    angle c at frequency w with samples every h it drifts by ``c^2 w (w h)^4 / 60`` rad/s, without
+    the correction by ``c^2 w (w h)^2 / 12``.
     """
     return first + second + 2 / 3 * cross(first, second)
 

@@ -246,7 +246,7 @@ REGIMES = {
     ),
     "carousel": (CAROUSEL, Priors(4e-6, 1e-3, 1e-6, 1e-4, gyro_walk=SMALL, accel_walk=1e-4)),
 }
-RUNS = 300
+RUNS = 200
 
 
 @pytest.mark.slow
@@ -267,6 +267,12 @@ def test_noise_told_from_rocking_readings_serves_as_well():
     error, covariance = campaign(31, SLOW, T, 20.0, 200, NOISE, known=Priors())
     low, high = chi2.ppf([0.025, 0.975], 600) / 200
     assert low < nees(error, covariance).mean() < high * 1.02
+
+
+def test_shortest_record_has_a_track_of_one_point():
+    stretch, _ = exact(STILL, 3.2, 10.0)
+    (track,) = inertial_tracks(stretch, site(STILL), Options(priors=QUIET))
+    assert len(track.t) == 1
 
 
 # --- noise from the readings ------------------------------------------------------------------
@@ -319,6 +325,23 @@ def test_track_ends_at_the_estimate_and_its_sigma_falls():
     late = track.t > 130.0
     turned = (track.C_nb * Rotation.from_matrix(now).inv()).as_rotvec()
     assert (np.abs(turned[late, 2]) < 2 * sigma[late]).all()
+
+
+def test_an_accelerometers_drift_feigns_a_turn():
+    """``d/(g W T cos lat)`` of heading, as the notes say: north, as gravity turns east."""
+    t, w, f, C = STILL.readings(T, 10.0, 100.0)
+    north = C.T @ [1.0, 0.0, 0.0]
+    drifting = dwell(t, w, f + 1e-5 * ((t - 100.0) / T)[:, None] * north)
+    estimate = inertial([drifting], site(STILL), Options(priors=QUIET))[0]
+    error = errors(estimate.C_nb.as_matrix()[None], C)[0]
+    assert abs(error[2]) == pytest.approx(1e-5 / (G * W * T * cos(radians(48.5))), rel=0.01)
+
+
+def test_perfect_sensors_without_priors_are_answered_in_silence():
+    """No noise at all in the readings: the covariance is of sway alone, and nothing is NaN."""
+    estimate, _ = one(ROCKING, 120.0, 50.0, Priors())
+    assert not estimate.flags
+    assert np.isfinite(estimate.covariance).all()
 
 
 # --- refusals ---------------------------------------------------------------------------------
