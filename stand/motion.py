@@ -19,7 +19,7 @@ from alignment.arrays import Array, owned
 
 FIT_DEGREE = 9
 FIT_PER_PERIOD = 10  # pieces of a sine: then fitted to 1e-10 of its acceleration
-FIT_BLOCK = 4096  # pieces fitted at once
+BLOCK = 4096  # pieces worked out at once: temporary arrays stay small
 SAME_KNOT = 1e-9  # s: knots of several motions nearer than this are one
 
 
@@ -117,11 +117,11 @@ def fitted(angles: Callable[[Array], Array], knots: Array) -> Motion:
     Interpolates at ten Chebyshev points of each piece, its ends among them.
     """
     coefficients: Array | None = None
-    for first in range(0, len(knots) - 1, FIT_BLOCK):
-        part = _fitted(angles, knots[first : first + FIT_BLOCK + 1])
+    for first in range(0, len(knots) - 1, BLOCK):
+        part = _fitted(angles, knots[first : first + BLOCK + 1])
         if coefficients is None:
             coefficients = np.empty((FIT_DEGREE + 1, len(knots) - 1, part.shape[2]))
-        coefficients[:, first : first + FIT_BLOCK] = part
+        coefficients[:, first : first + BLOCK] = part
     assert coefficients is not None
     coefficients.flags.writeable = False
     return Motion(knots, coefficients)
@@ -201,10 +201,10 @@ def b_spline(weights: Array, step: float, start: float = 0.0, level: ArrayLike =
     k = len(weights) - 5
     to_powers = _cardinal() / (step ** np.arange(5.0, -1.0, -1.0))[:, None]
     coefficients = np.empty((6, k, weights.shape[1]))
-    for first in range(0, k, FIT_BLOCK):
-        block = weights[first : first + FIT_BLOCK + 5]
+    for first in range(0, k, BLOCK):
+        block = weights[first : first + BLOCK + 5]
         windows = np.stack([block[i : len(block) - 5 + i] for i in range(6)])
-        coefficients[:, first : first + FIT_BLOCK] = np.tensordot(to_powers, windows, axes=1)
+        coefficients[:, first : first + BLOCK] = np.tensordot(to_powers, windows, axes=1)
     coefficients[-1] += level
     coefficients.flags.writeable = False
     return Motion(start + step * np.arange(k + 1), coefficients)
@@ -229,9 +229,11 @@ def summed(motions: Sequence[Motion]) -> Motion:
     knots = every[np.concatenate([[True], np.diff(every) > SAME_KNOT])]
     degree = max(len(m.coefficients) for m in motions) - 1
     total = np.zeros((degree + 1, len(knots) - 1, motions[0].coefficients.shape[2]))
-    for motion in motions:
-        moved = _moved(motion, knots[:-1])
-        total[degree + 1 - len(moved) :] += moved
+    for first in range(0, len(knots) - 1, BLOCK):
+        part = slice(first, min(first + BLOCK, len(knots) - 1))
+        for motion in motions:
+            moved = _moved(motion, knots[part])
+            total[degree + 1 - len(moved) :, part] += moved
     total.flags.writeable = False
     return Motion(knots, total)
 
@@ -239,15 +241,15 @@ def summed(motions: Sequence[Motion]) -> Motion:
 def _moved(motion: Motion, starts: Array) -> Array:
     """Coefficients of the motion's polynomials in time since `starts` (k,)."""
     middle = starts + SAME_KNOT
-    piece = np.clip(np.searchsorted(motion.knots, middle, side="right") - 1, 0, None)
-    piece = np.minimum(piece, len(motion.knots) - 2)
+    piece = np.searchsorted(motion.knots, middle, side="right") - 1
+    piece = np.clip(piece, 0, len(motion.knots) - 2)
     outside = (middle < motion.knots[0]) | (middle > motion.knots[-1])
     held = np.clip(starts, motion.knots[0], motion.knots[-1])
     tau = (held - motion.knots[piece])[:, None]
     c = motion.coefficients[:, piece]
-    # Taylor shift by repeated synthetic division
-    for stop in range(len(c), 1, -1):
-        for i in range(1, stop):
-            c[i] += c[i - 1] * tau
+    if tau.any():  # Taylor shift by repeated synthetic division
+        for stop in range(len(c), 1, -1):
+            for i in range(1, stop):
+                c[i] += c[i - 1] * tau
     c[:-1, outside] = 0.0
     return c

@@ -140,12 +140,17 @@ def test_a_fit_is_exact_for_polynomials_of_its_degree_on_uneven_knots():
         np.testing.assert_allclose(rate[:, i], np.polyval(np.polyder(c), t), rtol=0, atol=1e-8)
 
 
-def test_fits_and_splines_do_not_depend_on_their_blocks(monkeypatch):
+def test_fits_splines_and_sums_do_not_depend_on_their_blocks(monkeypatch):
     knots = np.linspace(0, 7, 24)
     weights = np.random.default_rng(2).normal(size=(28, 2))
-    whole = fitted(two_sines, knots), b_spline(weights, 0.3, 1.0)
-    monkeypatch.setattr(module, "FIT_BLOCK", 5)
-    parts = fitted(two_sines, knots), b_spline(weights, 0.3, 1.0)
+
+    def made():
+        both = fitted(two_sines, knots), b_spline(weights, 0.3, 1.0)
+        return *both, summed(both)
+
+    whole = made()
+    monkeypatch.setattr(module, "BLOCK", 5)
+    parts = made()
     for one, other in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(one.knots, other.knots)
         # the same sums, perhaps in another order: rounding of the largest
