@@ -5,6 +5,8 @@ from math import cos, degrees, pi, sin, sqrt, tan
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -22,6 +24,11 @@ from alignment.information import (
 )
 from alignment.information.drift import Span, gauss_markov, ramp_coefficients, random_walk
 from alignment.multiposition import fit_positions, predicted_covariance
+from stand.imu.model import Imu
+from stand.imu.model import without as without_terms
+from stand.imu.preset import load_imu
+from stand.imu.processes import Drift, plateau
+from stand.samples import Sensed
 
 W = 7.292115e-5  # rad/s
 DEG = pi / 180
@@ -224,7 +231,8 @@ STRETCHES = [
 @pytest.mark.parametrize("latitude", LATITUDES)
 def test_sensitivities_are_those_of_the_exact_model(latitude):
     site, C_np = Site(latitude * DEG), headed(130, 8, -6)
-    everything = Triad(*[1.0] * 11)
+    names = [name for name in Triad.__slots__ if name not in ("drift", "random_walk")]
+    everything = Triad(**dict.fromkeys(names, 1.0))  # pyright: ignore[reportArgumentType]
     found = information(
         STRETCHES, C_np, site, Unit(everything, everything, 1.0), Setting(1.0, 1.0, 1.0, 1.0, 1.0)
     )
@@ -248,6 +256,67 @@ def test_sensitivities_are_those_of_the_exact_model(latitude):
         # rounding of the difference: 1e-16 of what is felt, over the step; per channel
         slack = 1e-11 * np.maximum(size, np.abs(at)) + rel * np.abs(differenced).max()
         assert (np.abs(column - differenced) <= slack).all(), parameter.label
+
+
+def drawn(errors, sensor):
+    """Errors by label, from the constants that one triad of the stand was given."""
+    M = errors.matrix
+    lean = M + M.T - 2 * np.diag(np.diag(M))
+    found = {
+        "bias": errors.bias,
+        "ramp": errors.ramp,
+        "asymmetry": errors.asymmetry,
+        "quadratic": errors.second_order,
+        "scale": np.diag(M) - 1,
+        "misalignment": [M[1, 2] - M[2, 1], M[2, 0] - M[0, 2], M[0, 1] - M[1, 0]],
+    }
+    labels = {
+        f"{sensor} {name} {axis}": value
+        for name, values in found.items()
+        for axis, value in zip(("X1", "Y1", "Z1"), np.asarray(values), strict=True)
+    }
+    for axis in ("X1", "Y1", "Z1"):
+        labels[f"{sensor} misalignment {axis}"] /= 2
+    for pair, i, j in (("Y1-Z1", 1, 2), ("Z1-X1", 2, 0), ("X1-Y1", 0, 1)):
+        labels[f"{sensor} non-orthogonality {pair}"] = lean[i, j]
+    for name, G in (("g", errors.g_sensitivity), ("g^2", errors.g2_sensitivity)):
+        for (i, a), (j, b) in product(enumerate(("X1", "Y1", "Z1")), repeat=2):
+            labels[f"{sensor} {name}-sensitivity {a} by {b}"] = G[i, j]
+    return labels
+
+
+@pytest.mark.parametrize("preset", ["stim300", "mpu9250"])
+def test_sensitivities_are_those_of_the_stands_instrument(preset):
+    """What a simulated unit reports at rest, noise off, less what it should: first order."""
+    site, C_np = Site(48.5 * DEG), headed(130, 8, -6)
+    off = ("bias-instability", "white-noise", "random-walk", "quantisation", "bandwidth", "range")
+    # scale errors of per cent times axes of mrad are of second order and left out here
+    spec = without_terms(load_imu(preset), (*off, "scale-factor"))
+    rate, seconds = 10, 100
+    stretch = Stretch("rest", 0.0, seconds, Rotation.from_rotvec([0.3, -0.2, 0.5]))
+    found = information([stretch], C_np, site, TACTICAL)
+    C_bn = (C_np * stretch.C_pb).inv()
+    true = np.concatenate([C_bn.apply(site.w_ie_n), C_bn.apply(site.f_n)])
+    n = rate * seconds
+    imu = Imu(spec, 4, rate)
+    block = imu.report(
+        Sensed(
+            np.arange(1, n + 1) * (1_000_000_000 // rate),
+            np.tile(true[:3], (n, 1)),
+            np.tile(true[3:], (n, 1)),
+        )
+    )
+    means = np.concatenate([block.w_ib_b.mean(axis=0), block.f_b.mean(axis=0)])
+    errors = drawn(imu.gyro_errors, "gyro") | drawn(imu.accel_errors, "accelerometer")
+    predicted = sum(
+        column * errors.get(parameter.label, 0.0)
+        for parameter, column in zip(found.parameters, found.J.T, strict=True)
+    )
+    wrong = means - true - predicted
+    # axes of 10 mrad squared, and stamps at the ends of samples: half of 0.1 s of ramp
+    assert np.abs(wrong[:3]).max() < 2e-4 * np.abs((means - true)[:3]).max()
+    assert np.abs(wrong[3:]).max() < 1e-2 * np.abs((means - true)[3:]).max()
+    assert np.abs(means - true).min() > 0
 
 
 # --- drift ---------------------------------------------------------------------------------------
@@ -283,6 +352,28 @@ def test_covariance_of_a_gauss_markov_process(time):
     expected = sampled(lambda t, s: np.exp(-np.abs(t - s) / time))
     # midpoints about the kernel's kink: h^2/12 of its slope's step 2/time per length, h = 0.3 s
     assert gauss_markov(SPANS, time) == pytest.approx(expected, abs=4e-4 * min(1.0, 2 / time * 4))
+
+
+def test_drift_is_that_of_the_stands_instrument():
+    """Means of two rests of the simulated process, 300 units of three axes."""
+    corners, rate = (1.0, 10.0, 100.0, 1000.0), 10
+    spans = [Span(0.0, 60.0), Span(80.0, 100.0)]
+    runs = []
+    for seed in range(300):
+        streams = [np.random.default_rng([seed, axis]) for axis in range(3)]
+        drift = Drift(lambda source, mine=streams: mine, 1.0, 0.0, corners, rate).take(rate * 180)
+        runs.append([drift[:, : rate * 60].mean(axis=1), drift[:, rate * 80 :].mean(axis=1)])
+    means = np.concatenate(np.array(runs).transpose(0, 2, 1))
+    each = np.array([gauss_markov(spans, corner) for corner in corners])
+    expected = each.sum(axis=0) / plateau(corners) ** 2
+    nees = np.einsum("ri,ij,rj->", means, np.linalg.inv(expected), means)
+    assert chi2.ppf(5e-4, 1800) < nees < chi2.isf(5e-4, 1800)
+    difference = np.var(means[:, 0] - means[:, 1]) * 900
+    assert (
+        chi2.ppf(5e-4, 899)
+        < difference / (expected[0, 0] + expected[1, 1] - 2 * expected[0, 1])
+        < chi2.isf(5e-4, 899)
+    )
 
 
 def test_covariance_of_a_random_walk():
@@ -324,7 +415,7 @@ def test_the_multi_position_fit_predicts_the_same(priors, latitude, known):
         C.as_matrix(),
         np.tile(density / 200, (3, 1)),
         relative,
-        site.latitude,
+        site.known_latitude(),
         site.gravity,
         priors,
         not known,
@@ -354,7 +445,7 @@ def test_the_carousel_predicts_the_same(arw, vrw, latitude):
         return TurningVector(v - axis * (v @ axis), variance, v, np.array(1.0))
 
     gyros, accels = turning(site.w_ie_n, arw), turning(site.f_n, vrw)
-    fit = carousel_attitude(gyros, accels, axis, site.latitude, Priors())
+    fit = carousel_attitude(gyros, accels, axis, site.known_latitude(), Priors())
     # levels are those of accelerometers alone where Y1's constant rate is unknown, north or not
     unit = Unit(Triad(arw, np.inf), Triad(vrw, [np.inf, 0, np.inf]))
     found = information(stretches, C, site, unit)
@@ -515,7 +606,7 @@ def test_each_source_adds_its_own(scene):
         assert total(mine) == pytest.approx(sigma, rel=1e-9)
         # gain J - row cancels: of 1 rad 1e-16 remain, times the condition's root of 1e5
         frozen = found.contributions(quantity, gain=found.gain(quantity))
-        assert frozen == pytest.approx(mine, rel=1e-5, abs=1e-9 * sigma)
+        assert frozen == pytest.approx(mine, rel=1e-8, abs=1e-10 * sigma)
         told |= {name for name, value in mine.items() if value > 1e-9 * sigma}
     for source in told:
         less = information(SCENES[scene], C, site, *without(TACTICAL, TABLE, source))
@@ -525,10 +616,41 @@ def test_each_source_adds_its_own(scene):
             # of a noise that is off 1e-12 rad/s of rounding remain
             assert left[source] < 1e-3 * sigma
             for other in told - {source}:
-                assert left[other] == pytest.approx(mine[other], rel=1e-5, abs=1e-9 * sigma)
+                assert left[other] == pytest.approx(mine[other], rel=1e-8, abs=1e-10 * sigma)
             expected = total(mine) ** 2 - mine[source] ** 2
-            assert total(left) ** 2 == pytest.approx(expected, rel=1e-5, abs=1e-5 * sigma**2)
+            # that rounding again, squared
+            assert total(left) ** 2 == pytest.approx(expected, abs=1e-6 * sigma**2)
     assert {"gyro noise", "accelerometer noise", "placement"} <= told
+
+
+def unit_of(spec, lag=1e-3):
+    """A preset's unit: its data sheet's values as standard deviations."""
+
+    def triad(t):
+        height = t.instability / plateau(spec.corners)
+        return Triad(
+            *(t.noise, t.bias, t.ramp, t.scale, t.asymmetry, t.second_order),
+            t.nonlinearity / t.full_scale**2,
+            *(t.misalignment, t.non_orthogonality, t.g_sensitivity, t.g2_sensitivity),
+            tuple(GaussMarkov(height, corner) for corner in spec.corners) if height else (),
+            t.random_walk,
+        )
+
+    return Unit(triad(spec.gyro), triad(spec.accel), lag)
+
+
+@pytest.mark.parametrize("preset", ["ideal", "mpu9250", "stim300", "ring-laser"])
+@pytest.mark.parametrize("scene", ["one", *SCENES])
+def test_presets_of_every_grade(preset, scene):
+    """The best gain, frozen, says what the information says; nothing is lost to rounding."""
+    site, stretches = Site(48.5 * DEG), {"one": rests(0), **SCENES}[scene]
+    found = information(stretches, headed(30, 3, 2), site, unit_of(load_imu(preset)), TABLE)
+    sigma = found.sigma("heading")
+    rows = found.contributions("heading")
+    # a bias of 10^5 deg of heading keeps 8 digits of it
+    assert total(rows) == pytest.approx(sigma, rel=1e-7)
+    frozen = found.contributions("heading", gain=found.gain("heading"))
+    assert frozen == pytest.approx(rows, rel=1e-6, abs=1e-6 * sigma)
 
 
 def test_contributions_of_one_position_by_hand():
@@ -584,9 +706,8 @@ def test_the_gain_of_an_estimator_that_was_told_less():
     drift = sigma * sqrt(markov_avar(T / 2, time)) / (sqrt(2) * W * cos(48.5 * DEG))
     assert rows["gyro bias-instability"] == pytest.approx(drift, rel=1e-8)
     assert rows["gyro noise"] == pytest.approx(floor(48.5), rel=1e-9)
-    # blind to constant biases: digits lost between noises of unlike size leave 1e-10 of the 10 rad
-    # that 100 deg/h would be
-    assert rows["gyro bias"] < 1e-6 * floor(48.5)
+    # blind to constant biases: of the 10 rad that 100 deg/h would be 1e-13 remains
+    assert rows["gyro bias"] < 1e-9 * floor(48.5)
     assert rows["accelerometer bias"] == 0.0
     assert total(rows) > real.sigma("heading") * (1 - 1e-12)
 
@@ -599,8 +720,10 @@ def test_a_gain_that_feels_what_nobody_knows():
     rows = unknown.contributions("heading", gain=gain)
     assert rows["gyro bias"] == np.inf
     assert rows["gyro noise"] == pytest.approx(floor(48.5), rel=1e-9)
-    with pytest.raises(AlignmentError, match=r"not determined: .*heading cannot be told from"):
+    with pytest.raises(AlignmentError, match="heading is not determined: at rest in one"):
         unknown.contributions("heading")
+    with pytest.raises(AlignmentError, match=r"not determined: .*heading cannot be told from"):
+        unknown.covariance(unknown.attitude_rows())
 
 
 def test_table_azimuth_enters_a_method_that_trusts_it():
@@ -622,6 +745,31 @@ def test_motion_adds_to_the_noise():
     found = information([disturbed], headed(0), Site(48.5 * DEG), Unit(Triad(ARW), Triad(FINE)))
     expected = 3e-7 / (W * cos(48.5 * DEG))
     assert found.contributions("heading")["motion"] == pytest.approx(expected, rel=1e-6)
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    angles=st.tuples(st.floats(0, 360), st.floats(-60, 60), st.floats(-60, 60)),
+    turns=st.lists(st.floats(-180, 180), min_size=1, max_size=3),
+    latitude=st.floats(-80, 80),
+)
+def test_more_readings_never_tell_less(angles, turns, latitude):
+    """And at any attitude contributions add up, and turning table and instrument is no change."""
+    site, C = Site(latitude * DEG), headed(*angles)
+    stretches = rests(*turns, total=100.0 * len(turns))
+    found = information(stretches, C, site, TACTICAL, TABLE)
+    more = information(
+        [*stretches, Stretch("more", 1e3, 100.0, SIX[4].C_pb)], C, site, TACTICAL, TABLE
+    )
+    shift = Rotation.from_rotvec([0.4, -1.0, 2.0])
+    moved = [Stretch(s.label, s.start, s.duration, shift.inv() * s.C_pb) for s in stretches]
+    same = information(moved, C * shift, site, TACTICAL, TABLE)
+    for quantity in ("heading", "roll", "pitch", "gyro bias X1"):
+        sigma = found.sigma(quantity)
+        # digits: condition's root of 1e4 to 1e6
+        assert total(found.contributions(quantity)) == pytest.approx(sigma, rel=1e-8)
+        assert more.sigma(quantity) <= sigma * (1 + 1e-8)
+        assert same.sigma(quantity) == pytest.approx(sigma, rel=1e-7)
 
 
 # --- rank and words ------------------------------------------------------------------------------

@@ -61,8 +61,9 @@ class Information:
         Covariance of the coefficients by each.
     used : (m,)
         False where there is no sensor.
-    root : (p, r)
-        Of the covariance ``P = root root^T``, without what nothing tells.
+    root, weights : (p, r), (m, r)
+        The covariance ``P = root root^T``, without what nothing tells, and the best gain
+        ``P J^T R^-1 = root weights^T``.
     scale, unknown : (p,), (p, u)
         Directions nothing tells, neither readings nor priors, of length one each in units of
         `scale`.
@@ -84,6 +85,7 @@ class Information:
     noises: Array
     used: NDArray[np.bool_]
     root: Array
+    weights: Array
     scale: Array
     unknown: Array
     rank: int
@@ -99,6 +101,7 @@ class Information:
             noises=(self.noises, (len(self.noise_names), m, m), float),
             used=(self.used, (m,), bool),
             root=(self.root, (p, None), float),
+            weights=(self.weights, (m, None), float),
             scale=(self.scale, (p,), float),
             unknown=(self.unknown, (p, None), float),
         )
@@ -111,7 +114,7 @@ class Information:
     @property
     def fisher(self) -> Array:
         """Fisher matrix (p, p) of the readings alone."""
-        W = _whitened(self.noises, self.used, self.J)
+        W = _whitening(self.noises, self.used) @ self.J
         return np.asarray(W.T @ W)
 
     def row(self, quantity: str, stretch: int = 0) -> Array:
@@ -158,9 +161,16 @@ class Information:
         return np.asarray(of_eta @ self.attitude_rows(stretch))
 
     def covariance(self, rows: ArrayLike) -> Array:
-        """Covariance (k, k) of quantities by their rows (k, p), all of them determined."""
+        """Covariance (k, k) of quantities by their rows (k, p).
+
+        Raises
+        ------
+        AlignmentError
+            Nothing tells one of them.
+        """
         rows = np.asarray(rows, dtype=float)
-        self._check(rows)
+        if not all(self._told(row) for row in rows):
+            raise AlignmentError(f"not determined: {'; '.join(c.text for c in self.unseen)}")
         half = rows @ self.root
         return np.asarray(half @ half.T)
 
@@ -185,13 +195,10 @@ class Information:
             Nothing tells the quantity.
         """
         row = self.row(quantity, stretch)
-        self._check(row[None])
-        g: Array = np.zeros(len(self.used))
-        R = np.sum(self.noises, axis=0)[np.ix_(self.used, self.used)]
-        scale = np.sqrt(np.diag(R))
-        weighted = self.J[self.used] @ self.root @ (self.root.T @ row)
-        g[self.used] = np.linalg.solve(R / np.outer(scale, scale), weighted / scale) / scale
-        return g
+        if not self._told(row):
+            why = self.why(quantity, stretch) or "no reading depends on it"
+            raise AlignmentError(f"{quantity} is not determined: {why}")
+        return np.asarray(self.weights @ (self.root.T @ row))
 
     def contributions(
         self, quantity: str, stretch: int = 0, gain: ArrayLike | None = None
@@ -214,21 +221,18 @@ class Information:
         contributes nothing where the gain is blind to it, and infinity where it is not.
         """
         row, prior = self.row(quantity, stretch), self.prior
-        finite = np.isfinite(prior) & (prior > 0)
+        stated = np.where(np.isfinite(prior), prior, 0.0)
         if gain is None:
             gain = self.gain(quantity, stretch)
             P_row = self.root @ (self.root.T @ row)
-            each = np.where(finite, np.abs(P_row) / np.where(finite, prior, 1.0), 0.0)
+            each = np.divide(np.abs(P_row), stated, out=np.zeros_like(stated), where=stated > 0)
         else:
             gain = np.asarray(gain, dtype=float)
             if np.any(gain[~self.used] != 0):
                 raise AlignmentError("gain: uses a sensor that is not there")
-            left = np.abs(gain @ self.J - row)
-            noise = np.sqrt(max(gain @ np.sum(self.noises, axis=0) @ gain, 0.0))
-            # of an error of usual size, rounding leaves far less than noise does
-            sizes = np.array([p.size for p in self.parameters])
-            open_end = np.isinf(prior) & (left * sizes > _SEEN * noise)
-            each = np.where(open_end, np.inf, left * np.where(finite, prior, 0.0))
+            each = np.abs(gain @ self.J - row) * stated
+            total = np.sqrt(np.sum(each**2) + gain @ np.sum(self.noises, axis=0) @ gain)
+            each[self._felt_unknown(row, gain, float(total))] = np.inf
         found = {
             name: float(np.sqrt(max(gain @ N @ gain, 0.0)))
             for name, N in zip(self.noise_names, self.noises, strict=True)
@@ -236,6 +240,17 @@ class Information:
         for parameter, value in zip(self.parameters, each.tolist(), strict=True):
             found[parameter.source] = float(np.hypot(found.get(parameter.source, 0.0), value))
         return found
+
+    def _felt_unknown(self, row: Array, gain: Array, total: float) -> NDArray[np.bool_]:
+        """Which parameters (p,) that nothing is known of a gain feels, beyond its rounding.
+
+        Beyond a millionth of its own terms, and at usual size of the error of a millionth of
+        the `total` of all else.
+        """
+        left = np.abs(gain @ self.J - row)
+        terms = np.abs(gain) @ np.abs(self.J) + np.abs(row)
+        sizes = np.array([p.size for p in self.parameters])
+        return np.isinf(self.prior) & (left > _SEEN * terms) & (left * sizes > _SEEN * total)
 
     def why(self, quantity: str, stretch: int = 0) -> str:
         """What the readings cannot tell a quantity from; '' where they tell it."""
@@ -249,10 +264,6 @@ class Information:
     def _told(self, row: Array) -> bool:
         scaled = row * self.scale
         return bool(np.all(np.abs(scaled @ self.unknown) <= _SEEN * np.linalg.norm(scaled)))
-
-    def _check(self, rows: Array) -> None:
-        if not all(self._told(row) for row in rows):
-            raise AlignmentError(f"not determined: {'; '.join(c.text for c in self.unseen)}")
 
 
 def information(
@@ -305,14 +316,16 @@ def information(
         ]
     )
     names, noises, used = _noises(stretches, unit)
-    W = _whitened(noises, used, J)
-    root, scale, unknown = _solved(W, np.array([p.prior for p in found]))
+    whitening = _whitening(noises, used)
+    W = whitening @ J
+    root, by_white, scale, unknown = _solved(W, np.array([p.prior for p in found]))
+    weights = whitening.T @ by_white
     sought = _sought(found, any(s.rate for s in stretches))
     rank, condition, vectors = _observed(W, found, sought)
     unseen = combinations(vectors, found, stretches, C_np)
     return Information(
-        stretches, C_np, found, J, names, noises, used, root, scale,
-        unknown, rank, len(sought), condition, unseen,
+        stretches, C_np, found, J, names, noises, used, root, weights,
+        scale, unknown, rank, len(sought), condition, unseen,
     )  # fmt: skip
 
 
@@ -345,16 +358,23 @@ def _drift(spans: Sequence[Span], triad: Triad) -> tuple[Array, Array]:
     return instability, walk
 
 
-def _whitened(noises: Array, used: NDArray[np.bool_], J: Array) -> Array:
-    """``L^-1 J`` with ``L L^T`` the noises' sum, of the sensors there are."""
+def _whitening(noises: Array, used: NDArray[np.bool_]) -> Array:
+    """``L^-1`` (u, m) with ``L L^T`` the noises' sum, of the u sensors there are."""
     R = np.sum(noises, axis=0)[np.ix_(used, used)]
     scale = np.sqrt(np.diag(R))
     L = np.linalg.cholesky(R / np.outer(scale, scale))
-    return np.asarray(solve_triangular(L, J[used] / scale[:, None], lower=True))
+    result = np.zeros((len(R), len(used)))
+    result[:, used] = solve_triangular(L, np.diag(1 / scale), lower=True)
+    return result
 
 
-def _solved(W: Array, prior: Array) -> tuple[Array, Array, Array]:
-    """Root of the covariance (p, r); scale (p,) and directions (p, u) in it that nothing tells."""
+def _solved(W: Array, prior: Array) -> tuple[Array, Array, Array, Array]:
+    """What follows from whitened sensitivities (u, p) and priors (p,).
+
+    Root of the covariance (p, r); the white readings' part in its columns (u, r), which makes the
+    gain ``root part^T`` without a normal matrix's loss of digits; scale (p,) and directions (p, k)
+    in it that neither readings nor priors tell.
+    """
     p = len(prior)
     active = np.flatnonzero(prior > 0)
     known = np.flatnonzero(np.isfinite(prior[active]))
@@ -366,15 +386,15 @@ def _solved(W: Array, prior: Array) -> tuple[Array, Array, Array]:
     attitude = active < 3
     length[attitude] = length[attitude].max(initial=0.0)
     length = np.where(length > 0, length, 1.0)
-    s, Vt = _spectrum(A / length)
-    kept = s > _NULL * s[0]
-    root = np.zeros((p, int(kept.sum())))
+    U, s, Vt = _decomposed(A / length)
+    kept = s > _NULL * s.max(initial=0.0)
+    root: Array = np.zeros((p, int(kept.sum())))
     root[active] = Vt[kept].T / s[kept] / length[:, None]
-    unknown = np.zeros((p, int((~kept).sum())))
+    unknown: Array = np.zeros((p, int((~kept).sum())))
     unknown[active] = Vt[~kept].T
     scale: Array = np.zeros(p)
     scale[active] = 1 / length
-    return root, scale, unknown
+    return root, U[: len(W), kept], scale, unknown
 
 
 def _sought(found: Sequence[Parameter], turning: bool) -> list[int]:
@@ -397,17 +417,17 @@ def _observed(W: Array, found: Sequence[Parameter], sought: list[int]) -> tuple[
     norms = np.linalg.norm(A, axis=0)
     length = np.array([norms[like == source].max() for source in like])
     length = np.where(length > 0, length, 1.0)
-    s, Vt = _spectrum(A / length)
+    _, s, Vt = _decomposed(A / length)
     rank = int(np.sum(s > _NULL * s.max(initial=0.0)))
-    weights = _spectrum(A)[0][:rank]
+    weights = _decomposed(A)[1][:rank]
     vectors = np.zeros((len(found), len(sought) - rank))
     vectors[sought] = Vt[rank:].T * (sizes / length)[:, None]
     return rank, float((weights[0] / weights[-1]) ** 2) if rank else np.inf, vectors
 
 
-def _spectrum(A: Array) -> tuple[Array, Array]:
-    """All singular values (k,) of A (n, k) and their right vectors (k, k), zeros last."""
-    k = A.shape[1]
-    padded = np.concatenate([A, np.zeros((max(k - len(A), 0), k))])
-    _, s, Vt = np.linalg.svd(np.linalg.qr(padded, mode="r"))
-    return s, Vt
+def _decomposed(A: Array) -> tuple[Array, Array, Array]:
+    """Singular vectors (n, k), all k values and right vectors (k, k) of A (n, k), zeros last."""
+    n, k = A.shape
+    padded = np.concatenate([A, np.zeros((max(k - n, 0), k))])
+    U, s, Vt = np.linalg.svd(padded, full_matrices=False)
+    return U[:n], s, Vt
