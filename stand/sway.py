@@ -20,8 +20,9 @@ from stand.physics.description import JOINTS
 from stand.steps import SwayEntry, SwayMotion, VibrationEntry, VibrationMotion
 from stand.waves import smooth_step
 
-# Of the fastest frequency: a B-spline repeats a wave of 1/r of its sampling rate at (r - 1) times
-# the frequency, with 1/(r - 1)^4 of its acceleration: 2e-5 at 16, 4e-4 at 8.
+# Of the fastest frequency. With r steps per period B-splines repeat a wave at r - 1 and r + 1
+# times its frequency, with 1/(r - 1)^4 and 1/(r + 1)^4 of its acceleration: both together 3e-5 at
+# 16 and 6e-4 at 8; of the angle 3e-7 and 2e-5.
 SWAY_PER_PERIOD = 16
 VIBRATION_PER_PERIOD = 8
 FADE_STEPS = 16  # at least

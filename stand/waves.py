@@ -172,10 +172,12 @@ def coning(
     """
     offsets = _coning_offsets(entry, steady, lead, joints, model)
     frequency = abs(entry.frequency_hz)
+    # after a whole turn at full size it repeats, and fades out by smaller cones
+    until = lead + 1 / frequency if steady > 1 / frequency else 2 * lead + steady
     seen = np.zeros(0)
     for fineness in FINENESS:
         knots = _knots(steady, lead, fineness * FIT_PER_PERIOD * frequency, frequency)
-        seen = knots[: 2 + np.searchsorted(knots, lead + 1 / frequency)]  # then it repeats
+        seen = knots[: 2 + np.searchsorted(knots, until)]
         if _fits(offsets, seen):
             return fitted(lambda t: offsets(t)[0], knots)
     raise _round_the_lock(seen, offsets)

@@ -1,5 +1,6 @@
 """Sway and vibration: variance, spectrum, Gaussianity and independence within chance; refusals."""
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -260,6 +261,17 @@ def test_vibration_turns_by_what_its_density_says():
     # the angle lives in the lowest 2 Hz: about 4 draws a second
     assert got == pytest.approx(exact, rel=4 * np.sqrt(2 / (8 * 60 * 4)))
     assert all(not m.joints([0.0, 64.0])[1].any() for m in runs)
+
+
+def test_long_vibration_needs_little_more_memory_than_its_polynomials():
+    band = {"rms_deg_s2": 5.0, "low_hz": 5.0, "high_hz": 100.0}
+    tracemalloc.start()
+    motion = vibration(jitter(outer=band), 120.0, 2.0, rng_of(1))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # 36 coefficients a step; weights, knots and transforms are some 16 numbers more
+    assert motion.coefficients.nbytes == 36 * 8 * 124 * 800
+    assert peak < 1.6 * motion.coefficients.nbytes
 
 
 # ------------------------------------------------------------------------------ density file

@@ -287,3 +287,6 @@ def test_gimbal_lock_is_told_with_time_axis_and_distance():
     ):
         coning(entry("X1", 20.0), 10.0, 2.0, joints, MODEL)
     assert coning(entry("X1", 8.9), 10.0, 2.0, joints, MODEL).duration == 14.0
+    # no whole turn at full size, and still the lock is met or gone round
+    with pytest.raises(StandError, match=r"^gimbal lock"):
+        coning(entry("X1", 20.0), 0.1, 2.0, joints, MODEL)
