@@ -191,6 +191,7 @@ def plumb(r: np.ndarray) -> np.ndarray:
     """Gravity in e, latitude by plain iteration."""
     level, e2 = np.hypot(r[0], r[1]), F * (2 - F)
     latitude = np.arctan2(r[2], level * (1 - e2))
+    prime = A
     for _ in range(8):
         prime = A / np.sqrt(1 - e2 * np.sin(latitude) ** 2)
         latitude = np.arctan2(r[2] + e2 * prime * np.sin(latitude), level)

@@ -285,6 +285,22 @@ def test_the_filter_comes_close():
     assert size(curve)[-1] < np.sqrt(np.trace(curve.covariance[-1])) / DEG
 
 
+def test_as_printed_corrects_when_the_invariants_say_so():
+    run = exact("fast", 0)
+    right = printed(run.readings, run.fixes, run.truth[0], VectorOptions(step=1.0))
+    assert not right.corrected.any()
+    assert all("agree" in doubt for doubt in right.doubts[1:])
+    wrong = printed(run.readings, run.fixes, run.start, VectorOptions(step=1.0))
+    first = int(np.argmax(wrong.corrected))
+    assert wrong.corrected[first]
+    # three sigma of |v| or |dr| by the satellites' 0.05 m/s and 5 m
+    large = np.any(np.abs(wrong.differences[:, :2]) > np.array([0.15, 15.0]), axis=1)
+    assert large[first]
+    for k in range(1, first):
+        assert ("refused" if large[k] else "agree") in wrong.doubts[k]
+    assert wrong.estimates()[first - 1].flags[0].startswith("velocities hold more")
+
+
 # --- the published setting
 
 ACCEL = Priors(accel_walk=0.01 / RATE**0.5)  # 0.01 m/s^2 in each sample
@@ -293,10 +309,10 @@ ACCEL_BIAS = Priors(accel_bias=0.01)
 
 @cache
 def published(name: str, bias: bool):
-    """Errors [deg] of 8 runs, (8, fixes), and what was given, per solution."""
+    """Errors [deg] of 6 runs, (6, fixes), and what was given, per solution."""
     found = {k: ([], []) for k in SOLUTIONS}
     priors = ACCEL_BIAS if bias else ACCEL
-    for seed in range(8):
+    for seed in range(6):
         run = record(name, np.random.default_rng(seed), priors)
         options = VectorOptions(priors=priors, step=1.0)
         curves = compare(run.readings, run.fixes, run.start, run.truth, options)
@@ -325,13 +341,14 @@ def test_error_against_number_of_fixes(name, bias):
         assert not given.any()  # heading is refused, whatever the number of fixes
     else:
         assert given[:, -1].all()
-        assert 0.03 < last < 0.21  # published: 0.05 to 0.21 deg after 60 s
+        # published: 0.05 to 0.21 deg after 60 s; here 0.03 to 0.20 by path and kind of error
+        assert last < 0.25
         assert np.sqrt((found["observing"][0][:, 8] ** 2).mean()) > 1.5 * last  # 10 s: too short
 
 
 def test_five_fixes_of_a_filter():
     """The published 0.045 deg after 5 fixes takes a path and an interval of its own."""
-    satellite = SatelliteEntry(interval_s=15.0)
+    satellite = SatelliteEntry(interval_s=3.0)
     tail = {}
     for name, sat in (("weaving", PUBLISHED), ("fast", PUBLISHED), ("fast", satellite)):
         error = [
@@ -342,7 +359,8 @@ def test_five_fixes_of_a_filter():
     print(f"filter after 5 fixes, median deg by path and interval: {tail}")
     # 5 fixes in 4 s do not do it: 0.05 m/s over 4 s is 0.01 m/s^2 of tilt and much more of heading
     assert tail["weaving", 1.0] > 0.1
-    assert tail["fast", 15.0] < tail["fast", 1.0]
+    # at 200 m/s, weaving, a fix every 3 s: 0.035 deg over 20 runs; 12 of them leave a third of that
+    assert 0.02 < tail["fast", 3.0] < 0.07
 
 
 # --- refusals and doubts
@@ -364,15 +382,22 @@ def test_straight_ahead_is_refused_by_its_sigma():
     assert np.sqrt(carried.covariance[-1].diagonal()) == pytest.approx([START_SIGMA] * 3, rel=1e-6)
 
 
-def test_estimates_are_what_the_list_of_methods_wants():
+@pytest.mark.parametrize("name", SOLUTIONS)
+def test_estimates_are_what_the_list_of_methods_wants(name):
     run = record("weaving", np.random.default_rng(3), ACCEL, last=30.0)
-    for solve in SOLUTIONS.values():
-        estimates = solve(run.readings, run.fixes, run.start, None).estimates()
-        assert [e.label for e in estimates[:2]] == ["2 fixes", "3 fixes"]
-        assert len(estimates) == 30
-        assert estimates[-1].t_to == 30.0
-    assert estimates[-1].heading_sigma < 0.01
-    assert (estimates[-1].C_nb * run.truth[-1].inv()).magnitude() < 0.5 * DEG
+    estimates = SOLUTIONS[name](run.readings, run.fixes, run.start, None).estimates()
+    last = estimates[-1]
+    assert [e.label for e in estimates[:2]] == ["2 fixes", "3 fixes"]
+    assert len(estimates) == 30
+    assert last.t_to == 30.0
+    if name == "printed":
+        assert last.C_nb is None
+        assert last.flags[0].startswith("refused")
+        return
+    assert last.C_nb is not None
+    assert last.heading_sigma is not None
+    assert last.heading_sigma < 0.01
+    assert (last.C_nb * run.truth[-1].inv()).magnitude() < 0.5 * DEG
 
 
 def test_a_gross_error_is_said():
@@ -404,6 +429,9 @@ def test_inputs_that_cannot_be_used():
             solve(run.readings, pole, run.start, None)
         with pytest.raises(AlignmentError, match="readings cover"):
             solve(run.readings, late, run.start, None)
+    many = Fixes(np.arange(1001.0), np.tile([A, 0, 0], (1001, 1)), np.zeros((1001, 3)), 5, 1)
+    with pytest.raises(AlignmentError, match="1001 fixes"):
+        observing(run.readings, many, run.start)
     with pytest.raises(ValueError, match="increase"):
         Fixes(np.zeros(2), np.zeros((2, 3)), np.zeros((2, 3)), 5.0, 0.05)
     with pytest.raises(ValueError, match="above 0"):
@@ -445,7 +473,7 @@ REGIMES = {
     "bias": ("turning", Priors(gyro_bias=10 * DEG_PER_HOUR, accel_bias=0.02), PUBLISHED),
     "walk": ("accelerating", Priors(gyro_walk=0.3 * DEG / 60, accel_walk=3e-3), PUBLISHED),
 }
-RUNS = 30
+RUNS = 24
 
 
 @cache

@@ -16,12 +16,14 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
 
 from alignment.arrays import Array
+from alignment.errors import AlignmentError
 from alignment.navigation import C_en, C_ie, attitude_in_n, geodetic, gravitation, integrals, skew
 from alignment.readings import ImuReadings
 from alignment.vectors.fixes import Fixes, Matching, Record, VectorOptions, check, joined
 from alignment.vectors.kalman import DISAGREE, UNLIKELY
 
 METHOD = "vectors observing"
+MOST = 1000  # fixes: memory grows with their square, some 0.5 GB here
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +72,10 @@ def observing(
     """
     options = options or VectorOptions()
     check(fixes)
+    if len(fixes) > MOST:
+        raise AlignmentError(
+            f"{len(fixes)} fixes: the observing form takes {MOST} at most: take fewer"
+        )
     latitude, longitude, _ = geodetic(fixes.position[0])
     record = joined(readings, fixes, C_nb0, C_en(latitude, longitude), options.step)
     velocity_g, place_g = _gravity_integrals(record)
