@@ -28,6 +28,7 @@ METHOD = "carousel"
 
 STEEPEST_AXIS = np.radians(30.0)  # tilt of the axis of turning beyond which this is no carousel
 LEAST_ACROSS = 0.1  # part of a sensor that must lie across the axis for it to count
+NOISIER = 25.0  # times the variance of the quietest sensor: one noisier than that is left out
 SAME_AXIS = 1e-6  # rad, and parts of rotations: stretches that belong together
 PART_OF_TURN = 0.02  # a turn counts as whole from 98 % of it
 UNUSED = 0.2  # part of a stretch beyond whole turns that goes unremarked
@@ -121,30 +122,35 @@ class TurningVector:
 def turning_vector(
     h: Harmonics, axis_b: Array, sensors: tuple[bool, bool, bool] = (True, True, True)
 ) -> TurningVector:
-    """What the sensors of a triad find together, each weighted by its noise.
+    """What the sensors of a triad find together.
 
     Notes
     -----
     A sensor along u sees ``u . p`` with cos(beta) and ``p . (a x u)`` with sin(beta): each sensor
-    alone gives all of p, times its scale factor, so its direction is free of scale errors.
+    alone gives all of p, times its scale factor, so its direction is free of scale errors. They
+    count by how much of them lies across the axis, and not by their noise unless that is five
+    times the quietest one's: an axis that nods once per turn (5'' at 4 deg/s is 1.7 deg/h, degrees
+    of heading) has opposite signs in two gyros and cancels in their plain mean alone.
     """
-    total: Array = np.zeros(h.constant.shape)
-    weights: Array = np.zeros(h.constant.shape[:-1])
-    squares: Array = np.zeros(h.constant.shape[:-1])
     spread = float(h.normal[1, 1] + h.normal[2, 2]) / 2
-    for i, u in enumerate(np.eye(3)):
-        across = u - axis_b * axis_b[i]
-        length2 = float(across @ across)
-        if not sensors[i] or length2 < LEAST_ACROSS**2:
-            continue
-        found = h.cosine[..., i, None] * across + h.sine[..., i, None] * np.cross(axis_b, across)
-        noise = spread * h.variance[..., i] / length2 + ROUNDING[0] ** 2
-        weight = 1 / noise
-        total = total + weight[..., None] * found / length2
-        weights, squares = weights + weight, squares + weight**2
-    if not np.all(weights > 0):
+    across = np.eye(3) - np.outer(axis_b, axis_b)
+    length2 = np.diag(across)
+    looks = np.array(sensors) & (length2 >= LEAST_ACROSS**2)
+    if not looks.any():
         raise AlignmentError("no sensor looks across the axis of turning")
-    return TurningVector(total / weights[..., None], 1 / weights, h.constant, squares / weights**2)
+    across, length2 = across[looks], length2[looks]
+    noise = spread * h.variance[..., looks] / length2 + ROUNDING[0] ** 2
+    quiet = noise <= NOISIER * noise.min(axis=-1, keepdims=True)
+    weights = quiet * length2
+    weights = weights / weights.sum(axis=-1, keepdims=True)
+    found = h.cosine[..., looks, None] * across
+    found = found + h.sine[..., looks, None] * np.cross(axis_b, across)
+    return TurningVector(
+        np.einsum("...s,...si->...i", weights / length2, found),
+        np.sum(weights**2 * noise, axis=-1),
+        h.constant,
+        np.sum(weights**2, axis=-1),
+    )
 
 
 def earth_rate_across(across: Array, up_b: Array, axis_b: Array, latitude: float) -> Array:

@@ -171,6 +171,34 @@ def test_one_gyro_alone_tells_the_direction(sensors):
         turning_vector(h, Y1, (False, True, False))
 
 
+def test_a_nodding_axis_cancels_between_two_gyros():
+    """Rates (sin, cos)(beta) of a nod once per turn look like Earth rate to one gyro alone."""
+    angle = np.linspace(0, 6 * pi, 961)
+    X = interval_harmonics(angle)
+    v = np.array([W * cos(LAT), W * sin(LAT), 0.0])  # nose north
+    true = X @ np.stack([Y1 * v[1], v * [1, 0, 0], -np.cross(Y1, v)])
+    nod = 1.7 * DEG_H
+    nodding = true + nod * X[:, [2, 0, 1]] * [1.0, 0.0, 1.0]  # sine in X1, cosine in Z1
+    rng = np.random.default_rng(2)
+    noisy = nodding + 0.1 * DEG_H * rng.normal(size=nodding.shape) * [1.0, 1.0, 1.5]
+    headings = {}
+    for gyros in ((True, True, True), (True, False, False), (False, False, True)):
+        p = turning_vector(harmonic_fit(X, noisy), Y1, gyros).across
+        headings[gyros] = np.arctan2(p[2], p[0])
+    single = nod / (W * cos(LAT))  # 9.8 deg
+    assert abs(headings[True, False, False]) == pytest.approx(single, rel=0.05)
+    assert headings[True, False, False] * headings[False, False, True] < 0
+    # noise: 0.13 deg/h over sqrt(480) of 10 deg/h, 0.03 deg
+    assert abs(headings[True, True, True]) < radians(0.15)
+
+
+def test_a_much_noisier_gyro_is_left_out():
+    h = harmonic_fit(TURNING, np.zeros((SAMPLES, 3)))
+    for ratio, counted in ((24.0, 2), (26.0, 1)):
+        noisy = type(h)(h.constant, Y1 * 0 + 1, h.sine, np.array([ratio, 1.0, 1.0]), h.normal)
+        assert turning_vector(noisy, Y1).share == pytest.approx(1 / counted)
+
+
 # --- what it is immune to, and what not -----------------------------------------------------------
 
 
