@@ -15,12 +15,16 @@ from typing import Literal
 from alignment.carousel import carousel
 from alignment.earth import Site
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.fine import fine, fine_tracks
 from alignment.gyrocompass import triad
+from alignment.inertial import inertial, inertial_tracks
 from alignment.integration import rk4, rk4_tracks
 from alignment.multiposition import multi_position, two_position
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings, Turn
+from alignment.single_gyro import single_gyro
 from alignment.static import six_position, six_position_tracks
+from alignment.swaying import two_gyro
 
 __all__ = [
     "ESTIMATORS",
@@ -88,6 +92,14 @@ ESTIMATORS = {
         False,
         triad,
     ),
+    "single-gyro": Method(
+        "Analytic gyrocompassing with the one gyro nearest to east or west",
+        "[S4] analytic gyrocompassing, single-gyro form",
+        "± of noise and stated priors; grows as 1/sin of the gyro's azimuth",
+        False,
+        False,
+        single_gyro,
+    ),
     "two-position": Method(
         "Double gyrocompassing: two positions a turn apart, biases cancel",
         "[S4] double gyrocompassing, as a least squares fit with priors",
@@ -112,5 +124,34 @@ ESTIMATORS = {
         False,
         carousel,
         takes="turning",
+    ),
+    "two-gyro": Method(
+        "Mean azimuth on a rocking base from two horizontal gyros",
+        "[S1] azimuth of a self-orienting system under random rocking",
+        "± holds the sway's own angular rate, which the published bound leaves out",
+        True,
+        False,
+        two_gyro,
+        takes="any",
+    ),
+    "inertial": Method(
+        "Inertial-frame alignment: gravity's cone over the whole record, by SVD",
+        "[S1] robust answer to rocking: Wahba's problem in the inertial frame",
+        "± of noise, sway and stated priors, at the last sample",
+        True,
+        False,
+        inertial,
+        inertial_tracks,
+        takes="any",
+    ),
+    "fine": Method(
+        "Fine alignment: Kalman filter of attitude, velocity and biases",
+        "[S1] robust answer to rocking: zero-displacement updates",
+        "± of noise, lever arm and stated priors, at the last sample",
+        True,
+        False,
+        fine,
+        fine_tracks,
+        takes="any",
     ),
 }

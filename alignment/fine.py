@@ -31,6 +31,7 @@ from alignment.inertial import (
     noise_of,
     skew,
     sway_covariance,
+    told_at,
     wander_doubt,
 )
 from alignment.options import Options, Priors
@@ -173,7 +174,8 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
     Returns
     -------
     list of AttitudeEstimate
-        ``C_nb`` at ``t_to``, the last sample's stamp, and its covariance, cross terms included.
+        ``C_nb`` at ``t_to``, the last sample's stamp (of a turning stretch: as it would be at
+        encoder angle zero), and its covariance, cross terms included.
 
     Raises
     ------
@@ -237,7 +239,7 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
 
 def _fine(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     run = filtered(dwell, site, options)
-    C_nb, covariance = run.C_nb[-1], run.covariance[-1]
+    C_nb, covariance = told_at(dwell, run.C_nb[-1]), run.covariance[-1]
     return AttitudeEstimate(
         METHOD,
         dwell.label,
@@ -413,6 +415,13 @@ def _walks(
     Q[:, 3:6, 3:6] = twice * (1 + part / 3) / 3 + kick
     Q[:, 6:9, 3:6] = spans * (twice / 8 + kick / 2)
     Q[:, 6:9, 6:9] = spans**2 * (twice / 20 + kick * (1 - part) / 3)
+    for k, name in enumerate(model.names):
+        plateau = (
+            getattr(model.priors, name.replace("bias", "instability")) if "bias" in name else 0
+        )
+        # a walk that over the record has the Allan deviation of the plateau
+        own = np.arange(_place(k).start, _place(k).stop)
+        Q[:, own, own] = 3 * plateau**2 * spans[:, 0] / carried.spans.sum()
     for row, column in ((3, 0), (6, 0), (6, 3)):
         block = Q[:, row : row + 3, column : column + 3]
         Q[:, column : column + 3, row : row + 3] = block.transpose(0, 2, 1)

@@ -205,7 +205,22 @@ def functional_covariance(
         if sigma > 0:
             J = sigma * (part @ drive(carried, C_ni, values=values)).sum(axis=0)
             covariance = covariance + J @ J.T
+    drift = _drift(carried)
+    for part, sigma in ((gyro, priors.gyro_instability), (accel, priors.accel_instability)):
+        if sigma > 0:
+            J = sigma * (drift * (part @ turned)).sum(axis=0)
+            covariance = covariance + J @ J.T
     return np.asarray(covariance)
+
+
+def _drift(carried: Carried) -> Array:
+    """What a bias instability of plateau 1 is taken for: a straight line (m, 1, 1) about zero.
+
+    Means of the two halves of a record then differ by sqrt(2), as that plateau says they do.
+    """
+    middle = np.cumsum(carried.spans) - carried.spans / 2
+    line = middle / carried.spans.sum() - 0.5
+    return np.asarray(2 * np.sqrt(2) * line[:, None, None])
 
 
 def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
@@ -224,7 +239,8 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     Returns
     -------
     list of AttitudeEstimate
-        ``C_nb`` at ``t_to``, the last sample's stamp, and its covariance, cross terms included.
+        ``C_nb`` at ``t_to``, the last sample's stamp (of a turning stretch: as it would be at
+        encoder angle zero), and its covariance, cross terms included.
 
     Raises
     ------
@@ -239,7 +255,7 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     Leading errors: heading ``1.195 ARW/(W cos lat sqrt T)`` (velocity curves with their start
     unknown: sqrt(10/7) of the floor) and ``b_E/(W cos lat)``; tilt b/g. A drift d of
     accelerometers toward north over the record feigns a turn, ``d/(g W T cos lat)`` of heading
-    (10 ug in 600 s: 1.2'), which no prior here states. Sway of displacement r leaves some
+    (10 ug in 600 s: 1.2'), by the prior of its instability. Sway of displacement r leaves some
     ``60 r/(g T^2)`` over ``W T cos lat``, which is in the covariance. The residuals are sums of
     noise, so the covariance is not taken from their size but from the estimate's own
     sensitivity to each block's noise. Valid while the heading's sigma is below 8 deg.
@@ -298,7 +314,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     noise = noise_of(readings, options.priors)
     covariance, wander = covariances(carried, matched, noise, options.priors)
     flags = gravity_doubt(carried, site) + wander_doubt(dwell.label, carried, matched, wander)
-    C_nb = matched.C_ni * Rotation.from_quat(carried.q[-1])
+    C_nb = told_at(dwell, matched.C_ni * Rotation.from_quat(carried.q[-1]))
     return AttitudeEstimate(
         METHOD,
         dwell.label,
@@ -309,6 +325,11 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         covariance=covariance,
         flags=flags + heading_doubt(covariance),
     )
+
+
+def told_at(dwell: Dwell, C_nb: Rotation) -> Rotation:
+    """The attitude at the last sample; of a turning stretch that at encoder angle zero."""
+    return C_nb if dwell.turn is None else dwell.turn.back(C_nb)
 
 
 def covariances(

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from alignment.angles import Sequence
 from alignment.arrays import Array
@@ -648,7 +648,7 @@ def _doubts(fit: PositionFit) -> tuple[str, ...]:
             "ambiguous: another attitude fits nearly as well (chi-square "
             f"{float(fit.margin):.1f} more); a turn about a second axis would tell",
         )
-    if fit.chi2 > chi2.isf(MISFIT, fit.freedom):
+    if fit.chi2 > chdtri(fit.freedom, MISFIT):
         flags += (
             f"positions contradict one another: chi-square {float(fit.chi2):.0f} for "
             f"{float(fit.freedom):.0f} degrees of freedom (bias drifts, or other turns than told)",

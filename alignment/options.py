@@ -18,6 +18,8 @@ class Priors:
         Turn-on bias of each axis [rad/s], [m/s^2].
     gyro_scale, accel_scale : float
         Scale factor error, a part of the value.
+    gyro_instability, accel_instability : float
+        Height of the Allan deviation's plateau [rad/s], [m/s^2]: how biases drift in a record.
     gyro_walk : float
         Angle random walk [rad/sqrt(s)]; 0: taken from the readings where a method needs it.
     accel_walk : float
@@ -32,6 +34,8 @@ class Priors:
     accel_bias: float = 0.0
     gyro_scale: float = 0.0
     accel_scale: float = 0.0
+    gyro_instability: float = 0.0
+    accel_instability: float = 0.0
     gyro_walk: float = 0.0
     accel_walk: float = 0.0
     turn: float = 0.0

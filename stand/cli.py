@@ -212,7 +212,7 @@ def run(
     loaded, unit = load_procedure(procedure), load_imu(imu)
     terms = tuple(term.strip() for term in without.split(",") if term.strip())
     chosen = load_table(table) if table else table_of(loaded)
-    priors = priors_of(switched_off(unit, terms), chosen)
+    priors = priors_of(switched_off(unit, terms), chosen, loaded.entry.rocks)
     settings = Settings(
         loaded,
         unit,

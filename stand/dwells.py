@@ -20,7 +20,7 @@ class DwellCollector:
 
     def __init__(self, stretches: Sequence[PlannedStep], rate_hz: int) -> None:
         self._steps, self._rate = stretches, rate_hz
-        self._ranges = [_ticks(step, rate_hz) for step in stretches]
+        self._ranges = [ticks_of(step, rate_hz) for step in stretches]
         self._t = [np.empty(b - a) for a, b in self._ranges]
         self._w = [np.empty((b - a, 3)) for a, b in self._ranges]
         self._f = [np.empty((b - a, 3)) for a, b in self._ranges]
@@ -78,7 +78,7 @@ class DwellCollector:
         return dwells, attitudes
 
 
-def _ticks(step: PlannedStep, rate_hz: int) -> tuple[int, int]:
+def ticks_of(step: PlannedStep, rate_hz: int) -> tuple[int, int]:
     """Samples [first, last) whose interval lies within the stretch; sample 0 ends at 1 / rate."""
     first = int(np.ceil((step.steady_from - EDGE) * rate_hz))
     last = int(np.floor((step.steady_to + EDGE) * rate_hz))

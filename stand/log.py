@@ -36,6 +36,8 @@ PRIOR_UNITS = {
     "accel_bias": "m_s2",
     "gyro_scale": "ratio",
     "accel_scale": "ratio",
+    "gyro_instability": "rad_s",
+    "accel_instability": "m_s2",
     "gyro_walk": "rad_rt_s",
     "accel_walk": "m_s_rt_s",
     "turn": "rad",

@@ -144,6 +144,11 @@ class ProcedureEntry(catalogue.Entry):
                     raise ValueError(f"{fault}: {count} steps have this label, must be one")
         return self
 
+    @property
+    def rocks(self) -> bool:
+        """Whether the base moves behind steps."""
+        return bool(self.background)
+
     @model_validator(mode="after")
     def _long_enough(self) -> "ProcedureEntry":
         window = self.estimate.offset_window_s

@@ -5,6 +5,7 @@ sets methods side by side on them.
 """
 
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -71,6 +72,12 @@ class Block(NamedTuple):
     motion: Motion
 
 
+class _Felt(NamedTuple):
+    truth: TruthBlock
+    sensed: Sensed
+    motion: Motion
+
+
 class Simulation:
     """A run made ready: planned, checked against the table, its table and unit drawn.
 
@@ -93,12 +100,12 @@ class Simulation:
         if any(ESTIMATORS[m].needs_latitude for m in methods_of(settings)):
             settings.site.horizontal_rate()  # refuses poles before the work, not after
         _check_samples(settings, self.plan)
-        self.errors: TableErrors = _table_errors(settings)
+        self.errors: TableErrors = table_errors_of(settings)
         self.imu = Imu(
             without(settings.imu, settings.without),
             settings.seed,
             settings.rate_hz,
-            _temperature(procedure),
+            temperature_of(procedure),
         )
         self._truth = Truth(
             with_errors(model, self.errors), settings.site, self.imu.spec.places, self.errors
@@ -114,20 +121,24 @@ class Simulation:
         return sample_count(self.plan.motion.duration, self.settings.rate_hz)
 
     def blocks(self) -> Iterator[Block]:
-        """The samples in order of time, once."""
-        settings = self.settings
-        size = max(BLOCK, settings.rate_hz)
-        for first in range(0, self.total, size):
-            last = min(first + size, self.total)
-            motion = self._drive.covering(first / settings.rate_hz, last / settings.rate_hz)
-            truth = self._truth.block(motion, settings.rate_hz, settings.sampling, first, last)
-            yield Block(truth, self.imu.report(self._sensed(truth, first)), motion)
+        """The samples in order of time, once; the truth is worked out one block ahead."""
+        size = max(BLOCK, self.settings.rate_hz)
+        starts = range(0, self.total, size)
+        with ThreadPoolExecutor(1, thread_name_prefix="truth") as ahead:
+            coming: Future[_Felt] | None = None
+            for first in starts:
+                felt = (coming or ahead.submit(self._felt, first, size)).result()
+                more = first + size < self.total
+                coming = ahead.submit(self._felt, first + size, size) if more else None
+                yield Block(felt.truth, self.imu.report(felt.sensed), felt.motion)
 
-    def again(self, block: Block) -> Block:
-        """A block of another run with the same truth, as this run's unit reports it."""
-        truth = block.truth
-        readings = self.imu.report(Sensed(truth.t_ns, truth.w_ib_b, truth.f_b))
-        return Block(truth, readings, block.motion)
+    def _felt(self, first: int, size: int) -> "_Felt":
+        """Truth, and what the sensors feel, of up to `size` samples after the `first`."""
+        settings = self.settings
+        last = min(first + size, self.total)
+        motion = self._drive.covering(first / settings.rate_hz, last / settings.rate_hz)
+        truth = self._truth.block(motion, settings.rate_hz, settings.sampling, first, last)
+        return _Felt(truth, self._sensed(truth, first), motion)
 
     @property
     def feels_truth(self) -> bool:
@@ -187,7 +198,8 @@ def _torque(model: object, table: Table, payload: Payload) -> Torque | None:
     return partial(required_torque, model, table, payload)
 
 
-def _table_errors(settings: Settings) -> TableErrors:
+def table_errors_of(settings: Settings) -> TableErrors:
+    """What is wrong with the table in this run."""
     entry, ideal = settings.procedure.entry.table_errors, settings.motion is MotionKind.IDEAL
     if settings.true_table:
         entry = TableErrorsEntry(drawn=False)
@@ -210,7 +222,8 @@ def _check_samples(settings: Settings, planned: Plan) -> None:
             raise settings.procedure.fault(step.number, "duration_s", duration, allowed)
 
 
-def _temperature(procedure: Procedure) -> Temperature | None:
+def temperature_of(procedure: Procedure) -> Temperature | None:
+    """The temperature over a run, where the procedure states one."""
     profile = procedure.entry.temperature
     if profile is None:
         return None

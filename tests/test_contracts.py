@@ -29,6 +29,7 @@ F_N = np.array([0.0, 0.0, -9.8093587])
 OPTIONS = Options(offset_window=10.0)
 RATE = 10  # Hz
 # five attitudes no axis of which is level or vertical, and the level one
+UPRIGHT = ("two-gyro",)  # methods that want Y1 up
 NOT_TURNED = Rotation.identity()
 Y1 = np.array([0.0, 1, 0])
 LEVEL = Rotation.from_matrix([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # X1 north, Y1 up, Z1 east
@@ -176,6 +177,9 @@ def turns(turned: Rotation = NOT_TURNED) -> list[Dwell]:
 
 def stretches(name: str, turned: Rotation = NOT_TURNED) -> list[Dwell]:
     """Perfect readings of what a method is for."""
+    if name in UPRIGHT:
+        headings = Rotation.from_euler("z", [[0], [40], [-130], [100]], degrees=True) * LEVEL
+        return [rest(f"P{k}", turned * C_nb, 100.0 * k) for k, C_nb in enumerate(headings)]
     return turns(turned) if ESTIMATORS[name].takes == "turning" else rests(turned)
 
 

@@ -188,7 +188,7 @@ MOTION_COLUMNS = (
     "torque % of limit",
 )
 MOTION_NOTES = (
-    "error: demanded minus realised joint angle while the step was steady, of the axis where it "
+    "error: demanded minus realised joint angle over the step, of the axis where it "
     "was greatest; rms: of the same axis.",
     "saturated, torque: over the whole step, of the axis where they were greatest; a rest counts "
     "once it has settled.",
