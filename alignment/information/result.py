@@ -244,13 +244,11 @@ class Information:
     def _felt_unknown(self, row: Array, gain: Array, total: float) -> NDArray[np.bool_]:
         """Which parameters (p,) that nothing is known of a gain feels, beyond its rounding.
 
-        Beyond a millionth of its own terms, and at usual size of the error of a millionth of
-        the `total` of all else.
+        At an error's usual size more than a millionth of the `total` of all else.
         """
-        left = np.abs(gain @ self.J - row)
-        terms = np.abs(gain) @ np.abs(self.J) + np.abs(row)
         sizes = np.array([p.size for p in self.parameters])
-        return np.isinf(self.prior) & (left > _SEEN * terms) & (left * sizes > _SEEN * total)
+        left = np.abs(gain @ self.J - row) * sizes
+        return np.isinf(self.prior) & (left > _SEEN * total)
 
     def why(self, quantity: str, stretch: int = 0) -> str:
         """What the readings cannot tell a quantity from; '' where they tell it."""
