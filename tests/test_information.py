@@ -393,9 +393,30 @@ def test_coefficients_of_a_ramp():
 # --- beside the estimators, and chance -----------------------------------------------------------
 
 PRIORS = [
-    Priors(10 * DEG_H, 2 * MILLI_G, 1e-3, 2e-4, 0.02 * DEG_RT_H, 5e-4, 0.5 * MINUTE),
-    Priors(0.05 * DEG_H, 0.05 * MILLI_G, 0, 0, 0.1 * DEG_RT_H, 5e-4),
-    Priors(100 * DEG_H, 5 * MILLI_G, 3e-3, 3e-3, 0.001 * DEG_RT_H, 5e-4, 5 * MINUTE),
+    Priors(
+        gyro_bias=10 * DEG_H,
+        accel_bias=2 * MILLI_G,
+        gyro_scale=1e-3,
+        accel_scale=2e-4,
+        gyro_walk=0.02 * DEG_RT_H,
+        accel_walk=5e-4,
+        turn=0.5 * MINUTE,
+    ),
+    Priors(
+        gyro_bias=0.05 * DEG_H,
+        accel_bias=0.05 * MILLI_G,
+        gyro_walk=0.1 * DEG_RT_H,
+        accel_walk=5e-4,
+    ),
+    Priors(
+        gyro_bias=100 * DEG_H,
+        accel_bias=5 * MILLI_G,
+        gyro_scale=3e-3,
+        accel_scale=3e-3,
+        gyro_walk=0.001 * DEG_RT_H,
+        accel_walk=5e-4,
+        turn=5 * MINUTE,
+    ),
 ]
 
 

@@ -173,10 +173,11 @@ class Setting:
 
 
 def assumed(priors: Priors, latitude_known: bool = True) -> tuple[Unit, Setting]:
-    """Instrument and table as an estimator takes them that is told `priors`.
+    """Instrument and table as a fit of positions takes them that is told `priors`.
 
-    A bias of 0 there means that nobody knows it. The gains of this are the estimator's own, and
-    what they make of another unit is `Information.contributions` with that gain.
+    A bias of 0 there means that nobody knows it; biases are taken for constant. The
+    gains of this are the estimator's own, and what they make of another unit is
+    `Information.contributions` with that gain.
     """
     gyro = Triad(priors.gyro_walk, priors.gyro_bias or np.inf, scale=priors.gyro_scale)
     accel = Triad(priors.accel_walk, priors.accel_bias or np.inf, scale=priors.accel_scale)
