@@ -1,0 +1,475 @@
+"""The whole answer of a rehearsal, as data, and its JSON form.
+
+Angles and biases are in SI inside; each prediction says in which unit it is told (`unit`, `per`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from math import isfinite
+from typing import Any
+
+from alignment.units import DEG
+
+QUANTITIES = ("heading", "pitch", "roll")  # what a requirement may name
+
+
+class Verdict(StrEnum):
+    """What a requirement comes to."""
+
+    PASS = "PASS"
+    FAIL = "FAIL"
+    INDETERMINATE = "INDETERMINATE"
+
+
+class Severity(StrEnum):
+    """Of a finding: an error forbids the run, a warning is for a person to judge."""
+
+    ERROR = "error"
+    WARNING = "warning"
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """What a step uses of one limit, at its greatest.
+
+    Attributes
+    ----------
+    quantity : str
+        'angle', 'rate', 'acceleration', 'jerk', 'torque', 'settling', 'sensor rate', 'sensor
+        force', 'sampling', 'filter'.
+    axis : str
+        A joint, a sensor ('gyro X1'), or ''.
+    value, limit : float
+        In `unit`.
+    unit : str
+    ratio : float
+        Of the limit that is used: above 1 it is broken.
+    t : float or None
+        When it is greatest [s].
+    first_violation : float or None
+        When it is first broken [s]; None where it is kept.
+    """
+
+    quantity: str
+    axis: str
+    value: float
+    limit: float
+    unit: str
+    ratio: float
+    t: float | None = None
+    first_violation: float | None = None
+
+    @property
+    def kept(self) -> bool:
+        """Whether the limit is not broken."""
+        return self.first_violation is None
+
+    @property
+    def margin(self) -> float:
+        """Part of the limit that is left, negative where it is broken."""
+        return 1 - self.ratio
+
+
+@dataclass(frozen=True, slots=True)
+class StepFeasibility:
+    """One step: its margins, and how long the table takes to settle in it.
+
+    `number` counts from 1; `settling_s` None where it neither rests nor turns steadily, or where
+    the class states no motor. `turns`: whole turns wound up on each axis that has limited travel,
+    by name.
+    """
+
+    number: int
+    kind: str
+    label: str
+    t_from: float
+    t_to: float
+    margins: tuple[Margin, ...]
+    settling_s: float | None
+    turns: Mapping[str, float]
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every limit is kept."""
+        return all(m.kept for m in self.margins)
+
+    @property
+    def worst(self) -> Margin | None:
+        """The margin nearest to its limit, or farthest beyond it."""
+        return max(self.margins, key=lambda m: m.ratio, default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class StepDuration:
+    """How long a step takes: `motion`, `settling` of its rest, `dwell` after that, all [s]."""
+
+    number: int
+    kind: str
+    label: str
+    t_from: float
+    t_to: float
+    motion: float
+    settling: float
+    dwell: float
+
+
+@dataclass(frozen=True, slots=True)
+class Duration:
+    """The duration table, and the sums [s]."""
+
+    steps: tuple[StepDuration, ...]
+
+    @property
+    def motion(self) -> float:
+        """Of the table's moving between what is measured."""
+        return sum(s.motion for s in self.steps)
+
+    @property
+    def settling(self) -> float:
+        """Of waiting for the servo."""
+        return sum(s.settling for s in self.steps)
+
+    @property
+    def dwell(self) -> float:
+        """Of measuring."""
+        return sum(s.dwell for s in self.steps)
+
+    @property
+    def total(self) -> float:
+        """Of the procedure."""
+        return self.steps[-1].t_to if self.steps else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Contribution:
+    """What one source of error adds: `sigma` in SI; they add up in quadrature."""
+
+    source: str
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """How sure one method will be of one quantity in one stretch.
+
+    Attributes
+    ----------
+    method, window, label : str
+        As the estimate will be called ('six-position', 'fresh', 'X1 up').
+    quantity : str
+        'heading', 'roll', 'yaw', 'pitch', or a bias such as 'gyro bias X1'.
+    unit, per : str, float
+        What it is told in, and its size in SI.
+    sigma : float or None
+        [SI]; None where it is not determined.
+    contributions : tuple of Contribution
+        The largest first; root of the sum of squares is `sigma`. Empty where not determined.
+    reason : str
+        Why it is not determined; '' where it is.
+    """
+
+    method: str
+    window: str
+    label: str
+    quantity: str
+    unit: str
+    per: float
+    sigma: float | None
+    contributions: tuple[Contribution, ...]
+    reason: str = ""
+
+    @property
+    def determined(self) -> bool:
+        """Whether there is a number to stand behind."""
+        return self.sigma is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Observability:
+    """What the readings that a method uses can tell at all, before any data sheet.
+
+    `rank` of `sought` unknowns (attitude and biases); `condition` of the Fisher matrix over what
+    it determines; `unseen`: in words, what cannot be told apart.
+    """
+
+    method: str
+    rank: int
+    sought: int
+    condition: float
+    unseen: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A requirement and what is predicted for it.
+
+    Attributes
+    ----------
+    quantity : str
+        One of `QUANTITIES`.
+    method, label : str
+        The method it is judged by, and the stretch in which that is worst; '' where none says
+        anything of it.
+    required : float
+        [rad]
+    coverage : float
+        The expanded uncertainty is `coverage` times sigma.
+    sigma : float or None
+        [rad]; None where it is not determined.
+    guard : float
+        Part of the requirement within which nobody can say: how far a prediction may be off.
+    verdict : Verdict
+    reason : str
+    """
+
+    quantity: str
+    method: str
+    label: str
+    required: float
+    coverage: float
+    sigma: float | None
+    guard: float
+    verdict: Verdict
+    reason: str = ""
+
+    @property
+    def expanded(self) -> float | None:
+        """Coverage times sigma [rad]."""
+        return None if self.sigma is None else self.coverage * self.sigma
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One number of the procedure that an advice changes: 'step 3 "first", duration_s'."""
+
+    where: str
+    before: str
+    after: str
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """The cheapest change that makes a quantity pass: with what comes of it.
+
+    `toml` is the whole procedure with the change applied; `duration` [s] of it, `sigma` [rad] of
+    the quantity in it. `text` for a person. A quantity that no change found can help has `toml`
+    ''.
+    """
+
+    quantity: str
+    text: str
+    changes: tuple[Change, ...]
+    sigma: float | None
+    duration: float | None
+    toml: str = ""
+
+    @property
+    def helps(self) -> bool:
+        """Whether it would pass with this change."""
+        return bool(self.toml)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A trap or a doubt, told before the run: `kind` for machines, `text` for a person."""
+
+    severity: Severity
+    kind: str
+    step: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What was rehearsed: ids, titles, texts and their SHA-256, site, versions.
+
+    `latitude_deg`, `height_m`; `rate_hz` of the readings; `revision` of the part, '' if not said.
+    """
+
+    procedure: str
+    procedure_title: str
+    procedure_text: str
+    imu: str
+    imu_title: str
+    imu_text: str
+    table: str
+    table_title: str
+    table_text: str
+    latitude_deg: float
+    height_m: float
+    rate_hz: int
+    revision: str
+    sha256: Mapping[str, str]
+    versions: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """The whole answer.
+
+    `feasibility` step by step; `duration`; `predictions` of every method, stretch and quantity;
+    `observability` of every method; `judgements` of what is required; `advice` for each that
+    fails; `findings`: traps and doubts, errors first.
+    """
+
+    inputs: Inputs
+    feasibility: tuple[StepFeasibility, ...]
+    duration: Duration
+    predictions: tuple[Prediction, ...]
+    observability: tuple[Observability, ...]
+    judgements: tuple[Judgement, ...]
+    advice: tuple[Advice, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the table can make every step and no finding forbids the run."""
+        errors = any(f.severity is Severity.ERROR for f in self.findings)
+        return not errors and all(step.feasible for step in self.feasibility)
+
+    @property
+    def accurate(self) -> bool:
+        """Whether everything required is predicted to pass."""
+        return all(j.verdict is Verdict.PASS for j in self.judgements)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the whole: FAIL where anything fails, INDETERMINATE where anything is open."""
+        open_ones = {j.verdict for j in self.judgements}
+        if not self.feasible or Verdict.FAIL in open_ones:
+            return Verdict.FAIL
+        return Verdict.INDETERMINATE if Verdict.INDETERMINATE in open_ones else Verdict.PASS
+
+
+def rehearsal_json(result: Rehearsal) -> dict[str, Any]:
+    """The whole answer for machines: degrees and the units named; null where there is no value."""
+    d, i = result.duration, result.inputs
+    return {
+        "verdict": result.verdict.value,
+        "feasible": result.feasible,
+        "accurate": result.accurate,
+        "inputs": {
+            "procedure": {"id": i.procedure, "title": i.procedure_title},
+            "imu": {"id": i.imu, "title": i.imu_title},
+            "table": {"id": i.table, "title": i.table_title},
+            "latitude_deg": i.latitude_deg,
+            "height_m": i.height_m,
+            "rate_hz": i.rate_hz,
+            "revision": i.revision,
+            "sha256": dict(i.sha256),
+            "versions": dict(i.versions),
+        },
+        "judgements": [_judgement(j) for j in result.judgements],
+        "findings": [
+            {"severity": f.severity.value, "kind": f.kind, "step": f.step, "text": f.text}
+            for f in result.findings
+        ],
+        "feasibility": [_feasibility(s) for s in result.feasibility],
+        "duration": {
+            "motion_s": d.motion,
+            "settling_s": d.settling,
+            "dwell_s": d.dwell,
+            "total_s": d.total,
+            "steps": [_duration(s) for s in d.steps],
+        },
+        "predictions": [_prediction(p) for p in result.predictions],
+        "observability": [
+            {
+                "method": o.method,
+                "rank": o.rank,
+                "sought": o.sought,
+                "condition": _finite(o.condition),
+                "unseen": list(o.unseen),
+            }
+            for o in result.observability
+        ],
+        "advice": [_advice(a) for a in result.advice],
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and isfinite(value) else None
+
+
+def _degrees(angle: float | None) -> float | None:
+    return None if angle is None else _finite(angle / DEG)
+
+
+def _judgement(j: Judgement) -> dict[str, Any]:
+    return {
+        "quantity": j.quantity,
+        "verdict": j.verdict.value,
+        "method": j.method,
+        "label": j.label,
+        "required_deg": j.required / DEG,
+        "coverage": j.coverage,
+        "sigma_deg": _degrees(j.sigma),
+        "expanded_deg": _degrees(j.expanded),
+        "guard": j.guard,
+        "reason": j.reason,
+    }
+
+
+def _feasibility(s: StepFeasibility) -> dict[str, Any]:
+    return {
+        "step": s.number,
+        "kind": s.kind,
+        "label": s.label,
+        "t_from_s": s.t_from,
+        "t_to_s": s.t_to,
+        "feasible": s.feasible,
+        "settling_s": s.settling_s,
+        "turns": dict(s.turns),
+        "margins": [
+            {
+                "quantity": m.quantity,
+                "axis": m.axis,
+                "value": _finite(m.value),
+                "limit": _finite(m.limit),
+                "unit": m.unit,
+                "used": _finite(m.ratio),
+                "t_s": m.t,
+                "first_violation_s": m.first_violation,
+            }
+            for m in s.margins
+        ],
+    }
+
+
+def _duration(s: StepDuration) -> dict[str, Any]:
+    return {
+        "step": s.number,
+        "kind": s.kind,
+        "label": s.label,
+        "t_from_s": s.t_from,
+        "t_to_s": s.t_to,
+        "motion_s": s.motion,
+        "settling_s": s.settling,
+        "dwell_s": s.dwell,
+    }
+
+
+def _prediction(p: Prediction) -> dict[str, Any]:
+    return {
+        "method": p.method,
+        "window": p.window,
+        "label": p.label,
+        "quantity": p.quantity,
+        "unit": p.unit,
+        "sigma": None if p.sigma is None else p.sigma / p.per,
+        "contributions": {c.source: c.sigma / p.per for c in p.contributions},
+        "reason": p.reason,
+    }
+
+
+def _advice(a: Advice) -> dict[str, Any]:
+    return {
+        "quantity": a.quantity,
+        "helps": a.helps,
+        "text": a.text,
+        "changes": [{"where": c.where, "before": c.before, "after": c.after} for c in a.changes],
+        "sigma_deg": _degrees(a.sigma),
+        "duration_s": a.duration,
+        "procedure_toml": a.toml,
+    }
