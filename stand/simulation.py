@@ -4,6 +4,7 @@ What is made of the samples is for others to say: `stand.session` records them, 
 sets methods side by side on them.
 """
 
+import os
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -107,11 +108,16 @@ class Simulation:
             settings.rate_hz,
             temperature_of(procedure),
         )
+        servo = settings.motion is MotionKind.SERVO
         self._truth = Truth(
-            with_errors(model, self.errors), settings.site, self.imu.spec.places, self.errors
+            with_errors(model, self.errors),
+            settings.site,
+            self.imu.spec.places,
+            self.errors,
+            threads=min(2, os.cpu_count() or 1) if servo else 1,
         )
         self._drive: Motion | Servo = self.plan.motion
-        if settings.motion is MotionKind.SERVO:
+        if servo:
             spans = [Span(s.t_from, s.t_to, s.kind == "dwell") for s in self.plan.steps]
             self._drive = Servo(model, table, self.plan.motion, load, spans=spans)
 

@@ -178,6 +178,8 @@ class Truth:
     errors : TableErrors or None
         Curves and wobble of the axes. What is wrong with the geometry is in `model` already, by
         `stand.physics.geometry.with_errors`.
+    threads : int
+        Of MuJoCo; the results are the same bits.
     """
 
     def __init__(
@@ -186,6 +188,7 @@ class Truth:
         site: Site,
         places: Array | None = None,
         errors: TableErrors | None = None,
+        threads: int = 1,
     ) -> None:
         self._places = places if places is not None and places.any() else None
         self._errors = PERFECT if errors is None else errors
@@ -193,7 +196,7 @@ class Truth:
         self._lean = lean_model(model, site, self._places, self._errors)
         self._order = _order(self._errors)
         self._node: tuple[Motion, float] | None = None  # the motion met last and its nodes
-        self.batch = Batch(self._lean, ROWS, nthread=1)
+        self.batch = Batch(self._lean, ROWS, nthread=threads)
         self._sensors = self.batch.bind("sensordata")
 
     def instants(self, joints: Array, rates: Array, accelerations: Array) -> Instants:
