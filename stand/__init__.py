@@ -1,3 +1,3 @@
 """The virtual IMU test stand: procedures, motion, physics, sensors, recordings."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

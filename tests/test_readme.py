@@ -1,11 +1,19 @@
 """The README's promises: its procedure runs, its commands exist, its files are there."""
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
-from stand.procedure import load_procedure
+from stand.catalogue import Source
+from stand.errors import StandError
+from stand.imperfection import draw
+from stand.limits import check
+from stand.physics.mjcf import describe, load_model
+from stand.plan import plan
+from stand.procedure import load_procedure, procedure_from
+from stand.table import load_table
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -28,6 +36,30 @@ def test_the_procedure_in_the_readme_runs(tmp_path, stand_command):
     # the instrument's attitude is what the step asks for, whatever the tilted base
     assert abs(second["roll_deg"]) == pytest.approx(180.0, abs=1e-6)
     assert second["yaw_deg"] == pytest.approx(90.0, abs=1e-6)
+
+
+def test_the_steps_in_the_readme_plan():
+    head = 'title = "T"\n[site]\nlatitude_deg = 48.5\n[estimate]\nmethods = []\n'
+    text = next(block for block in blocks("toml") if "[[background]]" in block)
+    procedure = procedure_from(Source("p", "p.toml", head + text))
+    planned = plan(procedure, describe(load_model()), load_table("laboratory"))
+    check(procedure, planned, load_table("laboratory"))
+    assert [s.label for s in planned.stretches] == ["carousel +", "carousel -"]
+    errors = draw(load_table("mid-class"), 0, procedure.entry.table_errors, True)
+    assert json.loads(errors.record()["placement_arc_s"]) == pytest.approx([0, 0, 0, 60, 0, 0])
+
+
+def test_the_refusal_in_the_readme_is_what_is_said():
+    sine = (
+        'title = "T"\n[site]\nlatitude_deg = 48.5\n[estimate]\nmethods = []\n'
+        '[[step]]\nkind = "move"\nlabel = "lean"\njoints_deg = { outer = 10 }\n'
+        '[[step]]\nkind = "sine"\nlabel = "rock"\nduration_s = 20\n'
+        "axes = { base_roll = { amplitude_deg = 10, frequency_hz = 0.6 } }\n"
+    )
+    procedure, table = procedure_from(Source("p", "p.toml", sine)), load_table("laboratory")
+    with pytest.raises(StandError) as caught:
+        check(procedure, plan(procedure, describe(load_model()), table), table)
+    assert f"stand: {caught.value}" in README.replace(";\n", "; ")
 
 
 def test_every_command_and_option_in_the_readme_exists(stand_command):
