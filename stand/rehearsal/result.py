@@ -77,7 +77,8 @@ class StepFeasibility:
 
     `number` counts from 1; `settling_s` None where it neither rests nor turns steadily, or where
     the class states no motor. `turns`: whole turns wound up on each axis that has limited travel,
-    by name.
+    by name. `joints`: where the table stands at the end of the step, [rad] in the order of
+    `stand.physics.description.JOINTS`: the report draws it.
     """
 
     number: int
@@ -88,6 +89,7 @@ class StepFeasibility:
     margins: tuple[Margin, ...]
     settling_s: float | None
     turns: Mapping[str, float]
+    joints: tuple[float, ...] = ()
 
     @property
     def feasible(self) -> bool:

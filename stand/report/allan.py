@@ -1,13 +1,11 @@
 """An Allan analysis to look at: tables for a terminal, a PNG of the curves, one page of HTML.
 
-matplotlib and jinja2 are imported where they are used: they take a second to start.
+matplotlib is imported where it is used: it takes a second to start.
 """
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Sequence
-from importlib.resources import files
 from io import BytesIO
 from math import log10
 from pathlib import Path
@@ -16,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from alignment.allan import Channel, Found, Missing
-from stand import __version__
 from stand.allan import DEVIATION, ORDER, UNITS, AllanReport, needs_hours
 from stand.report.document import TableData
+from stand.report.page import INKS, data_uri, render
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,10 +37,6 @@ SLOPES = {-1.0: "−1", -0.5: "−1/2", 0.0: "0", 0.5: "+1/2", 1.0: "+1"}
 
 # Okabe and Ito's colours, told apart by colour-blind eyes; the markers tell them apart in print.
 STYLES = {"x": ("#0072B2", "o"), "y": ("#D55E00", "s"), "z": ("#009E73", "^")}
-INKS = {
-    "light": {"paper": "#ffffff", "ink": "#1b1f24", "grid": "#d9dde3", "sheet": "#4a4f57"},
-    "dark": {"paper": "#15181d", "ink": "#e6e8eb", "grid": "#343a43", "sheet": "#b9c0ca"},
-}
 DARK_STYLES = {"x": ("#56B4E9", "o"), "y": ("#E69F00", "s"), "z": ("#2BC69A", "^")}
 
 
@@ -312,13 +306,7 @@ def _slope_key(axes: Axes, ink: dict[str, str]) -> None:
 
 def page(report: AllanReport, light: bytes, dark: bytes) -> str:
     """One HTML page that needs nothing else: tables, curves, how the numbers were got."""
-    from jinja2 import Environment, StrictUndefined
-
-    source = (files("stand.report") / "allan.html.j2").read_text(encoding="utf-8")
-    template = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    ).from_string(source)
-    return template.render(_content(report, light, dark))
+    return render("allan.html.j2", _content(report, light, dark))
 
 
 def _content(report: AllanReport, light: bytes, dark: bytes) -> dict[str, Any]:
@@ -335,14 +323,9 @@ def _content(report: AllanReport, light: bytes, dark: bytes) -> dict[str, Any]:
         "longest": _hours(float(result.channels[0].tau[-1])),
         "notes": report.notes,
         "sensors": [_sensor(report, sensor) for sensor in TITLES],
-        "light": _data_uri(light),
-        "dark": _data_uri(dark),
-        "version": __version__,
+        "light": data_uri(light),
+        "dark": data_uri(dark),
     }
-
-
-def _data_uri(png: bytes) -> str:
-    return f"data:image/png;base64,{b64encode(png).decode()}"
 
 
 def _sensor(report: AllanReport, sensor: str) -> dict[str, Any]:

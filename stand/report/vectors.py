@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array
 from alignment.units import DEG
 from alignment.vectors import Fixes, Matching
-from stand.report.allan import INKS
+from stand.report.page import INKS
 from stand.trajectory import Path
 
 if TYPE_CHECKING:

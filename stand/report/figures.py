@@ -1,0 +1,245 @@
+"""Figures of a report: when each step runs, what an uncertainty is made of, errors over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from alignment.units import ARC_SECOND, DEG
+from stand.recording.curves import ANGLES, AngleCurves
+from stand.report.page import HUES, INK, ON_HUE, PAPER, SOFT, Drawing, drawing, frame, span_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH = 10.0  # inches: the page's
+PHASES = {"motion": (HUES[1], ""), "settling": (HUES[4], "////"), "dwell": (HUES[0], "")}
+NAMES = {"motion": "motion", "settling": "settling", "dwell": "dwell or steady turning"}
+LONGEST_LABEL = 34  # letters beside a row
+MOST_ROWS = 45  # of a timeline; more share rows of their kind
+MOST_POINTS = 1500  # of a curve: more cannot be told apart on a page
+LEAST_SHARE = 0.09  # of a variance, so that its name fits inside
+# Colours alone do not tell parts apart in print: those that share one differ by their hatching.
+HATCHES = ("", "////", "....", "xxxx")
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """A step on the timeline: its phases as (phase of `PHASES`, from [s], to [s])."""
+
+    label: str
+    kind: str
+    phases: tuple[tuple[str, float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """What one uncertainty is made of: `total` as it is to be read; variances by source."""
+
+    label: str
+    total: str
+    variances: Mapping[str, float]
+
+
+def timeline(bars: Sequence[Bar], total: float) -> Drawing:
+    """When each step runs, a row per step; of very many a row per kind."""
+    rows = _rows(bars)
+    names = list(rows)
+    height = 1.1 + 0.27 * len(names)
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        for row, name in enumerate(names):
+            for phase, t_from, t_to in (p for bar in rows[name] for p in bar.phases):
+                colour, hatch = PHASES[phase]
+                axes.barh(
+                    row, t_to - t_from, left=t_from, height=0.72, color=colour, hatch=hatch,
+                    edgecolor=PAPER if hatch else colour, linewidth=0 if hatch else 0.8,
+                )  # fmt: skip
+        _time_axis(axes, total)
+        _row_labels(axes, names)
+        used = {phase for bar in bars for phase, _, _ in bar.phases}
+        _legend(figure, {NAMES[p]: PHASES[p] for p in PHASES if p in used})
+
+    sums = {
+        phase: sum(b - a for bar in bars for p, a, b in bar.phases if p == phase)
+        for phase in PHASES
+    }
+    told = ", ".join(f"{NAMES[p]} {span_text(t)}" for p, t in sums.items() if t > 0)
+    alt = f"Timeline of {len(bars)} steps over {span_text(total)}: {told}"
+    return drawing("timeline", (WIDTH, height), alt, draw)
+
+
+def _rows(bars: Sequence[Bar]) -> dict[str, list[Bar]]:
+    """Rows by their name, in order: a step each, or a kind each where they are too many."""
+    rows: dict[str, list[Bar]] = {}
+    many = len(bars) > MOST_ROWS
+    for number, bar in enumerate(bars, start=1):
+        name = bar.kind if many else f"{number}  {_short(bar.label or bar.kind)}"
+        rows.setdefault(name, []).append(bar)
+    return rows
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONGEST_LABEL else text[: LONGEST_LABEL - 1] + "…"
+
+
+def _time_axis(axes: Axes, total: float) -> None:
+    per, unit = (60.0, "min") if total >= 300 else (1.0, "s")
+    per, unit = (3600.0, "h") if total >= 3 * 3600 else (per, unit)
+    axes.set_xlim(0, total or 1.0)
+    step = _tick(total / per) * per
+    ticks = np.arange(0, total * (1 + 1e-9), step)
+    axes.set_xticks(ticks, [f"{tick / per:g}" for tick in ticks])
+    frame(axes, grid="x")
+    axes.set_xlabel(f"time [{unit}]")
+
+
+def _tick(span: float) -> float:
+    """A round step that parts a span in five to ten."""
+    power = 10.0 ** np.floor(np.log10(max(span, 1e-9) / 5))
+    return float(power * next(m for m in (1, 2, 5, 10) if span / (m * power) <= 10))
+
+
+def _row_labels(axes: Axes, names: Sequence[str]) -> None:
+    axes.set_yticks(range(len(names)), names, color=INK)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.tick_params(axis="y", length=0, labelcolor=INK, labelsize=9)
+    axes.spines["left"].set_visible(False)
+
+
+def _legend(figure: Figure, styles: Mapping[str, tuple[str, str]], columns: int = 4) -> None:
+    from matplotlib.patches import Patch
+
+    handles = [
+        Patch(facecolor=colour, hatch=hatch, edgecolor=PAPER if hatch else colour, label=name)
+        for name, (colour, hatch) in styles.items()
+    ]
+    figure.legend(
+        handles=handles, loc="outside upper left", ncols=min(columns, len(handles)), frameon=False,
+        fontsize=9, labelcolor=INK, handlelength=1.4, columnspacing=1.6,
+    )  # fmt: skip
+
+
+def budget(budgets: Sequence[Budget]) -> Drawing:
+    """Shares of the variance, a row per uncertainty: they add up, as parts do in quadrature."""
+    sources = _by_weight(budgets)
+    styles = {source: _style(k) for k, source in enumerate(sources)}
+    legend_rows = ceil(len(sources) / 4)
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        for row, item in enumerate(budgets):
+            _share_row(axes, row, item, styles)
+        frame(axes, grid="x")
+        axes.set_xlim(0, 100)
+        axes.set_xlabel("share of the variance [%]")
+        _row_labels(axes, [_short(item.label) for item in budgets])
+        _legend(figure, styles)
+
+    words = "; ".join(f"{b.label} {b.total}: {_in_words(b)}" for b in budgets)
+    size = (WIDTH, 1.0 + 0.2 * legend_rows + 0.34 * len(budgets))
+    return drawing("budget", size, f"What each uncertainty is made of. {words}", draw)
+
+
+def _style(k: int) -> tuple[str, str]:
+    """Colour and hatching of the k-th source."""
+    return HUES[k % len(HUES)], HATCHES[k // len(HUES) % len(HATCHES)]
+
+
+def _by_weight(budgets: Sequence[Budget]) -> list[str]:
+    """All sources, those with the greatest share anywhere first."""
+    weight: dict[str, float] = {}
+    for item in budgets:
+        whole = sum(item.variances.values()) or 1.0
+        for source, variance in item.variances.items():
+            weight[source] = max(weight.get(source, 0.0), variance / whole)
+    return sorted((s for s, w in weight.items() if w > 0), key=lambda s: -weight[s])
+
+
+def _share_row(axes: Axes, row: int, item: Budget, styles: Mapping[str, tuple[str, str]]) -> None:
+    whole = sum(item.variances.values())
+    left = 0.0
+    for source in styles:
+        share = item.variances.get(source, 0.0) / whole if whole else 0.0
+        if share <= 0:
+            continue
+        colour, hatch = styles[source]
+        axes.barh(
+            row, 100 * share, left=left, height=0.74, color=colour, hatch=hatch, edgecolor=PAPER,
+            linewidth=0.6,
+        )  # fmt: skip
+        if not hatch and share >= max(LEAST_SHARE, 0.0115 * len(source)):
+            axes.text(
+                left + 50 * share, row, source, ha="center", va="center", fontsize=8.5,
+                color=ON_HUE[HUES.index(colour)], weight="bold",
+            )  # fmt: skip
+        left += 100 * share
+    axes.text(101, row, item.total, ha="left", va="center", fontsize=9, color=INK)
+
+
+def _in_words(item: Budget) -> str:
+    whole = sum(item.variances.values()) or 1.0
+    parts = sorted(item.variances.items(), key=lambda part: -part[1])
+    return ", ".join(f"{s} {100 * v / whole:.0f} %" for s, v in parts if v / whole >= 0.005)
+
+
+def errors(method: str, number: int, tracks: Sequence[AngleCurves], total: float) -> Drawing:
+    """Errors of a method's angles over the run, with one predicted sigma about zero."""
+    greatest = max((float(np.abs(c.errors).max()) for c in tracks if len(c.t_ns)), default=0.0)
+    unit, per = ("arc s", ARC_SECOND) if greatest < 0.05 * DEG else ("deg", DEG)
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(3, 1, sharex=True)
+        for k, (axes, angle) in enumerate(zip(panels, ANGLES, strict=True)):
+            for track in tracks:
+                _error_curve(axes, track, k, per)
+            axes.axhline(0, color=SOFT, linewidth=0.8)
+            _error_span(axes, [c.errors[:, k] / per for c in tracks])
+            _time_axis(axes, total)
+            frame(axes, f"{angle} [{unit}]")
+            axes.set_xlabel("" if k < 2 else axes.get_xlabel())
+        _stretch_names(panels[0], tracks)
+
+    last = "; ".join(
+        f"{c.label}: "
+        + ", ".join(f"{a} {e / per:+.3g}" for a, e in zip(ANGLES, c.errors[-1], strict=True))
+        for c in tracks
+        if len(c.t_ns)
+    )
+    return drawing(
+        f"errors{number}",
+        (WIDTH, 5.4),
+        f"Errors of {method} over time in {unit}; at the end of each stretch: {last}",
+        draw,
+        f"{method}: estimate minus truth [{unit}]; shaded: one predicted standard deviation.",
+    )
+
+
+def _error_curve(axes: Axes, track: AngleCurves, k: int, per: float) -> None:
+    step = max(1, len(track.t_ns) // MOST_POINTS)
+    t = track.t_ns[::step] * 1e-9
+    error, sigma = track.errors[::step, k] / per, track.sigmas[::step, k] / per
+    if sigma.any():
+        axes.fill_between(t, -sigma, sigma, color=HUES[5], alpha=0.3, linewidth=0)
+    axes.plot(t, error, color=HUES[0], linewidth=1.2)
+
+
+def _error_span(axes: Axes, errors_of: Sequence[np.ndarray]) -> None:
+    """What the curves span once they have begun: the first moments of a track may be anything."""
+    settled = np.concatenate([e[len(e) // 20 :] for e in errors_of] or [np.zeros(1)])
+    size = float(np.abs(settled).max(initial=0.0)) or 1.0
+    axes.set_ylim(-1.25 * size, 1.25 * size)
+
+
+def _stretch_names(axes: Axes, tracks: Sequence[AngleCurves]) -> None:
+    for label, t in {c.label: c.t_ns for c in tracks}.items():
+        axes.text(
+            float(t.mean()) * 1e-9, 0.97, _short(label), transform=axes.get_xaxis_transform(),
+            ha="center", va="top", fontsize=8.5, color=SOFT, clip_on=True,
+        )  # fmt: skip
