@@ -8,7 +8,7 @@ demo: $(READY)
 	$(VENV)/bin/stand run six-position --force
 
 test: $(READY)
-	$(PY) -m pytest $(ARGS)
+	$(PY) -m pytest --numprocesses auto $(ARGS)
 
 lint: $(READY)
 	$(PY) -m ruff check .

@@ -295,7 +295,8 @@ def test_numbers_keep_their_column_where_words_make_room():
     ]
 
 
-def test_a_pipe_gets_wide_tables():
+def test_a_pipe_gets_wide_tables(monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
     assert console().width == WIDTH
 
 
