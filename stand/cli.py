@@ -356,6 +356,131 @@ def _check_labels(labels: Sequence[str]) -> None:
             raise StandError(f"two dwells are called {label!r}: give each recording its own name")
 
 
+@app.command()
+def compare(
+    procedure: Annotated[
+        str | None, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
+    ] = None,
+    imu: Annotated[
+        str, typer.Option(metavar="ID", help="Unit (stand list imus) or a TOML file.")
+    ] = "stim300",
+    table: Annotated[
+        str | None, typer.Option(metavar="ID", help="Table (stand list tables) or a TOML file.")
+    ] = None,
+    runs: Annotated[
+        int, typer.Option(metavar="N", help="Runs, each with a unit and table of its own.")
+    ] = 100,
+    methods: Annotated[
+        str, typer.Option(metavar="a,b", help="stand list methods; else all that apply.")
+    ] = "",
+    motion: Annotated[
+        MotionChoice,
+        typer.Option(help="Joints follow the plan exactly, or as simulated motors make them."),
+    ] = MotionChoice.ideal,
+    true_table: Annotated[
+        bool, typer.Option("--true-table", help="A table without errors, whatever its class.")
+    ] = False,
+    without: Annotated[
+        str,
+        typer.Option(metavar="TERMS", help="Switch error terms off: turn-on-bias,range ..."),
+    ] = "",
+    latitude: LatitudeOption = None,
+    height: HeightOption = None,
+    rate: Annotated[int, typer.Option(metavar="HZ", help="Sample rate, 1 to 10000 Hz.")] = 20,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the first run.")] = 0,
+    published: Annotated[
+        bool,
+        typer.Option("--published", help="Print published figures beside ours, with verdicts."),
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="For the picture; default: recordings/compare_PROCEDURE_IMU_seedN."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Set methods side by side on identical data: error, sigma, floor, NEES, run time.
+
+    Leaves a picture of heading error over time in the first run; with --json only if --out is
+    given. On all cores; the numbers do not depend on how many there are.
+
+    Example: stand compare two-position --imu ring-laser --runs 200 --methods triad,two-position
+
+    What the papers print, beside what comes out here: stand compare --published
+    """
+    if published:
+        _compare_published(as_json)
+        return
+    if procedure is None:
+        raise StandError("compare: name a procedure (stand list procedures), or --published")
+    with _quick_imports():
+        from dataclasses import replace
+
+        from stand.compare import compare as compare_methods
+        from stand.compare import to_json
+        from stand.imu import load_imu
+        from stand.imu import without as switched_off
+        from stand.motion import MotionKind
+        from stand.priors import priors_of
+        from stand.procedure import load_procedure, table_of
+        from stand.session import run_id
+        from stand.simulation import Settings
+        from stand.table import load_table
+
+    loaded, unit = load_procedure(procedure), load_imu(imu)
+    terms = tuple(term.strip() for term in without.split(",") if term.strip())
+    chosen = load_table(table) if table else table_of(loaded)
+    priors = priors_of(switched_off(unit, terms), None if true_table else chosen)
+    settings = Settings(
+        loaded,
+        unit,
+        chosen,
+        _site(loaded.entry.site, latitude, height),
+        replace(loaded.entry.estimate.options(), priors=priors),
+        rate,
+        seed=seed,
+        without=terms,
+        motion=MotionKind(motion.value),
+        true_table=true_table,
+    )
+    folder = out or (None if as_json else Path("recordings") / f"compare_{run_id(settings)}")
+    asked = [name.strip() for name in methods.split(",") if name.strip()]
+    with _progress(f"{loaded.id}, {unit.id}, {runs} runs", as_json) as report:
+        result = compare_methods(settings, runs, asked, report)
+    pictures = []
+    if folder is not None:
+        from stand.history import histories
+        from stand.report.compare import write_picture
+
+        with _working("drawing the first run", as_json):
+            found = histories(settings, [t.method for t in result.tallies])
+            pictures = [write_picture(result, found, folder)]
+    if as_json:
+        _print_json(to_json(result) | {"pictures": [str(path) for path in pictures]})
+        return
+    from stand.report.compare import table as comparison_table
+    from stand.report.console import console, show
+
+    show(console(), [comparison_table(result)])
+    for path in pictures:
+        print(path)
+
+
+def _compare_published(as_json: bool) -> None:
+    from stand.published import all_figures, to_json
+
+    with _working("working out what the papers print", as_json):
+        figures = all_figures()
+    if as_json:
+        _print_json({"published": [to_json(figure) for figure in figures]})
+        return
+    from stand.report.compare import published_text
+    from stand.report.console import console
+
+    print(published_text(figures, console().width))
+
+
 @app.command("import")
 def import_log(
     file: Annotated[Path, typer.Argument(help="A foreign log.")],

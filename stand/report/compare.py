@@ -1,0 +1,211 @@
+"""Methods side by side to look at: a table for a terminal, a PNG of heading error over time.
+
+matplotlib is imported where it is used: it takes a second to start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from io import BytesIO
+from math import ceil, isfinite
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from alignment.budget import PublishedFigure
+from alignment.units import ARC_SECOND, DEG
+from stand.compare import Comparison
+from stand.history import History
+from stand.report.document import TableData
+from stand.tally import Tally
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PNG = "compare.png"
+INK = {"paper": "#ffffff", "ink": "#1b1f24", "grid": "#d9dde3", "floor": "#4a4f57"}
+# Okabe and Ito's blue, told from the orange of what lies outside by colour-blind eyes
+LINE, OUTSIDE = "#0072B2", "#D55E00"
+COLUMNS = (
+    "method",
+    "heading",
+    "sigma",
+    "floor",
+    "err/floor (95 %)",
+    "tilt",
+    "tilt sigma",
+    "tilt floor",
+    "NEES (bounds)",
+    "time",
+)
+NOTES = (
+    "heading, tilt: root mean square of the errors; sigma: what the method claims, on average; "
+    "tilt about one axis",
+    "floor: what white noise alone allows in the time that was used, ARW/(W cos lat sqrt T) and "
+    "VRW/(g sqrt T)",
+    "NEES: 3 where the covariance is honest; bounds of 95 %",
+    "time: work per run",
+)
+BEYOND = "* beyond the linear range: heading sigma or floor above 8 deg, where neither holds"
+
+
+def table(comparison: Comparison) -> TableData:
+    """A row per method."""
+    s = comparison.settings
+    title = f"{s.procedure.entry.title}: {s.imu.title}, {comparison.runs} runs at {s.rate_hz} Hz"
+    title += f" from seed {s.seed}; heading in deg, tilt in arc seconds"
+    notes: list[str] = list(NOTES)
+    if any(t.beyond_linear for t in comparison.tallies):
+        notes.append(BEYOND)
+    notes += refusals(comparison.tallies)
+    return TableData(
+        title,
+        COLUMNS,
+        tuple(_row(t) for t in comparison.tallies),
+        notes=tuple(notes),
+        optional=("tilt floor", "tilt sigma", "floor", "time"),
+    )
+
+
+def refusals(tallies: Sequence[Tally]) -> list[str]:
+    """Why methods gave no answer, or not in every run; those with one reason together."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for t in tallies:
+        if t.refused:
+            often = "always" if t.refused == t.runs else f"in {t.refused} of {t.runs} runs"
+            found.setdefault((often, t.reason), []).append(t.method)
+    return [
+        f"no answer {often} from {', '.join(methods)}: {reason}"
+        for (often, reason), methods in found.items()
+    ]
+
+
+def _row(t: Tally) -> tuple[str, ...]:
+    if t.refused == t.runs:
+        return (t.method, "refuses", *[""] * (len(COLUMNS) - 2))
+    return (
+        t.method,
+        _short(t.rms_heading / DEG) + ("*" if t.beyond_linear else ""),
+        _short(t.sigma_heading / DEG),
+        _short(t.floor_heading / DEG),
+        _between(t.ratio, t.ratio_low, t.ratio_high),
+        _short(t.rms_tilt / ARC_SECOND),
+        _short(t.sigma_tilt / ARC_SECOND),
+        _short(t.floor_tilt / ARC_SECOND),
+        _between(t.nees_mean, t.nees_low, t.nees_high),
+        f"{t.seconds * 1e3:.3g} ms",
+    )
+
+
+def _short(value: float) -> str:
+    """Three digits, or all of those before the point; nothing for NaN."""
+    if not isfinite(value):
+        return ""
+    return f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
+
+
+def _between(value: float, low: float, high: float) -> str:
+    if not isfinite(value):
+        return ""
+    shown = f"{value:.2f}" if value < 10 else _short(value)
+    places = 2 if high < 10 else 0
+    return f"{shown} ({low:.{places}f}-{high:.{places}f})"
+
+
+def published_text(figures: Sequence[PublishedFigure], width: int) -> str:
+    """Figures of the papers beside ours with a verdict each, in lines of so many characters."""
+    blocks = []
+    for f in figures:
+        lines = [*_wrapped("", f.figure, width), *_wrapped("  published  ", f.published, width)]
+        lines += [*_wrapped("  ours       ", f.ours, width), *_wrapped("  ", f.verdict, width)]
+        blocks.append("\n".join(lines))
+    count = sum(f.reproduced for f in figures)
+    return "\n\n".join([*blocks, f"{count} of {len(figures)} reproduced"])
+
+
+def _wrapped(lead: str, text: str, width: int) -> list[str]:
+    return wrap(text, width, initial_indent=lead, subsequent_indent=" " * len(lead))
+
+
+# --- the picture ---------------------------------------------------------------------------------
+
+
+def write_picture(comparison: Comparison, found: Sequence[History], folder: Path) -> Path:
+    """Write `PNG` into a folder, which is made; one that is there is replaced."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / PNG
+    path.write_bytes(picture(comparison, found))
+    return path
+
+
+def picture(comparison: Comparison, found: Sequence[History]) -> bytes:
+    """Heading error over time inside three sigma, a panel per method, as a PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    methods = list(dict.fromkeys(h.method for h in found))
+    wide = min(3, max(1, len(methods)))
+    high = max(1, ceil(len(methods) / wide))
+    size = (max(5.2 * wide, 9.0), 2.9 * high + 1.2)
+    figure = Figure(figsize=size, dpi=120, facecolor=INK["paper"], layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(high, wide, squeeze=False, sharex=True)
+    for axes in grid.flat[len(methods) :]:
+        axes.set_visible(False)
+    last = max((float(h.t[-1]) for h in found), default=1.0)
+    for number, (axes, method) in enumerate(zip(grid.flat, methods, strict=False)):
+        own = [h for h in found if h.method == method]
+        _panel(axes, own, _floor_of(comparison, method), last)
+        if number + wide >= len(methods):
+            axes.set_xlabel("time [s]", color=INK["ink"])
+            axes.tick_params(labelbottom=True)
+    s = comparison.settings
+    figure.suptitle(
+        f"{s.procedure.entry.title}: {s.imu.title}, seed {s.seed}\n"
+        "heading error [deg], orange outside the band of 3 sigma; dashed: white-noise floor",
+        color=INK["ink"],
+        fontsize=12,
+    )
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png", facecolor=INK["paper"], metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def _floor_of(comparison: Comparison, method: str) -> float:
+    found = [t.floor_heading for t in comparison.tallies if t.method == method]
+    return found[0] / DEG if found else float("nan")
+
+
+def _panel(axes: Axes, own: Sequence[History], floor: float, last: float) -> None:
+    end = own[-1]
+    error, sigma = end.error[-1] / DEG, end.sigma[-1] / DEG
+    title = f"{own[0].method}: {error:+.2g} ± {sigma:.1g} at the end"
+    axes.set_title(title, loc="left", fontsize=10, color=INK["ink"])
+    axes.set_facecolor(INK["paper"])
+    axes.grid(True, color=INK["grid"], linewidth=0.8)
+    axes.tick_params(colors=INK["ink"], labelsize=8)
+    for spine in axes.spines.values():
+        spine.set_color(INK["grid"])
+    axes.axhline(0.0, color=INK["ink"], linewidth=0.6)
+    for h in own:
+        band = 3 * h.sigma / DEG
+        axes.fill_between(h.t, -band, band, color=LINE, alpha=0.18, linewidth=0)
+        axes.plot(h.t, h.error / DEG, color=LINE, linewidth=1.3)
+        out = np.abs(h.error) > 3 * h.sigma
+        axes.plot(h.t[out], h.error[out] / DEG, ".", color=OUTSIDE, markersize=3)
+    if isfinite(floor):
+        for sign in (-1, 1):
+            axes.axhline(sign * floor, color=INK["floor"], linewidth=0.9, linestyle=(0, (5, 3)))
+    axes.set_xlim(0.0, last)
+    half = _half_height(own)
+    axes.set_ylim(-half, half)
+
+
+def _half_height(own: Sequence[History]) -> float:
+    """Room for the bands and errors once the first part of each stretch is over."""
+    worst = [
+        np.maximum(3 * h.sigma, np.abs(h.error))[len(h.t) // 4 :].max() for h in own if len(h.t)
+    ]
+    return 1.15 * float(np.max(worst)) / DEG + 1e-12

@@ -1,0 +1,189 @@
+"""Statistics of many runs: what several estimates of one run are worth together.
+
+Estimates of one run share its unit, and are then not independent. How many independent ones the
+pooled values are worth is taken from the scatter between runs, so intervals widen by themselves
+where biases dominate.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import nan
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtri
+
+from alignment.arrays import Array, IntArray
+from alignment.units import DEG
+
+TAIL = 0.025  # of either end of a 95 % interval
+FEW = 30  # runs below which their scatter tells too little: they count as one value each
+LINEAR = 8 * DEG  # heading sigma above which errors are no longer proportional to noise
+FREEDOM = 3  # of one attitude
+
+
+class Found(NamedTuple):
+    """One estimate against the truth, as numbers [rad]; NaN where there is none.
+
+    `north`, `east`: the small rotation about N and E that takes truth to estimate, and its
+    sigmas; `heading` likewise; `nees` of the whole rotation; floors of white noise.
+    """
+
+    heading: float = nan
+    north: float = nan
+    east: float = nan
+    heading_sigma: float = nan
+    north_sigma: float = nan
+    east_sigma: float = nan
+    nees: float = nan
+    heading_floor: float = nan
+    tilt_floor: float = nan
+
+
+class Outcome(NamedTuple):
+    """One method in one run: its estimates, the seconds it worked, or why it refused."""
+
+    method: str
+    seed: int
+    found: tuple[Found, ...] = ()
+    seconds: float = 0.0
+    refusal: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """What became of one method over all runs: root mean squares, mean sigmas and floors [rad].
+
+    `ratio` is rms over floor with its 95 % interval; `nees` the mean over estimates, with the
+    interval that a consistent covariance keeps to in 95 of 100 such comparisons. NaN where there
+    is nothing to say. `seconds` is the work per run, `estimates` how many were pooled.
+    """
+
+    method: str
+    runs: int
+    estimates: int
+    refused: int
+    reason: str
+    rms_heading: float
+    sigma_heading: float
+    floor_heading: float
+    ratio: float
+    ratio_low: float
+    ratio_high: float
+    rms_tilt: float
+    sigma_tilt: float
+    floor_tilt: float
+    ratio_tilt: float
+    ratio_tilt_low: float
+    ratio_tilt_high: float
+    nees_mean: float
+    nees_low: float
+    nees_high: float
+    seconds: float
+
+    @property
+    def beyond_linear(self) -> bool:
+        """Whether heading is so uncertain that floors and sigmas no longer hold."""
+        return max(self.sigma_heading, self.floor_heading) > LINEAR
+
+
+def tally(method: str, runs: int, outcomes: Sequence[Outcome]) -> Tally:
+    """One method's outcomes, one per run, pooled."""
+    refusals = [o.refusal for o in outcomes if o.refusal]
+    table = np.array([f for o in outcomes for f in o.found], dtype=float).reshape(-1, 9)
+    run = np.repeat(np.arange(len(outcomes)), [len(o.found) for o in outcomes])
+    heading, north, east, heading_sigma, north_sigma, east_sigma, nees, floor, tilt_floor = table.T
+    rms, low, high = rms_interval(heading, run)
+    tilts = np.concatenate([north, east])
+    rms_tilt, tilt_low, tilt_high = rms_interval(tilts, np.tile(run, 2))
+    nees_mean, nees_low, nees_high = nees_bounds(nees, run)
+    whole, tilt_whole = _root_mean_square(floor), _root_mean_square(tilt_floor)
+    ratio, ratio_low, ratio_high = (_over(x, whole) for x in (rms, low, high))
+    over = (_over(x, tilt_whole) for x in (rms_tilt, tilt_low, tilt_high))
+    ratio_tilt, ratio_tilt_low, ratio_tilt_high = over
+    return Tally(
+        method=method,
+        runs=runs,
+        estimates=len(table),
+        refused=len(refusals),
+        reason=refusals[0] if refusals else "",
+        rms_heading=rms,
+        sigma_heading=_mean(heading_sigma),
+        floor_heading=whole,
+        ratio=ratio,
+        ratio_low=ratio_low,
+        ratio_high=ratio_high,
+        rms_tilt=rms_tilt,
+        sigma_tilt=_mean(np.concatenate([north_sigma, east_sigma])),
+        floor_tilt=tilt_whole,
+        ratio_tilt=ratio_tilt,
+        ratio_tilt_low=ratio_tilt_low,
+        ratio_tilt_high=ratio_tilt_high,
+        nees_mean=nees_mean,
+        nees_low=nees_low,
+        nees_high=nees_high,
+        seconds=sum(o.seconds for o in outcomes) / runs,
+    )
+
+
+def rms_interval(values: ArrayLike, run: ArrayLike) -> tuple[float, float, float]:
+    """Root mean square of `values` (m,), and the 95 % interval of what it estimates.
+
+    `run` (m,) numbers the runs that the values come from; values that are NaN do not count.
+    """
+    values, run = _counted(values, run)
+    if not len(values):
+        return nan, nan, nan
+    rms = float(np.sqrt(np.mean(values**2)))
+    freedom = worth(values**2, run)
+    low, high = (rms * float(np.sqrt(freedom / chdtri(freedom, p))) for p in (TAIL, 1 - TAIL))
+    return rms, low, high
+
+
+def nees_bounds(values: ArrayLike, run: ArrayLike) -> tuple[float, float, float]:
+    """Mean of normalised squared errors (m,), and the bounds it keeps with 95 % if consistent."""
+    values, run = _counted(values, run)
+    if not len(values):
+        return nan, nan, nan
+    freedom = max(worth(values, run, FREEDOM), float(FREEDOM * len(np.unique(run))))
+    low, high = (FREEDOM * chdtri(freedom, p) / freedom for p in (1 - TAIL, TAIL))
+    return float(np.mean(values)), float(low), float(high)
+
+
+def worth(squares: Array, run: IntArray, each: int = 1) -> float:
+    """Degrees of freedom of the mean of `squares` (m,) that come from runs `run` (m,).
+
+    Each is chi-square with `each` degrees of freedom, times a constant; those of different runs
+    are independent. Of a mean M with variance V there are ``2 M^2 / V``; V from the scatter of
+    the runs' sums, where there are `FEW` runs or more, each with several values.
+    """
+    _, run = np.unique(run, return_inverse=True)
+    counts = np.bincount(run)
+    runs, total = len(counts), len(squares)
+    if runs == total or runs < FEW:
+        return float(each * runs)
+    mean = float(squares.mean())
+    apart = np.bincount(run, squares) - mean * counts
+    variance = float(apart @ apart) / total**2 * runs / (runs - 1)
+    most = float(each * total)
+    return most if variance == 0 else min(2 * mean**2 / variance, most)
+
+
+def _counted(values: ArrayLike, run: ArrayLike) -> tuple[Array, IntArray]:
+    values, run = np.asarray(values, dtype=float), np.asarray(run, dtype=np.int64)
+    finite = np.isfinite(values)
+    return values[finite], run[finite]
+
+
+def _mean(values: Array) -> float:
+    values = values[np.isfinite(values)]
+    return float(values.mean()) if len(values) else nan
+
+
+def _root_mean_square(values: Array) -> float:
+    return float(np.sqrt(_mean(values**2)))
+
+
+def _over(value: float, floor: float) -> float:
+    return value / floor if floor > 0 else nan
