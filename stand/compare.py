@@ -9,10 +9,10 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from math import nan, sqrt
 from typing import Any
@@ -110,32 +110,47 @@ def _all(bench: "_Bench", runs: int, workers: int) -> Generator[list[Outcome]]:
     if workers == 1:
         yield from map(bench.trial, seeds)
         return
-    chunk = max(1, min(_LARGEST_CHUNK, runs // (8 * workers)))
+    size = max(1, min(_LARGEST_CHUNK, runs // (8 * workers)))
     context = multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
     before = set(multiprocessing.active_children())
     with ProcessPoolExecutor(
         workers, context, initializer=_begin, initargs=(bench.settings, bench.methods)
     ) as pool:
         try:
-            yield from pool.map(_trial, seeds, chunksize=chunk)
+            with _interrupts_wait():
+                chunks = [seeds[k : k + size] for k in range(0, runs, size)]
+                coming = [pool.submit(_trials, chunk) for chunk in chunks]
+            for future in coming:
+                yield from future.result()
         except BrokenProcessPool as error:
             raise StandError(
                 "a process that made runs was ended from outside (out of memory?)"
             ) from error
         except BaseException:  # Ctrl-C, or a run that failed: nobody waits for the rest
-            pool.shutdown(wait=False, cancel_futures=True)
             for process in set(multiprocessing.active_children()) - before:
                 process.terminate()
             raise
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Ctrl-C waits; processes started meanwhile never hear it, and say nothing at it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 _bench: "_Bench | None" = None  # of a process that makes runs
 
 
 def _begin(settings: Settings, methods: tuple[str, ...]) -> None:
-    """A process made ready: it ends with its parent, and at Ctrl-C without a word."""
+    """A process made ready: it ends with its parent."""
     global _bench
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
@@ -147,9 +162,9 @@ def _end_with(parent: Any) -> None:
     os._exit(1)
 
 
-def _trial(seed: int) -> list[Outcome]:
+def _trials(seeds: Sequence[int]) -> list[list[Outcome]]:
     assert _bench is not None
-    return _bench.trial(seed)
+    return [_bench.trial(seed) for seed in seeds]
 
 
 class _Bench:
