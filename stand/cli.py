@@ -652,6 +652,26 @@ def allan(
         print(path)
 
 
+@app.command()
+def report(
+    recording: Annotated[Path, typer.Argument(help="Folder of stand run, or its run.mcap.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The page to write; default: report.html in the folder."),
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """One page of a recorded run: results, errors over time, motion, sources. Needs no network.
+
+    Example: stand report recordings/six-position_stim300_seed0 --out report.html
+    """
+    from stand.report.run_page import write_run_page
+
+    with _working("drawing", False):
+        page = write_run_page(recording, out, force=force)
+    print(page)
+
+
 @app.command("check-imu")
 def check_imu(
     unit: Annotated[str, typer.Argument(help="Catalogue id (stand list imus) or a TOML file.")],

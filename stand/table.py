@@ -100,11 +100,22 @@ class SettlingEntry(catalogue.Entry):
     hold_s: Annotated[float, Field(gt=0, le=60)] = 0.5
 
 
+class CertificateEntry(catalogue.Entry):
+    """What a report needs of a real table: all optional, a report leaves a line to fill in."""
+
+    serial_number: str = ""
+    number: str = ""
+    laboratory: str = ""
+    calibrated_on: str = ""
+    valid_until: str = ""
+
+
 class TableEntry(catalogue.Entry):
     """A table class as its TOML file says it."""
 
     title: str
     source: str
+    certificate: CertificateEntry = CertificateEntry()
     geometry: GeometryEntry = GeometryEntry()
     settling: SettlingEntry = SettlingEntry()
     axis: dict[str, AxisEntry]

@@ -126,6 +126,57 @@ def _legend(figure: Figure, styles: Mapping[str, tuple[str, str]], columns: int 
     )  # fmt: skip
 
 
+@dataclass(frozen=True, slots=True)
+class Against:
+    """A prediction against what is required: `ratio` of the two, `guard` the part in doubt."""
+
+    label: str
+    verdict: str
+    ratio: float | None
+    guard: float
+
+
+_VERDICT_HUES = {"PASS": HUES[2], "FAIL": HUES[1], "INDETERMINATE": HUES[4]}
+MOST_RATIO = 2.5  # where bars end, so that the requirement stays in sight
+
+
+def requirements(items: Sequence[Against]) -> Drawing:
+    """How much of each requirement the prediction takes."""
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        for row, item in enumerate(items):
+            axes.barh(
+                row, 200 * item.guard, left=100 * (1 - item.guard), height=0.9, color=HUES[4],
+                alpha=0.25, linewidth=0,
+            )  # fmt: skip
+            if item.ratio is not None:
+                length, colour = 100 * min(item.ratio, MOST_RATIO), _VERDICT_HUES[item.verdict]
+                axes.barh(row, length, height=0.5, color=colour, linewidth=0)
+            axes.text(
+                1.01, row, _against_text(item), transform=axes.get_yaxis_transform(), ha="left",
+                va="center", fontsize=9, color=INK,
+            )  # fmt: skip
+        axes.axvline(100, color=INK, linewidth=1.4)
+        frame(axes, grid="x")
+        widest = max((item.ratio or 0.0 for item in items), default=0.0)
+        axes.set_xlim(0, 100 * max(1.3, min(widest, MOST_RATIO)))
+        axes.set_xlabel("predicted, in % of the requirement; shaded: guard band")
+        _row_labels(axes, [_short(item.label) for item in items])
+
+    words = "; ".join(f"{item.label}: {_against_text(item)}" for item in items)
+    size = (WIDTH, 0.65 + 0.34 * len(items))
+    return drawing("requirements", size, f"Predictions against requirements. {words}", draw)
+
+
+def _against_text(item: Against) -> str:
+    if item.ratio is None:
+        return f"{item.verdict}, not determined"
+    if item.ratio > MOST_RATIO:
+        return f"{item.verdict}, {item.ratio:.3g} times"
+    return f"{item.verdict}, {100 * item.ratio:.3g} %"
+
+
 def budget(budgets: Sequence[Budget]) -> Drawing:
     """Shares of the variance, a row per uncertainty: they add up, as parts do in quadrature."""
     sources = _by_weight(budgets)

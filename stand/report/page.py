@@ -184,13 +184,14 @@ def mark(text: str) -> str:
     return MARKS.get(text.split(":")[0], "")
 
 
-_NUMBER = re.compile(r"[-+−±<>≥≤~]?\s*[\d.]")
+_NUMBER = re.compile(r"[-+−±<>≥≤]?\s*\d+(\.\d*)?(e[-+]?\d+)?([\s%°″(].*)?")
+_NO_NUMBERS = ("", "none", "never", "not determined", "unlimited", "singular")
 
 
 def _numeric(table: TableData, column: int) -> bool:
-    """Whether a column of a table holds numbers: they stand to the right."""
-    cells = [row[column] for row in table.rows if row[column] not in ("", "–", "none", "never")]
-    return bool(cells) and all(_NUMBER.match(cell) for cell in cells)
+    """Whether a column of a table, not its first, holds numbers: they stand to the right."""
+    cells = [row[column] for row in table.rows if row[column] not in _NO_NUMBERS]
+    return column > 0 and bool(cells) and all(_NUMBER.fullmatch(cell) for cell in cells)
 
 
 def refuse_existing(paths: Iterable[Path], option: str) -> None:
@@ -230,7 +231,7 @@ def span_text(seconds: float) -> str:
     """A duration for a person: '12.3 s', '6 min 5 s', '2 h 04 min'."""
     if seconds < 99.95:
         return f"{seconds:.3g} s" if seconds < 10 else f"{seconds:.1f} s".replace(".0 s", " s")
-    if seconds < 3600:
+    if seconds < 3599.5:
         minutes, rest = divmod(round(seconds), 60)
         return f"{minutes} min {rest:02d} s" if rest else f"{minutes} min"
     hours, minutes = divmod(round(seconds / 60), 60)

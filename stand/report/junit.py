@@ -1,0 +1,102 @@
+"""A rehearsal as JUnit XML: build servers show it beside unit tests.
+
+One test case per requirement and one per step. A requirement that fails, and one of which nobody
+can say whether it holds, are failures: `stand rehearse` ends with 1 for both, and a build must
+not go on without knowing. They are told apart by the failure's type, FAIL or INDETERMINATE.
+"""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from stand.rehearsal.result import (
+    Finding,
+    Judgement,
+    Rehearsal,
+    Severity,
+    StepFeasibility,
+    Verdict,
+)
+from stand.report.wording import deg_text, judged_in_words, margin_in_words
+
+
+def junit(result: Rehearsal) -> str:
+    """The XML text, with its declaration."""
+    name = result.inputs.procedure
+    suites = Element("testsuites", name="stand rehearse")
+    for title, cases in (
+        ("requirements", [_required(name, j) for j in result.judgements]),
+        ("steps", [_step(name, step) for step in result.feasibility]),
+        ("findings", [_finding(name, k, f) for k, f in enumerate(_errors(result), start=1)]),
+    ):
+        if cases:
+            suites.append(_suite(result, f"{name}.{title}", cases))
+    for key in ("tests", "failures"):
+        suites.set(key, str(sum(int(suite.get(key, "0")) for suite in suites)))
+    indent(suites)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(suites, "unicode") + "\n"
+
+
+def _errors(result: Rehearsal) -> list[Finding]:
+    return [f for f in result.findings if f.severity is Severity.ERROR]
+
+
+def _suite(result: Rehearsal, name: str, cases: list[Element]) -> Element:
+    failures = sum(case.find("failure") is not None for case in cases)
+    suite = Element(
+        "testsuite",
+        name=_clean(name),
+        tests=str(len(cases)),
+        failures=str(failures),
+        errors="0",
+        skipped="0",
+        time="0",
+    )
+    properties = SubElement(suite, "properties")
+    i = result.inputs
+    known = {"procedure": i.procedure, "imu": i.imu, "table": i.table} | {
+        f"sha256 {key}": value for key, value in i.sha256.items()
+    }
+    for key, value in known.items():
+        SubElement(properties, "property", name=_clean(key), value=_clean(value))
+    suite.extend(cases)
+    return suite
+
+
+def _case(group: str, name: str, failure: tuple[str, str] | None, told: str) -> Element:
+    """A test case; `failure` is its type and message."""
+    case = Element("testcase", classname=_clean(group), name=_clean(name), time="0")
+    if failure is not None:
+        kind, message = failure
+        SubElement(case, "failure", type=kind, message=_clean(message)).text = _clean(told)
+    else:
+        SubElement(case, "system-out").text = _clean(told)
+    return case
+
+
+def _required(procedure: str, j: Judgement) -> Element:
+    told = judged_in_words(j)
+    failure = None if j.verdict is Verdict.PASS else (j.verdict.value, told)
+    return _case(f"{procedure}.requirements", f"{j.quantity} {deg_text(j.required)}", failure, told)
+
+
+def _step(procedure: str, step: StepFeasibility) -> Element:
+    broken = [margin_in_words(m) for m in step.margins if not m.kept]
+    told = "\n".join(margin_in_words(m) for m in step.margins)
+    name = f"step {step.number} {step.kind}" + (f" {step.label}" if step.label else "")
+    failure = ("infeasible", "; ".join(broken)) if not step.feasible else None
+    return _case(f"{procedure}.steps", name, failure, told)
+
+
+def _finding(procedure: str, number: int, found: Finding) -> Element:
+    name = f"{number} {found.kind}" + (f" {found.step}" if found.step else "")
+    return _case(f"{procedure}.findings", name, (found.kind, found.text), found.text)
+
+
+def _clean(text: str) -> str:
+    """Without the characters that XML cannot hold, however they are written."""
+    return "".join(c if c in "\t\n\r" or _allowed(ord(c)) else "\ufffd" for c in text)
+
+
+def _allowed(code: int) -> bool:
+    return 0x20 <= code <= 0xD7FF or 0xE000 <= code <= 0xFFFD or code >= 0x10000

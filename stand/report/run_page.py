@@ -1,0 +1,280 @@
+"""A recorded run to look at: one page with its results, errors over time, motion and sources.
+
+The estimates are made anew from the recording, as `stand align` makes them: the page says what
+the recording holds, not what was once written beside it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from alignment import ESTIMATORS
+from alignment.angles import angles_from_C_nb, near_singular
+from alignment.units import ARC_SECOND, DEG
+from stand.catalogue import Source, parse
+from stand.errors import StandError
+from stand.imu.preset import ImuEntry
+from stand.log import RUN, Log, load_log
+from stand.physics.description import JOINTS
+from stand.procedure import ProcedureEntry
+from stand.record import StepRecord
+from stand.recording.curves import AngleCurves
+from stand.recording.interchange.reader import read_metadata
+from stand.report.document import (
+    ANGLE_NOTE,
+    TableData,
+    motion_table,
+    refusal_lines,
+    score_tables,
+)
+from stand.report.figures import Bar, errors, timeline
+from stand.report.gallery import Position, gallery
+from stand.report.page import refuse_existing, render, span_text, write_whole
+from stand.report.provenance import provenance, sha256_of_file, sha256_of_text
+from stand.score import Refusal, Score, evaluate_each, suited
+from stand.table import TableEntry
+
+PAGE = "report.html"
+_MOVING = ("move", "profile")
+_ENTRIES = {"procedure": ProcedureEntry, "imu": ImuEntry, "table": TableEntry}
+
+
+def write_run_page(run: Path, out: Path | None = None, *, force: bool = False) -> Path:
+    """Write the page of a recorded run.
+
+    Parameters
+    ----------
+    run : Path
+        Folder of `stand run`, or its `run.mcap`.
+    out : Path, optional
+        The file to write; without it `PAGE` in the run's folder.
+    force : bool
+        Replace a page that is there.
+
+    Raises
+    ------
+    StandError
+        Not a recorded run; a page is there (and not `force`); the file cannot be written.
+    """
+    file = run / "run.mcap" if run.is_dir() else run
+    target = out or file.with_name(PAGE)
+    if target.is_dir():
+        raise StandError(f"--out {target}: must be a file")
+    if not force:
+        refuse_existing([target], "--out")
+    return write_whole(target, page(file))
+
+
+def page(file: Path) -> str:
+    """The page of a recording: HTML that needs nothing else."""
+    recorded = _read(file)
+    log, steps, run = recorded.log, recorded.steps, recorded.metadata[RUN]
+    scores, refusals = evaluate_each(
+        log.dwells, log.truths, log.site, log.options, [m for m in log.methods if m in ESTIMATORS]
+    )
+    total = max([s["t_to_s"] for s in steps] or [d.t_to for d in log.dwells], default=0.0)
+    texts = {
+        key: (run.get(key, key), recorded.metadata[key]["toml"])
+        for key in ("procedure", "imu", "table")
+        if "toml" in recorded.metadata.get(key, {})
+    }
+    content = {
+        "title": recorded.title,
+        "subtitle": recorded.subtitle,
+        "facts": _facts(run, log, total),
+        "summary": _summary(scores, refusals),
+        "refusals": refusal_lines(refusals),
+        "tables": score_tables(scores),
+        "angle_note": ANGLE_NOTE if scores else "",
+        "errors": _errors(log, {r.method for r in refusals}, total),
+        "servo": motion_table(recorded.records) if recorded.records else None,
+        "timeline": timeline([_bar(s) for s in steps], total) if steps else None,
+        "gallery": gallery(_positions(steps)),
+        "settings": _settings(run, log),
+        "provenance": provenance(texts, recorded.sha256, _versions(run)),
+        "path": str(file),
+    }
+    return render("run.html.j2", content)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Recorded:
+    """What lies in a run's folder: the log, the steps as they ran, what its files say."""
+
+    title: str
+    subtitle: str
+    log: Log
+    metadata: Mapping[str, Mapping[str, str]]
+    steps: tuple[dict[str, Any], ...]
+    records: tuple[StepRecord, ...]
+    sha256: Mapping[str, str]
+
+
+def _read(file: Path) -> _Recorded:
+    metadata = read_metadata(file)
+    if "stand_version" not in metadata.get(RUN, {}):
+        raise StandError(f"{file}: not a recording of stand run: it has no record {RUN!r}")
+    log = load_log(file, None, None, None)
+    beside = {name: file.with_name(name) for name in ("run.rrd", "result.json")}
+    there = {file.name: file} | {name: path for name, path in beside.items() if path.is_file()}
+    hashes = {name: sha256_of_file(path) for name, path in there.items()}
+    for key in ("procedure", "imu", "table"):
+        if "toml" in metadata.get(key, {}):
+            hashes[key] = sha256_of_text(metadata[key]["toml"])
+    if "model_sha256" in metadata[RUN]:
+        hashes["model"] = metadata[RUN]["model_sha256"]
+    return _Recorded(
+        _title("procedure", metadata) or file.stem,
+        ", on ".join(filter(None, (_title(key, metadata) for key in ("imu", "table")))),
+        log,
+        metadata,
+        tuple(json.loads(metadata.get("schedule", {}).get("json", "[]"))),
+        _records(beside["result.json"]),
+        hashes,
+    )
+
+
+def _title(key: str, metadata: Mapping[str, Mapping[str, str]]) -> str:
+    """What the recorded TOML file calls itself; else its id."""
+    name, text = metadata[RUN].get(key, ""), metadata.get(key, {}).get("toml", "")
+    try:
+        return parse(Source(name, name, text), _ENTRIES[key]).title if text else name
+    except StandError:  # recorded by another version
+        return name
+
+
+def _records(path: Path) -> tuple[StepRecord, ...]:
+    """What the servo did, as `result.json` has it; nothing where that is not there."""
+    if not path.is_file():
+        return ()
+    try:
+        steps = json.loads(path.read_text(encoding="utf-8")).get("steps", [])
+        return tuple(_record(step) for step in steps)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise StandError(f"{path}: not a result of stand run: {error}") from error
+
+
+def _record(step: Mapping[str, Any]) -> StepRecord:
+    def by_joint(key: str, unit: float) -> np.ndarray:
+        return np.array([step[key][joint] for joint in JOINTS]) * unit
+
+    return StepRecord(
+        step["label"],
+        step["kind"],
+        step["t_from_s"],
+        step["t_to_s"],
+        by_joint("following_max_arc_s", ARC_SECOND),
+        by_joint("following_rms_arc_s", ARC_SECOND),
+        by_joint("saturated_s", 1.0),
+        by_joint("torque_percent", 0.01),
+        step["rests"],
+        step["settled_after_s"],
+    )
+
+
+# What is shown -----------------------------------------------------------------------------------
+
+
+def _facts(run: Mapping[str, str], log: Log, total: float) -> list[tuple[str, str]]:
+    latitude = log.site.latitude
+    return [
+        ("took", span_text(total)),
+        ("readings", f"{run.get('rate_hz', '?')} Hz"),
+        ("motion", run.get("motion", "unknown")),
+        ("seed", run.get("seed", "none")),
+        ("latitude", "unknown" if latitude is None else f"{latitude / DEG:g}°"),
+        ("height", f"{log.site.height:g} m"),
+    ]
+
+
+def _summary(scores: Sequence[Score], refusals: Sequence[Refusal]) -> list[str]:
+    """A line per method: its greatest error, or that it gives none."""
+    lines = []
+    for method in dict.fromkeys(s.estimate.method for s in scores):
+        own = [s for s in scores if s.estimate.method == method and s.error is not None]
+        if not own:
+            continue
+        worst = max(own, key=lambda s: float(np.abs(s.error).max()))  # pyright: ignore[reportArgumentType,reportCallIssue]
+        assert worst.error is not None
+        k = int(np.argmax(np.abs(worst.error)))
+        size = abs(float(worst.error[k])) / DEG
+        angle = ("roll", "yaw", "pitch")[k]
+        lines.append(
+            f"{method}: greatest error {size:.3g}°, of {angle} in “{worst.estimate.label}”"
+        )
+    lines += [f"{r.method}: no estimate" for r in refusals]
+    return lines
+
+
+def _errors(log: Log, refused: set[str], total: float) -> list[Any]:
+    """A figure per method that has tracks, where the truth is known."""
+    from stand.session import curves
+
+    found = []
+    for method in log.methods:
+        known = ESTIMATORS.get(method)
+        if known is None or known.tracks is None or method in refused or not log.simulated:
+            continue
+        wanted = {dwell.label for dwell in suited(method, log.dwells)}
+        tracks: list[AngleCurves] = []
+        for dwell, truth in zip(log.dwells, log.truths, strict=True):
+            if dwell.label not in wanted or truth.C_nb is None:
+                continue
+            tracks += [
+                curves(track, truth.C_nb)
+                for track in known.tracks(dwell, log.site, log.options)
+                if not near_singular(track.sequence, angles_from_C_nb(track.sequence, truth.C_nb))
+            ]
+        for name in dict.fromkeys(track.method for track in tracks):
+            own = [track for track in tracks if track.method == name and len(track.t_ns)]
+            if own:
+                found.append(errors(name, len(found), own, total))
+    return found
+
+
+def _bar(step: Mapping[str, Any]) -> Bar:
+    """A step as recorded: steady between, moving before and after."""
+    t = [step["t_from_s"], step.get("steady_from_s"), step.get("steady_to_s"), step["t_to_s"]]
+    if step["kind"] in _MOVING or None in t:
+        moving = step["kind"] != "dwell"
+        arrival = t[1] if step["kind"] == "move" and t[1] is not None else t[3]
+        return _phases(step, [("motion" if moving else "dwell", t[0], arrival)])
+    return _phases(step, [("motion", t[0], t[1]), ("dwell", t[1], t[2]), ("motion", t[2], t[3])])
+
+
+def _phases(step: Mapping[str, Any], phases: Sequence[tuple[str, float, float]]) -> Bar:
+    return Bar(step["label"], step["kind"], tuple(p for p in phases if p[2] > p[1]))
+
+
+def _positions(steps: Sequence[Mapping[str, Any]]) -> list[Position]:
+    return [
+        Position(step["label"], np.radians(step["joints_deg"]))
+        for step in steps
+        if "joints_deg" in step and (step["kind"] == "dwell" or step.get("turning"))
+    ]
+
+
+def _settings(run: Mapping[str, str], log: Log) -> TableData:
+    shown = {
+        "procedure": run.get("procedure"),
+        "IMU": run.get("imu"),
+        "table": run.get("table"),
+        "samples": f"{run.get('sampling', '')} at {run.get('rate_hz', '?')} Hz",
+        "error terms off": run.get("without") or "none",
+        "gravity": f"{log.site.gravity:.7f} m/s²",
+        "frame n": run.get("frame_n"),
+        "frame b": run.get("frame_b"),
+        "IMU topic": log.topic,
+    }
+    rows = tuple((name, str(value)) for name, value in shown.items() if value)
+    return TableData("Settings", ("setting", "value"), rows)
+
+
+def _versions(run: Mapping[str, str]) -> dict[str, str]:
+    return {key: value for key, value in run.items() if key.endswith("_version")}

@@ -1,0 +1,55 @@
+"""A rehearsal's numbers in words and with units, for the page and for build servers."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from alignment.units import ARC_SECOND, DEG
+from stand.rehearsal.result import Judgement, Margin, Prediction
+
+_ARC_SECONDS_BELOW = 0.01 * DEG
+
+
+def digits(value: float) -> str:
+    """Three digits, or all of those before the point: '0.0123', '1.5', '1234'."""
+    if not isfinite(value):
+        return "unlimited"
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def deg_text(angle: float) -> str:
+    """An angle [rad] in degrees, small ones with their arc seconds."""
+    if abs(angle) >= _ARC_SECONDS_BELOW or angle == 0:
+        return f"{digits(angle / DEG)}°"
+    return f"{digits(angle / DEG)}° ({digits(angle / ARC_SECOND)}″)"
+
+
+def sigma_text(p: Prediction) -> str:
+    """A predicted sigma in the unit it is told in."""
+    return "not determined" if p.sigma is None else f"{digits(p.sigma / p.per)} {p.unit}"
+
+
+def judged_in_words(j: Judgement) -> str:
+    """One sentence of a requirement: what is asked, what is predicted, by what, and why not."""
+    asked = f"{j.quantity} within {deg_text(j.required)} (k = {j.coverage:g})"
+    where = " of ".join(part for part in (j.method, f'"{j.label}"' if j.label else "") if part)
+    found = "not determined" if j.expanded is None else f"predicted {deg_text(j.expanded)}"
+    told = f"{j.verdict.value}: {asked}; {found}" + (f" by {where}" if where else "")
+    return f"{told}; {j.reason}" if j.reason else told
+
+
+def margin_in_words(m: Margin) -> str:
+    """One sentence of a limit: how much of it is used, by what and when."""
+    name = " ".join(part for part in (m.axis, m.quantity) if part)
+    told = f"{name} {digits(m.value)} of {digits(m.limit)} {m.unit} ({percent(m.ratio)})"
+    if m.first_violation is not None:
+        return f"{told}, first beyond it at {m.first_violation:.3f} s"
+    return told if m.t is None else f"{told} at {m.t:.3f} s"
+
+
+def percent(ratio: float) -> str:
+    """A part of a limit: '52 %', '0.4 %'."""
+    if not isfinite(ratio):
+        return "beyond it"
+    value = 100 * ratio
+    return f"{value:.0f} %" if value >= 9.5 or value == 0 else f"{value:.2g} %"

@@ -1,0 +1,343 @@
+"""Pages of a rehearsal and of a recorded run: whole, and honest about what is missing."""
+
+import json
+import os
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pages import checked
+from rehearsed import DEG, PROCEDURE, answer, infeasible
+
+from stand.errors import StandError
+from stand.physics.picture import NoDriver, pictures, png
+from stand.rehearsal.result import Duration, Rehearsal, Verdict
+from stand.report import gallery as gallery_module
+from stand.report.document import TableData
+from stand.report.figures import Against, Bar, Budget, budget, requirements, timeline
+from stand.report.gallery import MOST, Position, angles_text, gallery
+from stand.report.page import _numeric, refuse_existing, span_text, write_whole
+from stand.report.rehearsal import JSON, JUNIT, PAGE, page, write_report
+from stand.report.run_page import write_run_page
+
+HOSTILE = "<script>alert(1)</script> \"'&amp; $x_{$ </svg> --> 日本 \u202e"
+
+
+@pytest.fixture
+def quick_pictures(monkeypatch):
+    """Pictures without a driver: 4 by 4 pixels for each row of joint angles."""
+    drawn = []
+
+    def fake(joints, camera, width, height):
+        drawn.append(np.asarray(joints))
+        return [np.full((4, 4, 3), k, np.uint8) for k in range(len(joints))]
+
+    monkeypatch.setattr(gallery_module, "pictures", fake)
+    return drawn
+
+
+# Rehearsal ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_the_page_is_whole_and_says_the_verdict_first(quick_pictures, verdict):
+    shown = checked(page(answer(verdict)))
+    assert shown.said.startswith(f"{verdict.value}: rehearsal of Two positions, 180 degrees apart")
+    head, _, rest = shown.said.partition("Required accuracy")
+    assert verdict.value in head.split("Rehearsal:")[1]
+    for heading in ("Duration", "Feasibility", "Accuracy", "The stand in each position"):
+        assert heading in rest
+    # requirements, timeline and budget
+    assert len(shown.of("svg")) == 3
+    assert len(shown.of("img")) == 2  # two different positions of three steps
+
+
+def test_the_page_says_what_the_answer_says(quick_pictures):
+    said = checked(page(answer(Verdict.FAIL))).said
+    for words in (
+        "Will not be met: heading within 0.05°.",
+        "Will be met: pitch within 0.01°.",
+        "outer rate 320 of 300 deg/s (107 %), first beyond it at 296.750 s",
+        "Rest 418 s instead of 296 s in both positions.",
+        'step 1 "first", duration_s: 296 becomes 418',
+        "With it: sigma 0.038°, takes 14 min 04 s.",
+        "sigma above 10 deg: the estimator is no longer linear there",
+        "level at rest, accelerometer X bias cannot be told from pitch",
+        "turn-on bias 1.9, bias instability 0.028",
+        "warning , second: the class states no settling time",
+        "ab" * 32,
+        "latitude 48.5°",
+        "outer 180°",
+        "revision B",
+        "numpy 2.3.0",
+        "Table, calibration certificate",
+    ):
+        assert words in said, words
+    assert PROCEDURE.splitlines()[-1] in said
+    # 0.0332^2 of a sum of 0.0332^2 + 0.0281^2 + 0.0014^2 + 0.0083^2 + 0.0121^2 is 52 %
+    labels = " ".join(a.get("aria-label") or "" for _, a in checked(page(answer())).tags)
+    assert "two-position: heading 0.0459 deg: white noise 52 %, bias instability 37 %" in labels
+    assert "Timeline of 3 steps over 10 min: motion 7.2 s, settling 1.7 s" in labels
+    assert "heading 0.05°: FAIL, 184 %" in labels
+
+
+def test_a_table_that_cannot_do_it_fails_whatever_the_accuracy(quick_pictures):
+    said = checked(page(infeasible())).said
+    assert said.startswith("FAIL")
+    assert "The procedure cannot run as it is" in said
+    assert "Will be met: heading within 0.2°, pitch within 0.01°." in said
+
+
+def test_without_requirements_advice_or_steps(quick_pictures):
+    bare = replace(
+        answer(Verdict.PASS), judgements=(), predictions=(), observability=(), findings=()
+    )
+    said = checked(page(bare)).said
+    assert "It states no required accuracy." in said
+    assert "Advice" not in said
+    empty = Rehearsal(bare.inputs, (), Duration(()), (), (), (), (), ())
+    assert "no position to show" in checked(page(empty)).said
+
+
+def test_hostile_text_stays_text(quick_pictures):
+    evil = answer(Verdict.FAIL, HOSTILE)
+    evil = replace(
+        evil,
+        inputs=replace(evil.inputs, imu_title=HOSTILE, procedure_text=HOSTILE, revision=HOSTILE),
+        feasibility=tuple(replace(s, label=HOSTILE) for s in evil.feasibility),
+        duration=Duration(tuple(replace(s, label=HOSTILE) for s in evil.duration.steps)),
+        predictions=tuple(replace(p, method=HOSTILE, label=HOSTILE) for p in evil.predictions),
+        judgements=tuple(replace(j, reason=HOSTILE, label=HOSTILE) for j in evil.judgements),
+        findings=tuple(replace(f, text=HOSTILE, step=HOSTILE) for f in evil.findings),
+        advice=tuple(replace(a, text=HOSTILE, toml=HOSTILE) for a in evil.advice),
+    )
+    text = page(evil)
+    shown = checked(text)
+    assert "<script" not in text
+    assert " ".join(HOSTILE.split()) in shown.said
+
+
+def test_files_are_written_whole_and_stay_unless_forced(tmp_path, quick_pictures):
+    folder = tmp_path / "new" / "report"
+    paths = write_report(answer(), folder)
+    assert paths == [folder / name for name in (PAGE, JSON, JUNIT)]
+    assert sorted(path.name for path in folder.iterdir()) == sorted((PAGE, JSON, JUNIT))
+    assert json.loads((folder / JSON).read_text())["verdict"] == "FAIL"
+    (folder / "notes.txt").write_text("mine")
+    before = [path.read_bytes() for path in paths]
+    with pytest.raises(StandError, match=r"rehearsal\.html: exists; --force replaces it"):
+        write_report(answer(Verdict.PASS), folder)
+    assert [path.read_bytes() for path in paths] == before
+    write_report(answer(Verdict.PASS), folder, force=True)
+    assert json.loads((folder / JSON).read_text())["verdict"] == "PASS"
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert (folder / PAGE).stat().st_mode & 0o777 == 0o644
+
+
+def test_same_answer_same_bytes(quick_pictures):
+    assert page(answer()) == page(answer())
+
+
+def test_the_tables_certificate_fills_the_record(quick_pictures):
+    from stand.table import load_table
+
+    text = load_table("mid-class").text
+    stated = '[certificate]\nserial_number = "T-17"\nvalid_until = "2027-03"\n' + text.partition(
+        "[geometry]"
+    )[2].join(["[geometry]", ""])
+    text = text.partition("[geometry]")[0] + stated
+    result = answer()
+    result = replace(result, inputs=replace(result.inputs, table_text=text))
+    shown = checked(page(result))
+    assert "Table, serial number T-17" in shown.said
+    assert "Valid until 2027-03" in shown.said
+    blanks = [a for _, a in shown.tags if a.get("class") == "blank"]
+    assert len(blanks) == 6  # of eight fields
+
+
+# Figures -----------------------------------------------------------------------------------------
+
+
+def test_many_steps_share_a_row_of_their_kind():
+    bars = [Bar(f"s{k}", ("dwell", "move")[k % 2], (("dwell", k, k + 1.0),)) for k in range(200)]
+    shown = timeline(bars, 200.0)
+    assert "s17" not in shown.svg
+    assert re.search(">dwell<", shown.svg)
+    assert float(re.search(r'viewBox="0 0 720 ([\d.]+)"', shown.svg)[1]) < 150
+
+
+def test_colours_are_the_pages_own():
+    shown = budget([Budget("a", "1 deg", {"one": 3.0, "two": 1.0})])
+    assert not re.search("#[0-9a-f]{6}", shown.svg)
+    assert "var(--hue0)" in shown.svg
+    assert shown.alt == "What each uncertainty is made of. a 1 deg: one 75 %, two 25 %"
+
+
+def test_more_sources_than_colours_are_told_apart_by_hatching():
+    many = {f"source {k}": 1.0 + k for k in range(20)}
+    shown = budget([Budget("a", "1", many), Budget("none", "0", {})])
+    assert shown.svg.count("<pattern") == 12  # all beyond the eight colours
+
+
+def test_a_prediction_far_beyond_is_cut_and_one_that_is_missing_is_said():
+    shown = requirements(
+        [Against("a", "FAIL", 40.0, 0.1), Against("b", "INDETERMINATE", None, 0.1)]
+    )
+    assert "FAIL, 4e+03 %" not in shown.svg
+    assert "FAIL, 40 times" in shown.svg
+    assert "INDETERMINATE, not determined" in shown.svg
+
+
+@pytest.mark.parametrize(
+    ("seconds", "told"),
+    [(0, "0 s"), (1.234, "1.23 s"), (12.34, "12.3 s"), (60, "60 s"), (99.97, "1 min 40 s"),
+     (600, "10 min"), (3599.7, "1 h 00 min"), (7440, "2 h 04 min")],
+)  # fmt: skip
+def test_durations_for_a_person(seconds, told):
+    assert span_text(seconds) == told
+
+
+def test_columns_of_numbers_stand_to_the_right():
+    table = TableData(
+        "t",
+        ("a", "b", "c", "d", "e"),
+        (("1", "1.5", "ab12", "-0.01 ± 0.2", "1.2.3"), ("2", "", "12ab", "± 3", "4")),
+    )
+    assert [_numeric(table, k) for k in range(5)] == [False, True, False, True, False]
+
+
+# Pictures ----------------------------------------------------------------------------------------
+
+
+def test_positions_that_look_alike_share_a_picture(quick_pictures):
+    turned = np.array([0, 0, 0, 2 * np.pi, 0, 0])
+    shown = gallery(
+        [Position("a", np.zeros(6)), Position("b", turned), Position("c", np.full(6, 0.1))]
+    )
+    assert [p.caption.split(":")[0] for p in shown.photos] == ["a, b", "c"]
+    (drawn,) = quick_pictures
+    np.testing.assert_array_equal(drawn, [np.zeros(6), np.full(6, 0.1)])
+
+
+def test_very_many_positions_are_cut_and_told(quick_pictures):
+    shown = gallery([Position(str(k), np.full(6, 0.01 * k)) for k in range(MOST + 3)])
+    assert len(shown.photos) == MOST
+    assert shown.note == "3 further positions are not shown."
+
+
+def test_without_a_driver_the_page_says_so(monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "osmosis")
+    with pytest.raises(NoDriver, match=r"osmosis.*install libegl1"):
+        pictures(np.zeros(6))
+    said = checked(page(answer())).said
+    assert "No pictures: no OpenGL driver (osmosis:" in said
+
+
+def test_the_stand_is_drawn(monkeypatch):
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    rest, tilted = pictures([np.zeros(6), [0, 0, 0, 0, 60 * DEG, 0]], width=160, height=120)
+    assert rest.shape == (120, 160, 3)
+    assert rest.std() > 20  # not one colour
+    changed = np.abs(rest.astype(int) - tilted).max(axis=2) > 30
+    assert 0.01 < changed.mean() < 0.5  # the gimbals and their shadows, not the whole scene
+    with pytest.raises(StandError, match="unknown camera 'nose'"):
+        pictures(np.zeros(6), "nose", 16, 16)
+    data = png(rest)
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    assert (int.from_bytes(data[16:20]), int.from_bytes(data[20:24])) == (160, 120)
+
+
+def test_angles_for_a_person():
+    assert angles_text(np.zeros(6)) == "all at zero"
+    assert angles_text(np.array([0, 0, 0, np.pi / 2, 0, -0.5 * DEG])) == "outer 90°, inner -0.5°"
+
+
+# Files -------------------------------------------------------------------------------------------
+
+
+def test_a_file_that_cannot_be_written_is_one_line(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(StandError, match="cannot write there"):
+        write_whole(tmp_path / "file" / "below.html", "text")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(StandError, match="cannot write there"):
+        write_whole(tmp_path / "folder", "text")
+    assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
+
+
+def test_a_link_counts_as_there(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(StandError, match="exists"):
+        refuse_existing([tmp_path / "link"], "--out")
+
+
+# A recorded run ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def run_page(recorded, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "run.html"
+    return write_run_page(recorded.folder, path).read_text(encoding="utf-8")
+
+
+def test_the_page_of_a_run(run_page, recorded):
+    shown = checked(run_page)
+    assert shown.said.startswith("Run: Short test Recorded run: Short test")
+    assert "six-position, same window [deg]" in shown.said
+    # six-position has two windows; rk4 one; triad follows nothing over time; and the timeline
+    assert len(shown.of("svg")) == 4
+    assert "no servo was simulated" in shown.said
+    text = (recorded.folder / "run.mcap").read_bytes()
+    from hashlib import sha256
+
+    assert sha256(text).hexdigest() in shown.said
+    # the numbers of the table are those of the recording
+    rk4 = next(e for e in recorded.printed["estimates"] if e["method"] == "rk4")
+    assert f"{rk4['error_pitch_deg']:+.4f}" in shown.said
+
+
+def test_the_servos_table(recorded, tmp_path, quick_pictures):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "run.mcap").symlink_to(recorded.folder / "run.mcap")
+    result = json.loads((recorded.folder / "result.json").read_text())
+    by_axis = dict.fromkeys(
+        ("base_roll", "base_pitch", "base_yaw", "outer", "middle", "inner"), 0.0
+    )
+    result["steps"] = [
+        {
+            "label": "Y1 up", "kind": "dwell", "t_from_s": 0.0, "t_to_s": 12.0,
+            "following_max_arc_s": by_axis | {"middle": 7.25},
+            "following_rms_arc_s": by_axis | {"middle": 3.5},
+            "saturated_s": by_axis, "torque_percent": by_axis | {"outer": 41.0}, "rests": True,
+            "settled_after_s": 0.4,
+        }
+    ]  # fmt: skip
+    (folder / "result.json").write_text(json.dumps(result))
+    said = checked(write_run_page(folder).read_text(encoding="utf-8")).said
+    assert "7.25 middle 3.5 0.40 0 41 outer" in said
+    assert (folder / "report.html").is_file()
+
+
+def test_the_command(stand_command, recorded, tmp_path, quick_pictures):
+    page_path = tmp_path / "page.html"
+    done = stand_command("report", recorded.folder, "--out", page_path)
+    assert (done.code, done.out.strip()) == (0, str(page_path))
+    done = stand_command("report", recorded.folder, "--out", page_path)
+    assert done.code == 2
+    assert "exists; --force replaces it" in done.err
+    assert stand_command("report", recorded.folder, "--out", tmp_path).code == 2
+    done = stand_command("report", tmp_path)
+    assert (done.code, done.err.count("\n")) == (2, 1)
+
+
+def test_a_foreign_log_is_not_a_run(tmp_path):
+    from stand.recording.interchange.writer import write_imu_log
+
+    still = np.tile([0.0, 9.81, 0.0], (30, 1))
+    t_ns = (np.arange(30) + 1) * 10**7
+    path = tmp_path / "log.mcap"
+    write_imu_log(path, t_ns=t_ns, w_ib_b=0 * still, f_b=still, metadata={})
+    with pytest.raises(StandError, match="not a recording of stand run"):
+        write_run_page(path)
