@@ -38,15 +38,22 @@ def mean_variance(values: Array) -> Array:
     32nd of the record, and any constant bias, are not in it. Blocks of n samples differ by one
     where 32 does not divide n, which overstates the variance (by 12 % at n = 48, 1 % at 500).
     """
-    blocks = min(BLOCKS, len(values))
-    return block_means(values, blocks).var(axis=0, ddof=1) / blocks
+    return _mean_and_variance(values)[1]
 
 
 def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
-    """Means (6,) of rates and forces, and the variances (6,) of those means."""
-    means = np.concatenate([readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0)])
-    variances = np.concatenate([mean_variance(readings.w_ib_b), mean_variance(readings.f_b)])
-    return means, variances
+    """Means (6,) of rates and forces, and the variances (6,) of those means, as `mean_variance`."""
+    w, w_variance = _mean_and_variance(readings.w_ib_b)
+    f, f_variance = _mean_and_variance(readings.f_b)
+    return np.concatenate([w, f]), np.concatenate([w_variance, f_variance])
+
+
+def _mean_and_variance(values: Array) -> tuple[Array, Array]:
+    """In one pass over the values: the mean is that of the block means, by their lengths."""
+    n, blocks = len(values), min(BLOCKS, len(values))
+    means = block_means(values, blocks)
+    lengths = np.diff(np.arange(blocks + 1) * n // blocks)
+    return lengths @ means / n, means.var(axis=0, ddof=1) / blocks
 
 
 def gap_doubt(readings: ImuReadings) -> tuple[str, ...]:

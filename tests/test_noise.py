@@ -60,7 +60,8 @@ def test_blocks_of_unequal_length_err_on_the_safe_side(n):
 def test_correlated_noise_is_seen():
     n, columns, a = 3200, 400, 0.9
     rng = np.random.default_rng(2)
-    values = signal.lfilter([1.0], [1.0, -a], rng.normal(size=(n + 200, columns)), axis=0)[200:]
+    driven = signal.lfilter([1.0], [1.0, -a], rng.normal(size=(n + 200, columns)), axis=0)
+    values = np.asarray(driven)[200:]
     estimate = float(np.mean(mean_variance(values)))
     white = float(np.mean(values.var(axis=0, ddof=1))) / n
     # Closed form for a first-order process; the factor over the white formula is (1+a)/(1-a) = 19.
@@ -105,6 +106,15 @@ def test_mean_and_variance_put_rates_first():
     np.testing.assert_allclose(means[:3], [1e-5, 5e-5, -3e-5], rtol=0, atol=1.3e-6)
     np.testing.assert_allclose(means[3:], [0, G, 0], rtol=0, atol=1.3e-4)
     np.testing.assert_allclose(variances, [1e-13] * 3 + [1e-9] * 3, rtol=0.75)
+
+
+def test_blocks_of_unequal_length_have_their_weight():
+    rng = np.random.default_rng(5)
+    t = np.arange(1.0, 51.0)
+    w, f = rng.normal(size=(2, 50, 3))  # 18 blocks of two samples, 14 of one
+    means, _ = mean_and_variance(ImuReadings(t, w, f))
+    # rounding of 50 sums of order one
+    np.testing.assert_allclose(means, [sum(c) / 50 for c in (*w.T, *f.T)], rtol=0, atol=1e-15)
 
 
 def leaning(angle, n=1020):

@@ -1,0 +1,86 @@
+"""Speed of the methods and of their comparison: rows for `make bench`.
+
+Each figure stands beside its goal; nothing is asserted.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+from alignment import ESTIMATORS
+from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
+from stand.compare import compare
+from stand.imu import load_imu
+from stand.priors import priors_of
+from stand.procedure import load_procedure, table_of
+from stand.simulation import Settings
+from stand.trials import Trials
+
+Best = Callable[[Callable[[], object], int], float]
+Rows = list[tuple[str, str, str]]
+COMPARED = ("triad", "two-position")
+
+
+def settings_of(name: str, rate_hz: int, imu: str = "ring-laser") -> Settings:
+    """A procedure as `stand compare` runs it."""
+    procedure, unit = load_procedure(name), load_imu(imu)
+    table = table_of(procedure)
+    options = replace(procedure.entry.estimate.options(), priors=priors_of(unit, table))
+    return Settings(procedure, unit, table, procedure.entry.site.site(), options, rate_hz)
+
+
+def method_rows(best: Best) -> Rows:
+    """Means, checks and whole methods, in samples/s of 200 Hz data."""
+    settings = settings_of("two-position", 200)
+    dwells, _ = Trials(settings).readings(0)
+    dwell = dwells[0]
+    readings, n = dwell.window(), len(dwell.window())
+    rocking = settings_of("random-sway", 200)
+    swaying, _ = Trials(rocking).readings(0)
+    m = len(swaying[0].readings)
+
+    def estimated(name: str) -> Callable[[], object]:
+        return lambda: ESTIMATORS[name].estimate(swaying, rocking.site, rocking.options)
+
+    def checked() -> None:
+        check_at_rest(dwell)
+        gap_doubt(dwell.window())
+
+    def estimate() -> None:
+        ESTIMATORS["triad"].estimate([dwell], settings.site, settings.options)
+
+    return [
+        _row("means and their variances", n / best(lambda: mean_and_variance(readings), 15), 50e6),
+        _row("checks of rest and gaps", n / best(checked, 15), 5e6),
+        _row("triad, whole", n / best(estimate, 7), 5e6),
+        _row("inertial, rocking", m / best(estimated("inertial"), 3), 2e6),
+        _row("fine, rocking, 10 updates/s", m / best(estimated("fine"), 3), 150e3),
+    ]
+
+
+def compare_rows() -> Rows:
+    """Runs of `stand compare two-position` at 20 Hz, start of the processes included."""
+    settings, rows = settings_of("two-position", 20), []
+    per_core = 0.0
+    for workers, runs in ((1, 60), (2, 240)):
+        if workers > (os.cpu_count() or 1):
+            break
+        begin = time.perf_counter()
+        compare(settings, runs, COMPARED, workers=workers)
+        rate = runs / (time.perf_counter() - begin)
+        per_core = per_core or rate
+        name = f"compare two-position, {workers} core{'s' * (workers > 1)}"
+        rows.append((name, f"{rate:.0f} runs/s", f"{rate / per_core:.2f} of one core"))
+    return rows
+
+
+def _row(what: str, rate: float, goal: float = 0.0) -> tuple[str, str, str]:
+    return what, f"{rate:,.0f} samples/s", f"{rate / goal:.2f} of the goal" if goal else ""
+
+
+if __name__ == "__main__":
+    from bench import best
+
+    for row in (*method_rows(best), *compare_rows()):
+        print("{:36}{:>26}   {}".format(*row))
