@@ -21,6 +21,7 @@ from alignment.multiposition import ROUNDING, local_vectors
 from alignment.noise import BLOCKS, REST_BLOCK, REST_RATE, REST_TILT, gap_doubt
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.saturation import saturation_doubt
 from alignment.static import heading_doubt
 from alignment.units import ARC_MINUTE, DEG_PER_HOUR
 
@@ -241,11 +242,13 @@ def _covariance(
     f_axis = accels.constant @ axis_b
     gravity = np.sqrt(f_axis**2 + np.sum(accels.across**2, axis=-1))
     axis_n = C_nb @ axis_b
-    # errors of force in n: noise of the harmonic across the axis, bias and scale along it
+    # errors of force in n: noise of the harmonic across the axis, bias and scale along it; a seat
+    # off in b puts the axis elsewhere in b, and with it the vertical
+    across_variance = accels.variance + (priors.seat * gravity) ** 2
     along = accels.variance + priors.accel_bias**2 + (priors.accel_scale * f_axis) ** 2
     outer = axis_n[..., :, None] * axis_n[..., None, :]
     leaning = (C_nb @ accels.across[..., None]) * priors.accel_scale
-    F = accels.variance[..., None, None] * (np.eye(3) - outer) + along[..., None, None] * outer
+    F = across_variance[..., None, None] * (np.eye(3) - outer) + along[..., None, None] * outer
     F = F + accels.share[..., None, None] * leaning * np.swapaxes(leaning, -1, -2)
     tilt = np.zeros((*gravity.shape, 3, 3))
     tilt[..., 0, 1], tilt[..., 1, 0] = -1 / gravity, 1 / gravity
@@ -322,7 +325,7 @@ def _stretch(dwell: Dwell) -> _Stretch:
     _check_turning(dwell.label, readings, X, axis, h_w, h_f)
     steps = np.diff(readings.t, prepend=readings.t[0] - readings.interval)
     speed = harmonic_fit(X, (np.diff(angle) / steps)[:, None])
-    flags = gap_doubt(readings)
+    flags = gap_doubt(readings) + saturation_doubt(dwell.label, readings)
     used = (readings.t[-1] - readings.t[0]) / (dwell.t_to - dwell.t_from)
     if used < 1 - UNUSED:
         flags += (f"{100 * (1 - used):.0f} % of the stretch is beyond whole turns and left out",)
@@ -380,8 +383,8 @@ def carousel(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     site : Site
         Latitude known.
     options : Options
-        `rule`; `priors`: `turn` is the placement at encoder angle 0, accelerometer errors act
-        along the axis; gyro biases and scale errors do not matter.
+        `rule`; `priors`: `turn` is the placement at encoder angle 0, `seat` how far the axis is
+        off in b, accelerometer errors act along it; gyro biases and scale errors do not matter.
 
     Returns
     -------

@@ -15,3 +15,7 @@ class TooShort(AlignmentError):
 
 class PoleError(AlignmentError):
     """Heading is undefined: the horizontal Earth rate vanishes."""
+
+
+class Saturated(AlignmentError):
+    """A sensor was driven beyond its range, and its readings are not what it felt."""

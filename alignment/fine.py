@@ -36,6 +36,7 @@ from alignment.inertial import (
 )
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.saturation import saturation_doubt
 from alignment.static import TRACK_STEP, heading_doubt
 from alignment.strapdown import Carried, carry, matrices
 
@@ -222,7 +223,8 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     carried = carry(readings, UPDATE)
     matched = match(carried, site)
     _, wander = covariances(carried, matched, noise, priors)
-    flags = gravity_doubt(carried, site) + wander_doubt(dwell.label, carried, matched, wander)
+    flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
+    flags += wander_doubt(dwell.label, carried, matched, wander)
     names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
     model = _Model(readings, site, noise, priors, names)
     reference = _Reference(carried, matched.C_ni, np.zeros(3))

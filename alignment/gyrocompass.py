@@ -14,8 +14,9 @@ from alignment.errors import AlignmentError, PoleError
 from alignment.estimate import AttitudeEstimate
 from alignment.levelling import attitude_covariance, attitude_sensitivity
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
-from alignment.options import Options
+from alignment.options import Options, Priors
 from alignment.readings import Dwell
+from alignment.saturation import saturation_doubt
 from alignment.static import heading_doubt
 
 METHOD = "triad"
@@ -73,6 +74,18 @@ def pair_latitude(w_first: Array, f_first: Array, w_second: Array, f_second: Arr
     return float(np.arcsin(ratio))
 
 
+def prior_variances(means: Array, priors: Priors) -> Array:
+    """What constant errors add to the variances (..., 6) of mean rates and forces, by priors."""
+    bias, scale = _constants(priors)
+    return np.asarray(bias**2 + (scale * means) ** 2)
+
+
+def _constants(priors: Priors) -> tuple[Array, Array]:
+    """Standard deviations (6,) of biases and of scale errors, gyros before accelerometers."""
+    bias = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
+    return bias, np.repeat([priors.gyro_scale, priors.accel_scale], 3)
+
+
 def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
     """Attitude and latitude of each dwell, and the latitude of each opposed pair of dwells.
 
@@ -84,13 +97,13 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
         Latitude not needed. A known deflection of the vertical is taken out of attitude and
         latitude (astronomical less its northern part).
     options : Options
-        Only `rule` is used.
+        `rule`; `priors`: biases and scale errors, which enter the covariance.
 
     Returns
     -------
     list of AttitudeEstimate
-        Per dwell ``C_nb``, covariance from the scatter of block means, latitude. Then, per pair
-        of successive dwells with opposite verticals, a latitude alone.
+        Per dwell ``C_nb``, covariance from the scatter of block means and the priors, latitude.
+        Then, per pair of successive dwells with opposite verticals, a latitude alone.
 
     Raises
     ------
@@ -99,7 +112,7 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
     Notes
     -----
     Leading errors: heading ``-dw_E/(W cos lat) + tan(lat) b_E/g``; latitude
-    ``(dw_U cos lat - dw_N sin lat)/W + b_N/g``. Constant biases are not in the covariance.
+    ``(dw_U cos lat - dw_N sin lat)/W + b_N/g``.
     """
     summaries = []
     for dwell in dwells:
@@ -114,7 +127,8 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
         (first, var_first), (second, var_second) = summaries[k : k + 2]
         if _opposed(first[3:], second[3:]):
             pair = dwells[k : k + 2]
-            pairs.append(_pair(pair, (first, second), (var_first, var_second), site))
+            variances = var_first, var_second
+            pairs.append(_pair(pair, (first, second), variances, site, options.priors))
     return singles + pairs
 
 
@@ -130,10 +144,12 @@ def _single(
     up = f if dwell.nominal is None else dwell.nominal.inv().apply([0.0, 0.0, -1.0])
     rate, gravity = float(np.linalg.norm(w)), float(np.linalg.norm(f))
     G = attitude_sensitivity(rate * np.cos(latitude), rate * np.sin(latitude), gravity)
-    covariance = attitude_covariance(C_nb, variances, G)
+    whole = variances + prior_variances(means, options.priors)
+    covariance = attitude_covariance(C_nb, whole, G)
     to_latitude = _latitude_sensitivity(latitude, rate, gravity)
-    variance = attitude_covariance(C_nb, variances, to_latitude)[0, 0]
-    flags = gap_doubt(dwell.window()) + heading_doubt(covariance)
+    variance = attitude_covariance(C_nb, whole, to_latitude)[0, 0]
+    flags = gap_doubt(dwell.window()) + saturation_doubt(dwell.label, dwell.window())
+    flags += heading_doubt(covariance)
     if abs(rate / EARTH_RATE - 1) > _RATE_DOUBT:
         flags += ("mean rate is not Earth's 15.04 deg/h within 20 %: gyro bias, or not at rest",)
     return AttitudeEstimate(
@@ -171,6 +187,7 @@ def _pair(
     means: tuple[Array, Array],
     variances: tuple[Array, Array],
     site: Site,
+    priors: Priors,
 ) -> AttitudeEstimate:
     first, second = means
     a, b = dwells
@@ -179,7 +196,7 @@ def _pair(
     flag = "latitude from the mean vertical rate against Earth rate: axis bias cancels"
     try:
         latitude = pair_latitude(first[:3], first[3:], second[:3], second[3:])
-        sigma = _pair_sigma(means, variances, latitude)
+        sigma = _pair_sigma(means, variances, latitude, priors)
     except AlignmentError as error:
         flag = str(error)
     return AttitudeEstimate(
@@ -197,13 +214,21 @@ def _pair(
 
 
 def _pair_sigma(
-    means: tuple[Array, Array], variances: tuple[Array, Array], latitude: float
+    means: tuple[Array, Array], variances: tuple[Array, Array], latitude: float, priors: Priors
 ) -> float:
-    """Half of each dwell's vertical rate error, and of its tilt toward the horizontal rate."""
+    """Half of each dwell's vertical rate error, and of its tilt toward the horizontal rate.
+
+    Noise differs from dwell to dwell, drift too; biases and scale errors are one unit's.
+    """
     gravity = float(np.linalg.norm(means[0][3:]))
-    half = np.array([[0, 0, -1 / (EARTH_RATE * np.cos(latitude)), 1 / gravity, 0, 0]]) / 2
-    variance = sum(
-        attitude_covariance(triad_attitude(m[:3], m[3:]), v, half)[0, 0]
-        for m, v in zip(means, variances, strict=True)
-    )
-    return _root(variance)
+    half = np.array([0, 0, -1 / (EARTH_RATE * np.cos(latitude)), 1 / gravity, 0, 0]) / 2
+    rows = []
+    for m in means:
+        R = triad_attitude(m[:3], m[3:]).as_matrix()
+        rows.append(np.concatenate([half[:3] @ R, half[3:] @ R]))
+    bias, scale = _constants(priors)
+    drift = np.repeat([priors.gyro_instability, priors.accel_instability], 3)
+    own = sum(row**2 @ (v + drift**2) for row, v in zip(rows, variances, strict=True))
+    shared = (rows[0] + rows[1]) * bias
+    scaled = (rows[0] * means[0] + rows[1] * means[1]) * scale
+    return _root(float(own + shared @ shared + scaled @ scaled))

@@ -22,6 +22,7 @@ from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.noise import gap_doubt
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.saturation import saturation_doubt
 from alignment.static import heading_doubt
 from alignment.strapdown import Carried, carry
 
@@ -313,7 +314,8 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     matched = match(carried, site)
     noise = noise_of(readings, options.priors)
     covariance, wander = covariances(carried, matched, noise, options.priors)
-    flags = gravity_doubt(carried, site) + wander_doubt(dwell.label, carried, matched, wander)
+    flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
+    flags += wander_doubt(dwell.label, carried, matched, wander)
     C_nb = told_at(dwell, matched.C_ni * Rotation.from_quat(carried.q[-1]))
     return AttitudeEstimate(
         METHOD,

@@ -4,6 +4,7 @@ Rodrigues-Hamilton kinematics ``q' = q o w / 2``. Quaternions here are plain arr
 the order x, y, z, w: far faster in a long product than rotation objects.
 """
 
+from collections.abc import Callable
 from collections.abc import Sequence as Ordered
 
 import numpy as np
@@ -16,15 +17,18 @@ from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.noise import check_at_rest, gap_doubt, mean_variance
 from alignment.options import Options
 from alignment.readings import Dwell, ImuReadings
+from alignment.saturation import saturation_doubt
 from alignment.static import (
     heading_doubt,
     nominal_attitude,
+    placed_covariance,
     sequence_of,
     track_ends,
     zero_offset,
 )
 
 METHOD = "rk4"
+Integrator = Callable[[ImuReadings, Rotation, Array, Array, np.ndarray], Rotation]  # `integrate`
 _CHUNK = 16384  # samples integrated at once: bounds the memory of hour-long records
 
 
@@ -125,41 +129,48 @@ def drift_covariance(variance_rate: Array, t: Array, window: float) -> Array:
     return growth[:, None] * variance_rate
 
 
-def _track(dwell: Dwell, site: Site, options: Options, last_only: bool) -> AttitudeTrack:
+def _track(
+    method: str,
+    integrator: Integrator,
+    dwell: Dwell,
+    site: Site,
+    options: Options,
+    last_only: bool,
+) -> AttitudeTrack:
+    priors = options.priors
     nominal = nominal_attitude(dwell)
     offset = zero_offset(dwell, nominal, site, options.offset_window)
     readings = dwell.window()
     ends = np.array([len(readings)]) if last_only else track_ends(readings)
-    C_nb = integrate(readings, nominal, site.w_ie_n, offset.values[:3], ends)
+    C_nb = integrator(readings, nominal, site.w_ie_n, offset.values[:3], ends)
     t = readings.t[ends - 1]
     variance_rate = mean_variance(readings.w_ib_b) * readings.interval * len(readings)
-    about_b = drift_covariance(variance_rate, t - dwell.t_from, options.offset_window)
+    elapsed = t - dwell.t_from
+    about_b = drift_covariance(variance_rate, elapsed, options.offset_window)
+    # bias of later readings against that of the window: the two differ by the Allan deviation
+    late = np.maximum(elapsed - options.offset_window, 0.0)
+    about_b += 2 * (priors.gyro_instability * late[:, None]) ** 2
     R = nominal.as_matrix()
-    covariance = np.einsum("ij,mj,kj->mik", R, about_b, R)
+    covariance = np.einsum("ij,mj,kj->mik", R, about_b, R) + placed_covariance(priors)
     sequence = sequence_of(nominal, options.rule)
-    return AttitudeTrack(METHOD, dwell.label, t, C_nb, sequence, covariance)
+    return AttitudeTrack(method, dwell.label, t, C_nb, sequence, covariance)
 
 
-def rk4(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
-    """Attitude at the end of each dwell, integrated from its nominal attitude.
-
-    Parameters, flags and errors as for `six_position`: the same zero offsets are removed.
-
-    Notes
-    -----
-    Leading errors: the offset's own noise times time, ``ARW (t - T0)/sqrt(T0)``, and the walk
-    ``ARW sqrt(t - T0)``; the start attitude's error 1:1. Source: [S0], methods.md section 1.
-    """
+def integrated(
+    method: str, integrator: Integrator, dwells: Ordered[Dwell], site: Site, options: Options
+) -> list[AttitudeEstimate]:
+    """Attitude at the end of each dwell by a way of integrating; see `rk4`."""
     estimates = []
     for dwell in dwells:
         check_at_rest(dwell)
         for gap in gap_doubt(dwell.window()):
             raise AlignmentError(f"{dwell.label}: {gap}: what the gyros felt there is lost")
-        track = _track(dwell, site, options, last_only=True)
-        flags = () if dwell.nominal is not None else ("start attitude assumed: heading 0",)
+        flags = saturation_doubt(dwell.label, dwell.window())
+        track = _track(method, integrator, dwell, site, options, last_only=True)
+        flags += () if dwell.nominal is not None else ("start attitude assumed: heading 0",)
         estimates.append(
             AttitudeEstimate(
-                METHOD,
+                method,
                 dwell.label,
                 dwell.t_from,
                 dwell.t_to,
@@ -172,6 +183,29 @@ def rk4(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEs
     return estimates
 
 
+def integrated_tracks(
+    method: str, integrator: Integrator, dwell: Dwell, site: Site, options: Options
+) -> list[AttitudeTrack]:
+    """The integrated attitude over the dwell."""
+    return [_track(method, integrator, dwell, site, options, last_only=False)]
+
+
+def rk4(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
+    """Attitude at the end of each dwell, integrated from its nominal attitude.
+
+    Parameters, flags and errors as for `six_position`: the same zero offsets are removed. Of the
+    `priors` the placement of the table and the gyros' instability count: constant biases and
+    scale errors go with the offsets.
+
+    Notes
+    -----
+    Leading errors: the offset's own noise times time, ``ARW (t - T0)/sqrt(T0)``, and the walk
+    ``ARW sqrt(t - T0)``; drift of the bias, ``sqrt(2) ADEV (t - T0)``; the start attitude's error
+    1:1. Source: [S0], methods.md section 1.
+    """
+    return integrated(METHOD, integrate, dwells, site, options)
+
+
 def rk4_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrack]:
     """The integrated attitude over the dwell."""
-    return [_track(dwell, site, options, last_only=False)]
+    return integrated_tracks(METHOD, integrate, dwell, site, options)

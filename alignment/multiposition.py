@@ -24,6 +24,7 @@ from alignment.levelling import attitude_from_means
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from alignment.options import Options, Priors
 from alignment.readings import Dwell
+from alignment.saturation import CHANNELS, saturation_doubt
 from alignment.static import heading_doubt
 from alignment.units import ARC_MINUTE
 
@@ -100,7 +101,7 @@ class PositionFit:
 class _Unknowns:
     """Where each group of unknowns lies in the vector of p, and the prior sigmas (p - 3,).
 
-    Attitude comes first and has no prior; then biases; then scale errors, placements (n, 3),
+    Attitude comes first and has no prior; then biases; then scale errors, placements (n, 3), seat,
     latitude and gravity where they are unknown. `vague`: which priors nobody stated.
     """
 
@@ -108,12 +109,29 @@ class _Unknowns:
     vague: Array
     scale: slice
     placement: slice
+    seat: slice
     latitude: slice
     gravity: slice
 
     @property
     def count(self) -> int:
         return 3 + len(self.sigmas)
+
+    def misplaced(self, relative: Array) -> Array:
+        """Small turns (n, 3, p) in b of each position that unknowns give it beside the told one.
+
+        A seat turned by m in b makes of the told turn R another one: ``exp(-m) R exp(m)``, to
+        first order R turned on by ``m - R^T m``.
+        """
+        n = len(relative)
+        to_turn = np.zeros((n, 3, self.count))
+        if self.placement.stop > self.placement.start:
+            for k in range(n):
+                at = self.placement.start + 3 * k
+                to_turn[k, :, at : at + 3] = np.eye(3)
+        if self.seat.stop > self.seat.start:
+            to_turn[:, :, self.seat] = np.eye(3) - relative.transpose(0, 2, 1)
+        return to_turn
 
 
 def _unknowns(n: int, priors: Priors, latitude_known: bool, gravity_sigma: float) -> _Unknowns:
@@ -123,6 +141,7 @@ def _unknowns(n: int, priors: Priors, latitude_known: bool, gravity_sigma: float
         np.where(stated > 0, stated, UNKNOWN_BIAS),
         np.maximum(scale, _EXACT) if scale.any() else scale[:0],
         np.full(3 * n if priors.turn > 0 else 0, priors.turn),
+        np.full(3 if priors.seat > 0 else 0, priors.seat),
         np.full(0 if latitude_known else 1, UNKNOWN_LATITUDE),
         np.full(1 if gravity_sigma > 0 else 0, gravity_sigma),
     ]
@@ -157,7 +176,8 @@ def fit_positions(
         [rad], [m/s^2]; None: estimated.
     priors : Priors
         Biases and scale errors of each axis; `turn` is the placement of each position about each
-        of its three axes. A bias of 0 here means that nobody knows it, not that there is none.
+        of its three axes, `seat` that of b on the table. A bias of 0 here means that nobody
+        knows it, not that there is none.
     gravity_sigma : float
         Of a gravity that is given [m/s^2].
 
@@ -168,9 +188,9 @@ def fit_positions(
 
     Notes
     -----
-    Model: ``y_k = (1 + K)(C_nbk^T (w_ie, -g)) + b + noise``, ``C_nbk = C_nb0 C_b0_bk exp(d_k)``;
-    Gauss-Newton by QR, started from linear fits of the two vectors and the biases; of two ends
-    the likelier one.
+    Model: ``y_k = (1 + K)(C_nbk^T (w_ie, -g)) + b + noise``, ``C_nbk = C_nb0 C_b0_bk exp(d_k)``,
+    `d_k` being its placement and what the seat makes of its turn; Gauss-Newton by QR, started from
+    linear fits of the two vectors and the biases; of two ends the likelier one.
     """
     lead, n = means.shape[:-2], means.shape[-2]
     sigma = np.sqrt(np.broadcast_to(variances, means.shape) + ROUNDING**2).reshape(-1, n, 6)
@@ -362,29 +382,22 @@ def _readings(
     zero = np.zeros(lead)
     w_n = EARTH_RATE * np.stack([np.cos(lat), zero, -np.sin(lat)], axis=-1)
     f_n = np.stack([zero, zero, -g], axis=-1)
-    C_k = C[..., None, :, :] @ relative
-    placed = unknowns.placement.stop > unknowns.placement.start
-    if placed:
-        d = x[..., unknowns.placement].reshape(*lead, n, 3)
-        C_k = C_k @ Rotation.from_rotvec(d.reshape(-1, 3)).as_matrix().reshape(*d.shape, 3)
+    to_turn = unknowns.misplaced(relative)
+    C_k = _placed(C, x, relative, to_turn)
     C_kn = np.swapaxes(C_k, -1, -2)
     felt, J = [], np.zeros((*lead, n, 6, unknowns.count))
     for part, vector in ((slice(0, 3), w_n), (slice(3, 6), f_n)):
         v = C_kn @ vector[..., None, :, None]
         felt.append(v[..., 0])
+        J[..., part, :] = _cross_matrix(v[..., 0]) @ to_turn
         J[..., part, 0:3] = C_kn @ _cross_matrix(vector)[..., None, :, :]
-        if placed:
-            M = _cross_matrix(v[..., 0])
-            for k in range(n):
-                at = unknowns.placement.start + 3 * k
-                J[..., k, part, at : at + 3] = M[..., k, :, :]
     true = np.concatenate(felt, axis=-1)
     J[..., 3:9] = np.eye(6)
     scale = np.zeros((*lead, 1, 6))
     if unknowns.scale.stop > unknowns.scale.start:
         scale = x[..., None, unknowns.scale]
-        J[..., :3] *= 1 + scale[..., None]
-        J[..., unknowns.placement] *= 1 + scale[..., None]
+        turned = [*range(3), *range(unknowns.placement.start, unknowns.seat.stop)]
+        J[..., turned] *= 1 + scale[..., None]
         J[..., unknowns.scale] = true[..., None] * np.eye(6)
     if latitude is None:
         by_lat = EARTH_RATE * np.stack([-np.sin(lat), zero, -np.cos(lat)], axis=-1)
@@ -392,6 +405,16 @@ def _readings(
     if heavier:
         J[..., 3:, unknowns.gravity] = true[..., 3:, None] / g[..., None, None, None]
     return (1 + scale) * true + x[..., None, 3:9], J
+
+
+def _placed(C: Array, x: Array, relative: Array, to_turn: Array) -> Array:
+    """Attitudes (..., n, 3, 3) of all positions from that of position 0 and the unknowns."""
+    C_k = C[..., None, :, :] @ relative
+    d = np.einsum("nip,...p->...ni", to_turn, x)
+    if not to_turn.any():
+        return np.asarray(C_k)
+    turns = Rotation.from_rotvec(d.reshape(-1, 3)).as_matrix()
+    return np.asarray(C_k @ turns.reshape(*d.shape, 3))
 
 
 def _normal_gravity(latitude: Array) -> Array:
@@ -429,16 +452,11 @@ def _result(
     lead = x.shape[:-1]
     _, root = _step(residual, J, x, unknowns)
     P = root @ np.swapaxes(root, -1, -2)
-    C_k = C[..., None, :, :] @ relative
-    # position k turns with position 0, and by its own placement seen in n
-    to_n = np.zeros((*lead, n, 3, unknowns.count))
+    to_turn = unknowns.misplaced(relative)
+    C_k = _placed(C, x, relative, to_turn)
+    # position k turns with position 0, and by its own misplacement seen in n
+    to_n = C_k @ to_turn
     to_n[..., :3] = np.eye(3)
-    if unknowns.placement.stop > unknowns.placement.start:
-        d = x[..., unknowns.placement].reshape(*lead, n, 3)
-        C_k = C_k @ Rotation.from_rotvec(d.reshape(-1, 3)).as_matrix().reshape(*d.shape, 3)
-        for k in range(n):
-            at = unknowns.placement.start + 3 * k
-            to_n[..., k, :, at : at + 3] = C_k[..., k, :, :]
     half = to_n @ P[..., None, :, :]
     _, whole = _system(residual, J, x, unknowns)
     estimated = unknowns.latitude.stop > unknowns.latitude.start
@@ -488,7 +506,8 @@ def two_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     site : Site
         With the latitude the vertical gyro's bias is found too; without it latitude is estimated.
     options : Options
-        `rule`; `priors`: `turn` is the placement of each position, biases not stated are free.
+        `rule`; `priors`: `turn` is the placement of each position, `seat` that of the instrument
+        on the table, instabilities the drift between positions; biases not stated are free.
 
     Returns
     -------
@@ -529,7 +548,8 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
     site : Site
         With the latitude the vertical gyro's bias is found too; without it latitude is estimated.
     options : Options
-        `rule`; `priors`: `turn` is the placement of each position, biases not stated are free.
+        `rule`; `priors`: `turn` is the placement of each position, `seat` that of the instrument
+        on the table, instabilities the drift between positions; biases not stated are free.
 
     Raises
     ------
@@ -586,6 +606,21 @@ def pooled_variances(variances: Array, spans: Array) -> Array:
     return density / spans[:, None]
 
 
+def drift_variances(priors: Priors, n: int) -> Array:
+    """By how much (6,) biases of one of n positions leave their common mean: no turn cancels that.
+
+    Notes
+    -----
+    Two positions: the squared Allan deviation, so that their means differ by twice it and half a
+    turn has the sigma of `double_sigma`. Flicker goes on growing over more of them, by
+    ``n ln n / (2 (n - 1) ln 2)``: J. A. Barnes, Tables of bias functions, NBS TN 375 (1969).
+    """
+    plateau = np.repeat([priors.gyro_instability, priors.accel_instability], 3)
+    if n < 2:
+        return np.zeros(6)
+    return np.asarray(plateau**2 * n * np.log(n) / (2 * (n - 1) * np.log(2)))
+
+
 def local_vectors(site: Site) -> tuple[float | None, float | None]:
     """Latitude [rad] between plumb line and Earth's axis, and gravity [m/s^2]; None if unknown."""
     if site.latitude is None:
@@ -611,7 +646,8 @@ def _estimates(
     if latitude is not None:
         site.horizontal_rate()  # refuses at a pole
     anomaly = ANOMALY if site.local_gravity is None else 0.0
-    fit = fit_positions(means, variances, relative, latitude, gravity, options.priors, anomaly)
+    drifting = variances + drift_variances(options.priors, len(dwells))
+    fit = fit_positions(means, drifting, relative, latitude, gravity, options.priors, anomaly)
     shared = _doubts(fit) + _verdict(fit, variances, relative, (latitude, gravity), options.priors)
     return [
         AttitudeEstimate(
@@ -624,24 +660,17 @@ def _estimates(
             covariance=fit.covariance[k],
             latitude=None if fit.latitude is None else float(fit.latitude) - site.deflection[0],
             latitude_sigma=None if fit.latitude_sigma is None else float(fit.latitude_sigma),
-            flags=gap_doubt(dwell.window()) + heading_doubt(fit.covariance[k]) + shared,
+            flags=gap_doubt(dwell.window())
+            + saturation_doubt(dwell.label, dwell.window())
+            + heading_doubt(fit.covariance[k])
+            + shared,
         )
         for k, dwell in enumerate(dwells)
     ]
 
 
-_AXES = (
-    "X1 gyro",
-    "Y1 gyro",
-    "Z1 gyro",
-    "X1 accelerometer",
-    "Y1 accelerometer",
-    "Z1 accelerometer",
-)
-
-
 def _doubts(fit: PositionFit) -> tuple[str, ...]:
-    hidden = [name for name, unseen in zip(_AXES, fit.unseen, strict=True) if unseen]
+    hidden = [name for name, unseen in zip(CHANNELS, fit.unseen, strict=True) if unseen]
     flags = (f"biases not shown by these turns: {', '.join(hidden)}",) if hidden else ()
     if fit.margin < AMBIGUOUS:
         flags += (
@@ -673,7 +702,7 @@ def _verdict(
     whole = 1 / np.sum(1 / (variances + ROUNDING**2), axis=0)
 
     def heading(turns: Array) -> float:
-        shared = np.tile(len(turns) * whole, (len(turns), 1))
+        shared = np.tile(len(turns) * whole + drift_variances(priors, len(turns)), (len(turns), 1))
         P = predicted_covariance(
             fit.C_nb[0], shared, turns, latitude, gravity, priors, given[0] is None
         )
@@ -785,6 +814,7 @@ def turn_pays(
     def heading(*angles: float) -> float:
         relative = Rotation.from_rotvec(np.outer(angles, axis)).as_matrix()
         variances = np.tile(density * len(angles) / seconds, (len(angles), 1))
+        variances += drift_variances(priors, len(angles))
         P = predicted_covariance(C_nb.as_matrix(), variances, relative, latitude, gravity, priors)
         return float(np.sqrt(P[0, 2, 2]))
 

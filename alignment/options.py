@@ -26,6 +26,11 @@ class Priors:
         Velocity random walk [m/s/sqrt(s)]; likewise.
     turn : float
         Placement of the table at one position [rad].
+    seat : float
+        Constant rotation of the instrument against the table's frame [rad], each axis: the axes
+        about which the table turns are off by as much in b.
+    nominal : float
+        How far the attitudes the table is told are off as a whole [rad]: where its base stands.
     lever_arm : float
         Uncertainty of the instrument's place from the point that stays [m].
     """
@@ -39,6 +44,8 @@ class Priors:
     gyro_walk: float = 0.0
     accel_walk: float = 0.0
     turn: float = 0.0
+    seat: float = 0.0
+    nominal: float = 0.0
     lever_arm: float = 0.0
 
 

@@ -14,12 +14,13 @@ from alignment.arrays import Array
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate
-from alignment.gyrocompass import triad_attitude
+from alignment.gyrocompass import prior_variances, triad_attitude
 from alignment.levelling import attitude_covariance
 from alignment.multiposition import ROUNDING, local_vectors
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
-from alignment.options import Options, Priors
+from alignment.options import Options
 from alignment.readings import Dwell
+from alignment.saturation import saturation_doubt
 from alignment.static import heading_doubt
 
 METHOD = "single-gyro"
@@ -120,13 +121,6 @@ def latitude_sensitivity(latitude: float, gravity: float) -> Array:
     return np.array([0.0, 0.0, -up_rate, 1 / gravity, 0.0, 0.0])
 
 
-def prior_variances(means: Array, priors: Priors) -> Array:
-    """What constant errors add to the variances (..., 6) of mean rates and forces, by priors."""
-    bias = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
-    scale = np.repeat([priors.gyro_scale, priors.accel_scale], 3)
-    return np.asarray(bias**2 + (scale * means) ** 2)
-
-
 def single_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
     """Attitude of each dwell from the one gyro that lies nearest to east or west.
 
@@ -186,7 +180,10 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         covariance=covariance,
         latitude=None if latitude_row is None else latitude - site.deflection[0],
         latitude_sigma=sigma,
-        flags=gap_doubt(dwell.window()) + heading_doubt(covariance) + _rate_doubt(means[:3]),
+        flags=gap_doubt(dwell.window())
+        + saturation_doubt(dwell.label, dwell.window())
+        + heading_doubt(covariance)
+        + _rate_doubt(means[:3]),
     )
 
 

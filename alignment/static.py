@@ -17,8 +17,9 @@ from alignment.errors import AlignmentError, TooShort
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.levelling import attitude_covariance, attitude_from_means, attitude_sensitivity
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance, mean_variance
-from alignment.options import Options
+from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.saturation import saturation_doubt
 
 METHOD = "six-position"
 
@@ -113,6 +114,21 @@ def _corrected_attitude(
     return site.plumb * attitude_from_means(w, f, sequence)
 
 
+def placed_covariance(priors: Priors) -> Array:
+    """Covariance (3, 3) [rad^2] of the true attitude about the nominal one: the table's errors."""
+    return (priors.turn**2 + priors.seat**2 + priors.nominal**2) * np.eye(3)
+
+
+def _drift_variances(priors: Priors) -> Array:
+    """By how much (6,) biases of a later window differ from those of the offset's window.
+
+    Twice the squared Allan deviation, which is the definition of that; turn-on biases and scale
+    errors act alike in both windows and cancel.
+    """
+    plateau = np.repeat([priors.gyro_instability, priors.accel_instability], 3)
+    return np.asarray(2 * plateau**2)
+
+
 def _sensitivity(site: Site) -> Array:
     site.horizontal_rate()  # refuses poles
     w_n = site.w_ie_n
@@ -130,6 +146,8 @@ def six_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     site : Site
         ``latitude`` needed, not at a pole.
     options : Options
+        `offset_window`, `rule`; `priors`: placement of the table and the biases' instability enter
+        the covariance; turn-on biases and scale errors go with the offsets.
 
     Returns
     -------
@@ -144,7 +162,8 @@ def six_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     Notes
     -----
     Leading errors, fresh: yaw ``ARW sqrt(1/T0 + 1/T1)/(W cos lat)``; tilt likewise with VRW/g;
-    the table's own azimuth and tilt errors enter 1:1. Source: [S0], methods.md section 1.
+    drift of the biases since the offset window, ``sqrt(2) ADEV/(W cos lat)``; the table's own
+    azimuth and tilt errors enter 1:1. Source: [S0], methods.md section 1.
     """
     return [estimate for dwell in dwells for estimate in _one_position(dwell, site, options)]
 
@@ -153,7 +172,8 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     check_at_rest(dwell)
     nominal = nominal_attitude(dwell)
     assumed = ("nominal attitude assumed: nearest position, heading 0",)
-    flags = gap_doubt(dwell.window()) + (() if dwell.nominal is not None else assumed)
+    flags = gap_doubt(dwell.window()) + saturation_doubt(dwell.label, dwell.window())
+    flags += () if dwell.nominal is not None else assumed
     sequence = sequence_of(nominal, options.rule)
     offset = zero_offset(dwell, nominal, site, options.offset_window)
     G = _sensitivity(site)
@@ -172,7 +192,8 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     fresh = dwell.window(options.offset_window)
     C_nb = _corrected_attitude(fresh, offset, sequence, site)
     _, variances = mean_and_variance(fresh)
-    covariance = attitude_covariance(nominal, variances + offset.variances, G)
+    variances += offset.variances + _drift_variances(options.priors)
+    covariance = attitude_covariance(nominal, variances, G) + placed_covariance(options.priors)
     estimates.append(
         AttitudeEstimate(
             METHOD,
@@ -208,7 +229,8 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
     same = dwell.window(0.0, options.offset_window)
     parts: list[tuple[str, ImuReadings, Array]] = [("same", same, np.zeros(6))]
     if dwell.t_to - dwell.t_from - options.offset_window >= 2 * TRACK_LEAD:
-        parts.append(("fresh", dwell.window(options.offset_window), offset.variances))
+        extra = offset.variances + _drift_variances(options.priors)
+        parts.append(("fresh", dwell.window(options.offset_window), extra))
     tracks = []
     for window, readings, extra in parts:
         ends = track_ends(readings)
@@ -217,7 +239,8 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
         whole = np.concatenate([mean_variance(readings.w_ib_b), mean_variance(readings.f_b)])
         part = ends / len(readings)
         growth = 1 / part - 1 if window == "same" else 1 / part  # "same" ends at its own offset
-        covariance = [attitude_covariance(nominal, whole * g + extra, G) for g in growth]
+        placed = placed_covariance(options.priors)
+        covariance = [attitude_covariance(nominal, whole * g + extra, G) + placed for g in growth]
         tracks.append(
             AttitudeTrack(
                 f"{METHOD} {window}",

@@ -15,12 +15,13 @@ from alignment.arrays import Array
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, TooShort
 from alignment.estimate import AttitudeEstimate
+from alignment.gyrocompass import prior_variances
 from alignment.levelling import attitude_covariance, attitude_sensitivity, level
 from alignment.multiposition import ROUNDING, local_vectors
 from alignment.noise import gap_doubt
 from alignment.options import Options
 from alignment.readings import Dwell, ImuReadings
-from alignment.single_gyro import prior_variances
+from alignment.saturation import saturation_doubt
 from alignment.static import heading_doubt
 from alignment.units import ARC_MINUTE
 
@@ -219,7 +220,10 @@ def _single(
         site.plumb * C_nb,
         options.rule.sequence_for(up),
         covariance=covariance,
-        flags=gap_doubt(readings) + heading_doubt(covariance) + _doubts(sway, latitude, covariance),
+        flags=gap_doubt(readings)
+        + saturation_doubt(dwell.label, readings)
+        + heading_doubt(covariance)
+        + _doubts(sway, latitude, covariance),
     )
 
 

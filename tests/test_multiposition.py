@@ -321,7 +321,7 @@ def test_noise_at_half_and_quarter_turns():
 
 def test_turn_pays_weighs_table_against_unit():
     def pays(bias, turn, gyros=(True, True, True), scale=0.0):
-        priors = Priors(bias, 1e-9, scale, 0.0, 1e-10, 1e-10, turn)
+        priors = Priors(bias, 1e-9, scale, gyro_walk=1e-10, accel_walk=1e-10, turn=turn)
         return turn_pays(Rotation.from_matrix(EAST), HERE, priors, 600.0, gyros=gyros)
 
     coarse = pays(10 * DEG_H, MINUTE)

@@ -12,12 +12,12 @@ from scipy.stats import chi2, norm
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.angles import Sequence
 from alignment.errors import AlignmentError, NotAtRest, PoleError
+from alignment.gyrocompass import prior_variances
 from alignment.levelling import attitude_covariance, attitude_from_means
 from alignment.multiposition import half_turn_means
 from alignment.single_gyro import (
     gyro_latitude,
     latitude_sensitivity,
-    prior_variances,
     single_gyro,
     single_gyro_attitude,
     single_gyro_sensitivity,
