@@ -25,6 +25,7 @@ from alignment.readings import Dwell, ImuReadings, Turn
 from alignment.single_gyro import single_gyro
 from alignment.static import six_position, six_position_tracks
 from alignment.swaying import two_gyro
+from alignment.vectors.method import vector_matching
 
 __all__ = [
     "ESTIMATORS",
@@ -48,7 +49,7 @@ class Method:
     must hold the offset window and be at a nominal attitude. `tracks` gives the attitude over
     time of one dwell, for curves; None where there is nothing to see. `note` says what a reader of
     its numbers must know. `takes`: which stretches it is for: those at `rest`, those `turning` at a
-    constant rate, or `any` (a base that rocks).
+    constant rate, `any` (a base that rocks), or those with satellite `fixes`.
     """
 
     title: str
@@ -58,10 +59,12 @@ class Method:
     needs_offset: bool
     estimate: Callable[[Sequence[Dwell], Site, Options], list[AttitudeEstimate]]
     tracks: Callable[[Dwell, Site, Options], list[AttitudeTrack]] | None = None
-    takes: Literal["rest", "turning", "any"] = "rest"
+    takes: Literal["rest", "turning", "any", "fixes"] = "rest"
 
     def suited(self, dwell: Dwell) -> bool:
         """Whether the method is for this stretch."""
+        if self.takes == "fixes":
+            return dwell.fixes is not None
         return self.takes == "any" or (dwell.turn is not None) == (self.takes == "turning")
 
 
@@ -153,5 +156,14 @@ ESTIMATORS = {
         fine,
         fine_tracks,
         takes="any",
+    ),
+    "vectors": Method(
+        "Vector matching with satellite navigation: as printed, observing form, Kalman filter",
+        "[S2] correction of the orientation matrix by invariants and vector matching",
+        "± of the fixes, the start and stated priors, at the last fix",
+        False,
+        False,
+        vector_matching,
+        takes="fixes",
     ),
 }

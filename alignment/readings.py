@@ -1,12 +1,16 @@
 """What an IMU said, and while it stood where: the input of every estimator."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
 from alignment.errors import TooShort
+
+if TYPE_CHECKING:  # fixes know of readings
+    from alignment.vectors.fixes import Fixes
 
 EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
 
@@ -101,6 +105,8 @@ class Turn:
 class Dwell:
     """Readings of an instrument that was told to stand still, or to turn at a constant rate.
 
+    Or that moved with a vehicle whose `fixes` are known.
+
     Attributes
     ----------
     label : str
@@ -110,10 +116,14 @@ class Dwell:
     readings : ImuReadings
         At least those between `t_from` and `t_to`; only those are used.
     nominal : Rotation or None
-        ``C_nb`` that the table was told to take (of a turning one: at encoder angle 0); None
-        where nobody said.
+        ``C_nb`` that the table was told to take (of a turning one: at encoder angle 0), or that
+        was programmed into a vehicle, at its first fix; None where nobody said.
     turn : Turn or None
         Encoder angles of a turning table, one per sample of `readings`; None at rest.
+    fixes : Fixes or None
+        Of a vehicle, between `t_from` and `t_to`.
+    nominal_sigma : float or None
+        How wrong a vehicle's `nominal` is about each axis [rad]; None where nobody said.
     """
 
     label: str
@@ -122,6 +132,8 @@ class Dwell:
     readings: ImuReadings
     nominal: Rotation | None = None
     turn: Turn | None = None
+    fixes: "Fixes | None" = None
+    nominal_sigma: float | None = None
 
     def window(self, start: float = 0.0, stop: float | None = None) -> ImuReadings:
         """Samples from `start` to `stop` seconds after the dwell began (to its end if None)."""

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from alignment import Options, Site
+    from stand.driven import DriveResult
+    from stand.log import Vehicle
     from stand.procedure import SiteEntry
     from stand.score import Refusal, Score
     from stand.session import RunResult
@@ -71,6 +73,7 @@ class Catalogue(StrEnum):
     procedures = "procedures"
     imus = "imus"
     tables = "tables"
+    trajectories = "trajectories"
     methods = "methods"
 
 
@@ -269,6 +272,69 @@ def _show_run(result: RunResult) -> None:
 
 
 @app.command()
+def drive(
+    scenario: Annotated[
+        str, typer.Argument(help="Catalogue id (stand list trajectories) or a TOML file.")
+    ],
+    imu: Annotated[
+        str, typer.Option(metavar="ID", help="Unit (stand list imus) or a TOML file.")
+    ] = "stim300",
+    rate: Annotated[int, typer.Option(metavar="HZ", help="Sample rate, 20 to 10000 Hz.")] = 200,
+    seed: Annotated[int, typer.Option(metavar="N", help="Same seed, same bytes.")] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Default: recordings/SCENARIO_IMU_seedN."),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Drive a unit with satellite navigation along a path; correct its attitude by vector matching.
+
+    Three solutions on identical data: as printed, the observing form, a Kalman filter. Leaves
+    run.mcap (samples and fixes, ROS 2), errors.png (error over time) and result.json.
+
+    Example: stand drive weaving --imu stim300 --seed 3
+    """
+    with _quick_imports():
+        from stand.drive import load_drive
+        from stand.driven import DriveSettings, result_json, run_drive, run_id
+        from stand.folder import refuse_existing
+        from stand.imu import load_imu
+
+    settings = DriveSettings(load_drive(scenario), load_imu(imu), rate, seed)
+    folder = _folder(out) if out else Path("recordings") / run_id(settings)
+    refuse_existing(folder, force)
+    with _progress(f"{settings.drive.id}, {settings.imu.id}", as_json) as report:
+        result = run_drive(settings, folder, force, report)
+    if as_json:
+        _print_json(result_json(result) | {"out": str(folder)})
+    else:
+        _show_drive(result)
+
+
+def _show_drive(result: DriveResult) -> None:
+    from rich.markup import escape
+
+    from alignment.units import DEG
+    from stand.report.console import console, show
+    from stand.report.vectors import table
+
+    out = console()
+    s = result.settings
+    out.print(
+        f"[bold]{escape(s.drive.title)}[/bold]: {escape(s.imu.title)}, seed {s.seed}, "
+        f"{result.samples} samples at {s.rate_hz} Hz, {len(result.fixes)} fixes; the programmed "
+        f"start is off by {result.start_error / DEG:.3g} deg\n"
+    )
+    show(out, [table(result)])
+    where = escape(str(result.out))
+    out.print(
+        f"\nRecorded in [bold]{where}[/bold]: run.mcap, errors.png, result.json", soft_wrap=True
+    )
+    out.print(f"Align it: stand align {escape(shlex.quote(str(result.out)))}", soft_wrap=True)
+
+
+@app.command()
 def align(
     recordings: Annotated[
         list[Path],
@@ -288,12 +354,27 @@ def align(
         str | None, typer.Option(help="Which IMU topic, where there are several.")
     ] = None,
     sequences: RuleOption = None,
+    start_attitude: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROLL,YAW,PITCH", help="vectors: as programmed at the first fix [deg]."
+        ),
+    ] = None,
+    start_sigma: Annotated[
+        float | None,
+        typer.Option(metavar="DEG", help="vectors: how wrong that is about each axis; else 0.5."),
+    ] = None,
+    fix_sigma: Annotated[
+        str | None,
+        typer.Option(metavar="M,M/S", help="vectors: noise of the fixes; else what they state."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Estimate the attitude from recordings: ours, or any MCAP with an IMU at rest.
 
     Several recordings are several dwells of one unit: positions with opposite verticals also
-    give a latitude free of that axis's bias.
+    give a latitude free of that axis's bias. A moving vehicle's needs satellite fixes
+    (sensor_msgs/msg/NavSatFix, geometry_msgs/msg/TwistWithCovarianceStamped) and --method vectors.
 
     Example: stand align up.mcap down.mcap --method triad
     """
@@ -304,8 +385,12 @@ def align(
 
     if method is not None and method not in ESTIMATORS:
         raise unknown("method", method, ESTIMATORS)
+    vehicle = _vehicle(method == "vectors", start_attitude, start_sigma, fix_sigma)
     with _working("reading", as_json):
-        logs = [load_log(_file_in(p, "run.mcap"), topic, t_from, t_to) for p in recordings]
+        logs = [
+            load_log(_file_in(p, "run.mcap"), topic, t_from, t_to, vehicle=vehicle)
+            for p in recordings
+        ]
     first = logs[0]
     methods = [method] if method else first.methods
     site = _with(first.site, latitude, height)
@@ -337,6 +422,40 @@ def align(
             "refusals": [{"method": r.method, "reason": r.reason} for r in refusals],
         }
     )
+
+
+def _vehicle(
+    asked: bool, start: str | None, start_sigma: float | None, fix_sigma: str | None
+) -> Vehicle | None:
+    """What the command line says of a moving vehicle; None for nothing, and not `asked` for."""
+    from alignment.angles import C_nb_from_angles
+    from alignment.angles import Sequence as Turns
+    from alignment.units import DEG
+    from stand.log import Vehicle
+
+    if (start, start_sigma, fix_sigma) == (None, None, None):
+        return Vehicle() if asked else None
+    C_nb, noise = None, (None, None)
+    if start is not None:
+        roll, yaw, pitch = (a * DEG for a in _numbers("--start-attitude", start, 3))
+        C_nb = C_nb_from_angles(Turns.YAW_PITCH_ROLL, roll, yaw, pitch)
+    if start_sigma is not None and not 0 < start_sigma <= 180:
+        raise StandError(f"--start-sigma {start_sigma:g}: must be above 0, at most 180 deg")
+    if fix_sigma is not None:
+        noise = _numbers("--fix-sigma", fix_sigma, 2)
+        if min(noise) <= 0:
+            raise StandError(f"--fix-sigma {fix_sigma}: both must be above 0")
+    return Vehicle(C_nb, None if start_sigma is None else start_sigma * DEG, *noise)
+
+
+def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(map(isfinite, values)):
+        raise StandError(f"{option} {text}: must be {count} numbers with commas between")
+    return values
 
 
 def _show_scores(scores: Sequence[Score], refusals: Sequence[Refusal]) -> None:
@@ -575,7 +694,9 @@ def _show_import(out: Path, log: Any, as_json: bool) -> None:
 
 @app.command("list")
 def list_entries(
-    what: Annotated[Catalogue, typer.Argument(help="procedures, imus, tables or methods.")],
+    what: Annotated[
+        Catalogue, typer.Argument(help="procedures, imus, tables, trajectories, methods.")
+    ],
     as_json: JsonOption = False,
 ) -> None:
     """List the catalogue: what can be run, simulated, estimated."""

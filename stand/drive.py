@@ -1,6 +1,6 @@
 """Drives: a path, satellite fixes with their errors and outages, as TOML; and readings of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -15,12 +15,14 @@ from alignment.vectors import Fixes
 from stand import catalogue
 from stand.errors import StandError
 from stand.imu import Imu, ImuSpec
-from stand.samples import Sensed
+from stand.samples import ImuBlock, Sensed
 from stand.trajectory import Change, Path, Start
 
 Positive = Annotated[float, Field(gt=0)]
 Zero = Annotated[float, Field(ge=0)]
 Slope = Annotated[float, Field(ge=-60, le=60)]
+
+Progress = Callable[[float], None]
 
 FOLDER = "trajectories"
 _BLOCK = 8192  # samples given to the unit at once
@@ -175,24 +177,34 @@ def path_of(start: Start, legs: Sequence[Leg]) -> Path:
     return Path(start, speed, heading, climb, roll)
 
 
-def sense(path: Path, rate_hz: int) -> Sensed:
+def sense(path: Path, rate_hz: int, progress: Progress = lambda done: None) -> Sensed:
     """What perfect sensors report along the whole path: means over samples."""
     count = int(path.duration * rate_hz + 1e-6)
-    ticks = np.arange(count + 1)
-    w, f = path.means(ticks / rate_hz)
-    return Sensed(ticks[1:] * (10**9) // rate_hz, w, f)
-
-
-def readings_of(sensed: Sensed, imu: ImuSpec, seed: int, rate_hz: int) -> ImuReadings:
-    """What a unit reports of it."""
-    unit = Imu(imu, seed, rate_hz)
     w, f = [], []
+    for first in range(0, count, _BLOCK):
+        last = min(first + _BLOCK, count)
+        block = path.means(np.arange(first, last + 1) / rate_hz)
+        w.append(block[0])
+        f.append(block[1])
+        progress(last / count)
+    ticks = np.arange(1, count + 1)
+    return Sensed(ticks * (10**9) // rate_hz, np.concatenate(w), np.concatenate(f))
+
+
+def reported(sensed: Sensed, unit: Imu) -> ImuBlock:
+    """What a unit reports of it."""
+    blocks = []
     for k in range(0, len(sensed.t_ns), _BLOCK):
         part = slice(k, k + _BLOCK)
-        block = unit.report(Sensed(sensed.t_ns[part], sensed.w_ib_b[part], sensed.f_b[part]))
-        w.append(block.w_ib_b)
-        f.append(block.f_b)
-    return ImuReadings(sensed.t_ns * 1e-9, np.concatenate(w), np.concatenate(f))
+        own = Sensed(sensed.t_ns[part], sensed.w_ib_b[part], sensed.f_b[part])
+        blocks.append(unit.report(own))
+    columns = ([getattr(block, name) for block in blocks] for name in ImuBlock.__slots__)
+    return ImuBlock(*map(np.concatenate, columns))
+
+
+def readings_of(block: ImuBlock) -> ImuReadings:
+    """The same as estimators take it."""
+    return ImuReadings(block.t_ns * 1e-9, block.w_ib_b, block.f_b)
 
 
 def priors_of(imu: ImuSpec, gravity: float) -> Priors:

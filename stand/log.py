@@ -13,17 +13,23 @@ from scipy.spatial.transform import Rotation
 from alignment import Dwell, ImuReadings, Options, Priors, Site, Turn
 from alignment.angles import SequenceRule
 from alignment.arrays import Array
+from alignment.navigation import C_en, ecef
 from alignment.readings import EDGE
 from alignment.units import ARC_SECOND, DEG
+from alignment.vectors.fixes import Fixes
 from stand.errors import StandError, unknown
 from stand.physics.description import JOINTS
 from stand.physics.kinematics import C_NW
 from stand.recording.interchange.reader import (
+    FixLog,
     ImuLog,
     JointLog,
+    VelocityLog,
+    read_fixes,
     read_imu,
     read_joints,
     read_truth,
+    read_velocities,
 )
 from stand.score import Truths
 
@@ -31,6 +37,7 @@ if TYPE_CHECKING:  # planning takes a while to import, and reading needs none of
     from stand.plan import PlannedStep, Turning
 
 RUN = "run"  # the metadata record that marks a recording of ours
+DRIVE = "drive"  # that of a vehicle's: its programmed start, the satellites' errors
 PRIOR_UNITS = {
     "gyro_bias": "rad_s",
     "accel_bias": "m_s2",
@@ -43,6 +50,14 @@ PRIOR_UNITS = {
     "turn": "rad",
     "lever_arm": "m",
 }
+FIX_UNITS = {
+    "position_sigma": "m",
+    "velocity_sigma": "m_s",
+    "position_drift": "m",
+    "velocity_drift": "m_s",
+    "drift_time": "s",
+}
+SAME_TIME = 1e-3  # s: a velocity and a fix this near to each other are of one time
 NEVER = "never"  # of a dwell in the record `settled`: the table did not come to rest
 LONGEST_STEP = 90 * DEG  # of an encoder between readings, so that turns can be counted
 GROSS = 0.5  # part of a rate: scale errors of gyros are smaller, mistakes larger
@@ -123,6 +138,36 @@ def describe_estimate(options: Options, methods: Sequence[str]) -> dict[str, str
     }
 
 
+def describe_drive(
+    name: str, text: str, fixes: Fixes, start: Rotation, start_sigma: float
+) -> dict[str, str]:
+    """The metadata record of a drive: its id and TOML text, how its fixes err, its start.
+
+    `start` is ``C_nb`` as programmed at the first fix, wrong by `start_sigma` [rad] about each
+    axis.
+    """
+    return {
+        "id": name,
+        "toml": text,
+        "start_C_nb_xyzw": json.dumps([float(a) for a in start.as_quat()]),
+        "start_sigma_rad": repr(start_sigma),
+    } | {f"{key}_{unit}": repr(getattr(fixes, key)) for key, unit in FIX_UNITS.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """What a person says of a moving vehicle beside its log; None: what the log says.
+
+    `start` is ``C_nb`` as programmed at the first fix, `start_sigma` [rad] how wrong it is about
+    each axis; `position_sigma` [m], `velocity_sigma` [m/s] white noise of the fixes.
+    """
+
+    start: Rotation | None = None
+    start_sigma: float | None = None
+    position_sigma: float | None = None
+    velocity_sigma: float | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class _Stretch:
     """A time to estimate from [s]; what it is called, its nominal attitude, what turned it."""
@@ -142,12 +187,14 @@ def load_log(
     t_to: float | None,
     turn_joint: str | None = None,
     turn_axis: Sequence[float] | None = None,
+    vehicle: Vehicle | None = None,
 ) -> Log:
     """Read a recording and part it into dwells and turns at constant rate.
 
     A recording of ours brings its stretches, nominal and true attitudes and site; any other log,
-    or a stretch chosen by `t_from` and `t_to`, is one dwell. Times count from the recording's
-    epoch (ours, and imported logs: the log's own times) or from the first sample.
+    or a stretch chosen by `t_from` and `t_to`, is one dwell. A drive is one, with its fixes. Times
+    count from the recording's epoch (ours, and imported logs: the log's own times) or from the
+    first sample.
 
     Parameters
     ----------
@@ -161,12 +208,15 @@ def load_log(
     turn_axis : (3,), optional
         The axis in b about which b turns as the encoder's angle grows. Without it the vertical
         as the mean specific force says, upward or downward as the gyros say.
+    vehicle : Vehicle, optional
+        The log is that of a vehicle, with satellite fixes; recordings of drives need no telling.
 
     Raises
     ------
     StandError
         The file is not right, or holds nothing between `t_from` and `t_to`; no such joint, no
-        angles for the stretch, or gyros that contradict the encoder.
+        angles for the stretch, or gyros that contradict the encoder; of a vehicle: no fixes, no
+        velocities with them, or no word of their noise.
     """
     if turn_axis is not None and turn_joint is None:
         raise StandError("turn axis: must have a turn joint with it")
@@ -174,17 +224,27 @@ def load_log(
     if len(imu) < 2:
         raise StandError(f"{path}: one IMU message on {imu.topic}, at least 2 are needed")
     metadata = imu.metadata if "stand_version" in imu.metadata.get(RUN, {}) else {}
+    drive = metadata.get(DRIVE)
+    vehicle = vehicle or (None if drive is None else Vehicle())
     simulated = "schedule" in metadata
     try:
         origin = int(metadata[RUN]["epoch_ns"]) if metadata else int(imu.t_ns[0])
         site, options, methods = _settings(metadata)
         planned = _planned(metadata) if simulated else []
+        told = None if drive is None else _told_of_drive(drive)
         stretches = _settled(planned, metadata.get("settled", {}))
     except (KeyError, ValueError, TypeError) as error:
         raise StandError(f"{path}: metadata of the run is damaged: {error}") from error
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
     t.flags.writeable = False
     readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
+    if vehicle is not None:
+        stretch = _chosen(path, readings, [], t_from, t_to)
+        dwell = _on_the_road(path, stretch, readings, origin, told, vehicle)
+        truth = Truths() if drive is None else Truths(_true_attitude(path, origin, dwell.t_to))
+        return Log(
+            str(path), imu.topic, drive is not None, (dwell,), (truth,), site, options, methods
+        )
     if not simulated or (t_from, t_to, turn_joint) != (None, None, None):
         chosen = _chosen(path, readings, planned, t_from, t_to)
         if turn_joint is not None:
@@ -262,6 +322,115 @@ def _dwell(
     except StandError as error:
         raise StandError(f"{path}: {error}") from error
     return Dwell(stretch.label, *times, part, nominal, turn)
+
+
+@dataclass(frozen=True, slots=True)
+class _Drive:
+    """What the recording of a drive says: its id, start and `Fixes`' own standard deviations."""
+
+    label: str
+    start: tuple[float, ...]
+    start_sigma: float
+    errors: dict[str, float]
+
+
+def _told_of_drive(record: Mapping[str, str]) -> _Drive:
+    return _Drive(
+        record["id"],
+        tuple(json.loads(record["start_C_nb_xyzw"])),
+        float(record["start_sigma_rad"]),
+        {key: float(record[f"{key}_{unit}"]) for key, unit in FIX_UNITS.items()},
+    )
+
+
+def _on_the_road(
+    path: Path,
+    stretch: _Stretch,
+    readings: ImuReadings,
+    origin: int,
+    told: _Drive | None,
+    vehicle: Vehicle,
+) -> Dwell:
+    """A vehicle's stretch from its first fix to its last."""
+    places, velocities = read_fixes(path), read_velocities(path)
+    try:
+        errors = {} if told is None else told.errors
+        fixes = _fixes(places, velocities, origin, stretch, errors, vehicle)
+    except StandError as error:
+        raise StandError(f"{path}: {error}") from error
+    first = float(fixes.t[0])
+    start, sigma = vehicle.start, vehicle.start_sigma
+    label = stretch.label if told is None else told.label
+    if told is not None and start is None and first <= (places.t_ns[0] - origin) * 1e-9 + EDGE:
+        start = Rotation.from_quat(told.start)
+        sigma = told.start_sigma if sigma is None else sigma
+    return Dwell(
+        label, first, float(fixes.t[-1]), readings, start, fixes=fixes, nominal_sigma=sigma
+    )
+
+
+def _fixes(
+    places: FixLog,
+    velocities: VelocityLog,
+    origin: int,
+    stretch: _Stretch,
+    errors: Mapping[str, float],
+    vehicle: Vehicle,
+) -> Fixes:
+    """The fixes within a stretch that have a velocity of the same time.
+
+    `errors`: what the recording says of them, as the fields of `Fixes`.
+    """
+    t, v_t = (places.t_ns - origin) * 1e-9, (velocities.t_ns - origin) * 1e-9
+    middles = (v_t[1:] + v_t[:-1]) / 2
+    nearest = np.searchsorted(middles, t)
+    apart = np.abs(v_t[nearest] - t)
+    if apart.min() > SAME_TIME:
+        raise StandError(
+            f"{velocities.topic}: no velocity within {SAME_TIME * 1e3:g} ms of any fix of "
+            f"{places.topic}: the nearest is {apart.min():.3g} s away"
+        )
+    inside = (t >= stretch.t_from - EDGE) & (t <= stretch.t_to + EDGE) & (apart <= SAME_TIME)
+    if inside.sum() < 2:
+        raise StandError(
+            f"{places.topic}: {inside.sum()} fixes with a velocity from {stretch.t_from:z.3f} to "
+            f"{stretch.t_to:.3f} s, at least 2 are needed"
+        )
+    place, k = places.place[inside], nearest[inside]
+    v_n = C_NW.apply(velocities.v[k])
+    known = dict(errors)
+    for name, told, log, row in (
+        ("position_sigma", vehicle.position_sigma, places, inside),
+        ("velocity_sigma", vehicle.velocity_sigma, velocities, k),
+    ):
+        if told is not None:
+            known[name] = told
+        elif name not in known:
+            known[name] = _said_sigma(log, log.variance[row])
+    return Fixes(
+        t[inside],
+        ecef(*place.T),
+        np.einsum("mij,mj->mi", C_en(place[:, 0], place[:, 1]), v_n),
+        **known,
+    )
+
+
+def _said_sigma(log: FixLog | VelocityLog, variance: Array) -> float:
+    """The usual standard deviation that messages state with their values."""
+    stated = variance[np.isfinite(variance)]
+    if not len(stated):
+        raise StandError(f"{log.topic}: states no covariance: the noise of the fixes must be given")
+    return float(np.sqrt(np.median(stated)))
+
+
+def _true_attitude(path: Path, origin: int, t: float) -> Rotation:
+    """``C_nb`` at a time between samples, turned evenly from one to the next."""
+    truth = read_truth(path)
+    stamps = (truth.t_ns - origin) * 1e-9
+    k = int(np.clip(np.searchsorted(stamps, t + EDGE) - 1, 0, len(stamps) - 2))
+    before, after = (C_NW * Rotation.from_quat(truth.q_wb[i]) for i in (k, k + 1))
+    part = (t - stamps[k]) / (stamps[k + 1] - stamps[k])
+    return before * Rotation.from_rotvec(part * (before.inv() * after).as_rotvec())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

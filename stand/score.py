@@ -18,7 +18,12 @@ PUBLISHED = {
     "rk4": (0.213968, 0.222806, 0.385168),
 }
 ANGLES = ("roll", "yaw", "pitch")
-_STRETCHES = {"rest": "at rest", "turning": "at constant rate", "any": "to estimate from"}
+_STRETCHES = {
+    "rest": "at rest",
+    "turning": "at constant rate",
+    "any": "to estimate from",
+    "fixes": "with satellite fixes",
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import platform
-import shutil
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
@@ -11,7 +10,6 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
@@ -24,7 +22,7 @@ from alignment.estimate import AttitudeTrack, angle_sigmas
 from alignment.units import DEG
 from stand import __version__
 from stand.dwells import DwellCollector
-from stand.errors import StandError
+from stand.folder import refuse_existing, written_beside
 from stand.log import RUN, describe_estimate, describe_schedule, describe_site
 from stand.motion import MotionKind
 from stand.physics.kinematics import C_NW
@@ -93,40 +91,8 @@ def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunRe
     """
     refuse_existing(out, force)
     simulation = Simulation(settings)
-    beside = _new_folder(out)
-    try:
-        result = _Run(simulation, beside).record(progress, out)
-        _put_in_place(beside, out)
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
-    return result
-
-
-def refuse_existing(out: Path, force: bool) -> None:
-    """An existing recording stays unless `force`; anything else stays in any case."""
-    if not out.exists() and not out.is_symlink():
-        return
-    if not out.is_dir() or (any(out.iterdir()) and not (out / "run.mcap").exists()):
-        raise StandError(f"--out {out}: exists and is not a recording; choose another folder")
-    if not force and any(out.iterdir()):
-        raise StandError(f"--out {out}: a recording is there; --force replaces it")
-
-
-def _new_folder(out: Path) -> Path:
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        return Path(mkdtemp(prefix=f".{out.name}.", suffix=".partial", dir=out.parent))
-    except OSError as error:
-        raise StandError(f"--out {out}: cannot write there: {error.strerror}") from error
-
-
-def _put_in_place(beside: Path, out: Path) -> None:
-    old = beside.with_suffix(".old")
-    if out.exists():
-        out.rename(old)
-    beside.chmod(0o755)  # temporary folders are made for their owner alone
-    beside.rename(out)
-    shutil.rmtree(old, ignore_errors=True)
+    with written_beside(out) as beside:
+        return _Run(simulation, beside).record(progress, out)
 
 
 class _Run:

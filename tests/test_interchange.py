@@ -26,15 +26,25 @@ from stand.recording.interchange import (
     EPOCH_NS,
     ImuLog,
     McapWriter,
+    Satellites,
     cdr,
+    read_fixes,
     read_imu,
     read_joints,
     read_metadata,
     read_truth,
+    read_velocities,
     schemas,
+    write_drive,
     write_imu_log,
 )
-from stand.recording.interchange.decode import decode_imu, decode_joints, frame_id
+from stand.recording.interchange.decode import (
+    decode_fixes,
+    decode_imu,
+    decode_joints,
+    decode_velocities,
+    frame_id,
+)
 from stand.samples import ImuBlock, TruthBlock
 
 MS = 1_000_000
@@ -524,7 +534,16 @@ def test_imu_bytes_literally():
 
 @pytest.mark.parametrize(
     "name",
-    [schemas.IMU, schemas.JOINT_STATE, schemas.TF_MESSAGE, schemas.STRING, schemas.LOG],
+    [
+        schemas.IMU,
+        schemas.JOINT_STATE,
+        schemas.TF_MESSAGE,
+        schemas.STRING,
+        schemas.LOG,
+        schemas.NAV_SAT_FIX,
+        schemas.TWIST_STAMPED,
+        schemas.TWIST_WITH_COVARIANCE_STAMPED,
+    ],
 )
 def test_definitions_are_those_of_humble(name):
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -961,3 +980,190 @@ def test_faults_of_joints(tmp_path, topics, match):
         read_joints(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
+
+
+# --- satellites
+
+
+def nav_sat_fix(t_ns, place, frame="gps", order="<", status=0, variance=25.0, kind=2):
+    """A sensor_msgs/msg/NavSatFix, field by field; degrees."""
+    text = frame.encode() + b"\0"
+    body = struct.pack(f"{order}iI", *divmod(t_ns, S)) + struct.pack(f"{order}I", len(text)) + text
+    body += struct.pack("b", status)
+    body += bytes(-len(body) % 2) + struct.pack(f"{order}H", 1)
+    body += bytes(-len(body) % 8) + struct.pack(f"{order}3d", *place)
+    body += struct.pack(f"{order}9d", *np.diag([variance] * 3).ravel())
+    body += struct.pack("B", kind)
+    return bytes([0, 1 if order == "<" else 0, 0, 0]) + body
+
+
+def twist(t_ns, v, frame="enu", order="<", variance=None):
+    """A TwistStamped, or with a variance a TwistWithCovarianceStamped, field by field."""
+    text = frame.encode() + b"\0"
+    body = struct.pack(f"{order}iI", *divmod(t_ns, S)) + struct.pack(f"{order}I", len(text)) + text
+    body += bytes(-len(body) % 8) + struct.pack(f"{order}6d", *v, 0, 0, 0)
+    if variance is not None:
+        covariance = np.diag([variance] * 3 + [-1.0] * 3)
+        body += struct.pack(f"{order}36d", *covariance.ravel())
+    return bytes([0, 1 if order == "<" else 0, 0, 0]) + body
+
+
+PLACES = [[48.5, 9.25, 300.0], [-33.0, -151.5, -12.0]]  # deg, deg, m
+SPEEDS = [[1.0, -2.0, 3.0], [20.0, 0.5, -0.25]]
+
+
+@pytest.mark.parametrize("frame", ["imu", "gp", "a", ""])
+def test_satellite_bytes_by_hand_are_those_of_rosbags_and_ours(frame):
+    from rosbags.typesys import Stores, get_typestore
+
+    store, stamps = get_typestore(Stores.ROS2_HUMBLE), np.array([5, 3 * S + 7])
+    degrees = np.array(PLACES) * [np.pi / 180, np.pi / 180, 1]
+    fixes = cdr.fix_messages(stamps, degrees, frame_id=frame, variance=25.0)
+    twists = cdr.velocity_messages(stamps, np.array(SPEEDS), frame_id=frame, variance=0.01)
+    for k, t_ns in enumerate(stamps.tolist()):
+        fix = store.deserialize_cdr(fixes[k].tobytes(), schemas.NAV_SAT_FIX)
+        assert (stamp(fix.header), fix.header.frame_id) == (t_ns, frame)
+        # degrees and back: two roundings
+        place = [fix.latitude, fix.longitude, fix.altitude]
+        np.testing.assert_allclose(place, PLACES[k], rtol=5e-16)
+        hand = nav_sat_fix(t_ns, place, frame)
+        assert fixes[k].tobytes() == hand == bytes(store.serialize_cdr(fix, schemas.NAV_SAT_FIX))
+        velocity = store.deserialize_cdr(twists[k].tobytes(), schemas.TWIST_WITH_COVARIANCE_STAMPED)
+        assert xyz(velocity.twist.twist.linear) == SPEEDS[k]
+        assert twists[k].tobytes() == twist(t_ns, SPEEDS[k], frame, variance=0.01)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(messages, min_size=1, max_size=6))
+def test_any_mixture_of_satellite_messages_is_decoded(drawn):
+    for make, decode, value in (
+        (nav_sat_fix, decode_fixes, lambda batch: batch.place / [np.pi / 180, np.pi / 180, 1]),
+        (twist, lambda *a: decode_velocities(*a, covariance=False), lambda batch: batch.v),
+    ):
+        data, starts, sizes = b"", [], []
+        for sec, nanosec, frame, order, x, before in drawn:
+            data += before
+            starts.append(len(data))
+            data += make(sec * S + nanosec, np.clip(x[:3], -1e9, 1e9), frame, order)
+            sizes.append(len(data) - starts[-1])
+        batch = decode(np.frombuffer(data, np.uint8), np.array(starts), np.array(sizes))
+        np.testing.assert_array_equal(batch.t_ns, [m[0] * S + m[1] for m in drawn])
+        # degrees and back: two roundings, of the smallest numbers too
+        wanted = np.clip([m[4][:3] for m in drawn], -1e9, 1e9)
+        np.testing.assert_allclose(value(batch), wanted, rtol=5e-16, atol=1e-320)
+
+
+def write_road(path, n=2500):
+    """A drive of 2.5 s with a fix before the first sample, one a second, and one behind the end."""
+    truth, imu = blocks(n)
+    t_ns = np.array([0, 1000, 2000, 2600]) * MS
+    place = np.array([[0.5, -3.0, 10.0], [0.6, 3.0, 20.0], [-0.7, 0.1, 30.0], [0.8, 0.2, 40.0]])
+    satellites = Satellites(t_ns, place, np.arange(12.0).reshape(4, 3), 25.0, 0.0025)
+    write_drive(
+        path,
+        truth=truth,
+        imu=imu,
+        satellites=satellites,
+        metadata=METADATA,
+        attachments={"drive.toml": ("application/toml", b"leg = []")},
+        rate_noise=RATE_NOISE,
+        force_noise=FORCE_NOISE,
+    )
+    return truth, imu, satellites
+
+
+def test_a_drive_in_rosbags(tmp_path):
+    truth, imu, satellites = write_road(tmp_path / "run.mcap")
+    found = decoded(tmp_path / "run.mcap")
+    assert set(found) == {"/imu/data", "/imu/truth", "/gnss/fix", "/gnss/velocity"}
+    for topic, block in (("/imu/data", imu), ("/imu/truth", truth)):
+        rates = [xyz(m.angular_velocity) for _, m in found[topic]]
+        np.testing.assert_array_equal(rates, block.w_ib_b)
+    np.testing.assert_array_equal([xyzw(m.orientation) for _, m in found["/imu/truth"]], truth.q_wb)
+    fixes, velocities = found["/gnss/fix"], found["/gnss/velocity"]
+    for messages in (fixes, velocities):
+        assert [t - EPOCH_NS for t, _ in messages] == satellites.t_ns.tolist()
+        assert [stamp(m.header) - EPOCH_NS for _, m in messages] == satellites.t_ns.tolist()
+    np.testing.assert_allclose([m.latitude for _, m in fixes], np.degrees(satellites.place[:, 0]))
+    np.testing.assert_allclose([m.longitude for _, m in fixes], np.degrees(satellites.place[:, 1]))
+    np.testing.assert_array_equal([m.altitude for _, m in fixes], satellites.place[:, 2])
+    np.testing.assert_array_equal([xyz(m.twist.twist.linear) for _, m in velocities], satellites.v)
+    _, fix = fixes[0]
+    assert (fix.status.status, fix.position_covariance_type) == (0, 2)
+    np.testing.assert_array_equal(fix.position_covariance, np.diag([25.0] * 3).ravel())
+    _, velocity = velocities[0]
+    assert velocity.header.frame_id == "enu"
+    np.testing.assert_array_equal(
+        np.diag(velocity.twist.covariance.reshape(6, 6))[:3], [0.0025] * 3
+    )
+
+
+def test_a_drive_in_our_reader(tmp_path):
+    path = tmp_path / "run.mcap"
+    truth, imu, satellites = write_road(path)
+    fixes, velocities = read_fixes(path), read_velocities(path)
+    assert (fixes.topic, velocities.topic) == ("/gnss/fix", "/gnss/velocity")
+    assert len(fixes) == len(velocities) == 4
+    for log in (fixes, velocities):
+        np.testing.assert_array_equal(log.t_ns, EPOCH_NS + satellites.t_ns)
+    # degrees and back: two roundings, 1e-9 m
+    np.testing.assert_allclose(fixes.place, satellites.place, rtol=5e-16)
+    np.testing.assert_array_equal(velocities.v, satellites.v)
+    np.testing.assert_array_equal(fixes.variance, [25.0] * 4)
+    np.testing.assert_array_equal(velocities.variance, [0.0025] * 4)
+    np.testing.assert_array_equal(read_imu(path).w_ib_b, imu.w_ib_b)
+    np.testing.assert_array_equal(read_truth(path).q_wb, truth.q_wb)
+    with open(path, "rb") as file:
+        times = [m.log_time for _, _, m in make_reader(file, validate_crcs=True).iter_messages()]
+    assert times == sorted(times)
+
+
+def test_rerun_finds_nothing_wrong_with_a_drive(tmp_path):
+    write_road(tmp_path / "run.mcap")
+    result = rerun(tmp_path, "check", "--full", tmp_path / "run.mcap")
+    assert result.returncode == 0, result.stderr
+
+
+def test_fixes_of_a_foreign_file(tmp_path):
+    """Other topics, messages without a fix or a covariance, both byte orders."""
+    path = tmp_path / "fix.mcap"
+    made = [
+        nav_sat_fix(
+            k + 1, PLACES[k % 2], "f" * k, "<>"[k % 2], (0, -1, 2, 0)[k], 9.0, (0, 2, 3, 1)[k]
+        )
+        for k in range(4)
+    ]
+    log = read_fixes(foreign(path, {"/ublox/fix": made}, type_name=schemas.NAV_SAT_FIX))
+    np.testing.assert_array_equal(log.t_ns, [1, 3, 4])
+    np.testing.assert_array_equal(log.variance, [np.nan, 9.0, 9.0])
+    np.testing.assert_allclose(log.place[2, :2], np.radians([-33.0, -151.5]))
+    with pytest.raises(StandError, match="no topic with geometry_msgs/msg/TwistWithCov"):
+        read_velocities(path)
+    path = tmp_path / "lost.mcap"
+    lost = {"/fix": [nav_sat_fix(1, [np.nan] * 3, status=-1)]}
+    with pytest.raises(StandError, match=r"/fix: no message has a fix: their status is below 0$"):
+        read_fixes(foreign(path, lost, type_name=schemas.NAV_SAT_FIX))
+
+
+@pytest.mark.parametrize("variance", [None, 0.04, 0.0])
+def test_velocities_of_a_foreign_file(tmp_path, variance):
+    kind = schemas.TWIST_STAMPED if variance is None else schemas.TWIST_WITH_COVARIANCE_STAMPED
+    made = [twist(k + 1, SPEEDS[k], "f" * k, "<>"[k], variance) for k in range(2)]
+    log = read_velocities(foreign(tmp_path / "v.mcap", {"/vel": made}, type_name=kind))
+    np.testing.assert_array_equal(log.v, SPEEDS)
+    np.testing.assert_array_equal(log.variance, [variance or np.nan] * 2)
+
+
+@pytest.mark.parametrize(
+    ("made", "match"),
+    [
+        ([nav_sat_fix(1, PLACES[0])[:60]], r"/fix: message 0: 60 bytes, sensor_msgs/msg/NavSatFix"),
+        ([nav_sat_fix(1, [np.nan, 0, 0])], r"/fix: message 0: latitude.* is not finite$"),
+        ([nav_sat_fix(2, PLACES[0])] * 2, r"/fix: message 1: header stamp 2 ns is not later"),
+    ],
+)
+def test_faults_of_fixes(tmp_path, made, match):
+    path = foreign(tmp_path / "log.mcap", {"/fix": made}, type_name=schemas.NAV_SAT_FIX)
+    with pytest.raises(StandError, match=match) as caught:
+        read_fixes(path)
+    assert str(caught.value).startswith(f"{path}: ")

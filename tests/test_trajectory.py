@@ -19,10 +19,11 @@ from stand.drive import (
     priors_of,
     programmed,
     readings_of,
+    reported,
     sense,
 )
 from stand.errors import StandError
-from stand.imu import load_imu
+from stand.imu import Imu, load_imu
 from stand.trajectory import Change, Path, Start, smooth
 
 W = 7.292115e-5  # rad/s, WGS 84
@@ -366,7 +367,7 @@ def test_a_programmed_start_is_wrong_by_its_sigma():
 def test_an_ideal_unit_reports_what_is_felt():
     path = drive().path
     sensed = sense(path, 50)
-    readings = readings_of(sensed, load_imu("ideal"), 1, 50)
+    readings = readings_of(reported(sensed, Imu(load_imu("ideal"), 1, 50)))
     assert readings.t == pytest.approx(np.arange(1, 3001) / 50, abs=1e-12)
     assert readings.f_b == pytest.approx(sensed.f_b, abs=1e-13)
     assert readings.w_ib_b == pytest.approx(sensed.w_ib_b, abs=1e-16)

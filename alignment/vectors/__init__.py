@@ -4,7 +4,6 @@ Three solutions of one problem on the same readings and fixes; each answers with
 attitude and place over time by the fixes that had come. Source: [S2], methods.md section 4.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +15,7 @@ from alignment.vectors.fixes import BoolArray, Fixes, Matching, VectorOptions
 from alignment.vectors.kalman import kalman
 from alignment.vectors.observing import observing
 from alignment.vectors.printed import printed
+from alignment.vectors.solutions import SOLUTIONS
 
 __all__ = [
     "SOLUTIONS",
@@ -28,9 +28,6 @@ __all__ = [
     "observing",
     "printed",
 ]
-
-Solve = Callable[[ImuReadings, Fixes, Rotation, VectorOptions | None], Matching]
-SOLUTIONS: dict[str, Solve] = {"printed": printed, "observing": observing, "kalman": kalman}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,6 @@ proper rotation that fits all rows best (Wahba's problem, by SVD).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.linalg import solve_triangular
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
@@ -123,6 +122,9 @@ def observing(
 
 def _gravity_integrals(record: Record) -> tuple[Array, Array]:
     """First and second integral of gravitation (k, 3) in i along the fixes' path."""
+    # 0.2 s to import, which every start of the methods' list would pay
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
     T = record.t - record.t[0]
     path = CubicHermiteSpline(T[record.at_fix], record.r_i, record.v_i)
     g = CubicSpline(T, gravitation(path(T), T))

@@ -23,6 +23,9 @@ WINDOWS = {
     "same": ", same window",
     "fresh": ", fresh window",
     "pair": ", opposed pairs",
+    "printed": ", as printed",
+    "observing": ", observing form",
+    "kalman": ", Kalman filter",
 }
 ANGLE_NOTE = (
     "Yaw is positive from north to west. Where X1 is within 45 deg of the vertical, angles are "
@@ -95,7 +98,12 @@ def score_tables(scores: Sequence[Score]) -> list[TableData]:
     tables = []
     for (method, window), members in by_method(scores):
         own = [s for s in rows if (s.method, s.window) == (method, window)]
-        tables.append(_pair_table(members) if window == "pair" else _table(members, own))
+        if window == "pair":
+            tables.append(_pair_table(members))
+        elif all(s.estimate.C_nb is None for s in members):
+            tables.append(_refused_table(members))
+        else:
+            tables.append(_table(members, own))
     return tables
 
 
@@ -110,7 +118,7 @@ def _table(scores: Sequence[Score], deviations: Sequence[Spread]) -> TableData:
     return TableData(
         title,
         tuple(columns),
-        tuple(_row(s, scored, latitude) for s in scores),
+        tuple(_row(s, scored, latitude) for s in scores if s.estimate.C_nb is not None),
         tuple(_footers(first.method, deviations, len(columns))),
         tuple(_notes(scores)),
         ("turns", "roll", "yaw", "pitch")
@@ -139,6 +147,14 @@ def _latitude(scored: Score) -> str:
         return ""
     sigma = "" if e.latitude_sigma is None else sigma_text(e.latitude_sigma / DEG)
     return f"{e.latitude / DEG:.3f} {sigma}".rstrip()
+
+
+def _refused_table(scores: Sequence[Score]) -> TableData:
+    """One form of a method that gives no attitude, and why."""
+    first = scores[0].estimate
+    rows = tuple((s.estimate.label, "; ".join(s.estimate.flags)) for s in scores)
+    title = f"{first.method}{WINDOWS[first.window]}: no estimate"
+    return TableData(title, ("position", "finding"), rows)
 
 
 def _pair_table(scores: Sequence[Score]) -> TableData:

@@ -16,11 +16,12 @@ Row = dict[str, str | float | None]
 
 
 def listing(what: str) -> list[Row]:
-    """Entries of 'procedures', 'imus', 'tables' or 'methods', one dictionary per row."""
+    """Entries of one of the catalogues below by its name, one dictionary per row."""
     makers: dict[str, Callable[[], list[Row]]] = {
         "procedures": _procedures,
         "imus": _imus,
         "tables": _tables,
+        "trajectories": _trajectories,
         "methods": _methods,
     }
     return makers[what]()
@@ -113,6 +114,29 @@ def _table(table: Table) -> Row:
         "orth. arc s": largest("non_orthogonality_arc_s"),
         "wobble arc s": largest("wobble_arc_s"),
     }
+
+
+def _trajectories() -> list[Row]:
+    # their splines take 0.2 s to import
+    from stand.drive import FOLDER, DriveEntry
+
+    rows: list[Row] = []
+    for name in catalogue.ids(FOLDER):
+        entry = catalogue.parse(catalogue.find(FOLDER, "trajectory", name), DriveEntry)
+        duration = sum(leg.duration_s for leg in entry.leg)
+        speeds = [s for s in (entry.start.speed_m_s, *(leg.speed_m_s for leg in entry.leg)) if s]
+        outages = [f"{a:g} to {b:g}" for a, b in entry.satellite.outages_s]
+        rows.append(
+            {
+                "id": name,
+                "title": entry.title,
+                "duration_s": duration,
+                "top m/s": max(speeds, default=0.0),
+                "fixes": len(entry.satellite.times(duration)),
+                "outages s": ", ".join(outages) or None,
+            }
+        )
+    return rows
 
 
 def _methods() -> list[Row]:

@@ -16,12 +16,16 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array
 from alignment.units import DEG
 from alignment.vectors import Fixes, Matching
+from stand.milestones import LIMITS, Doubt, Point, doubts, needed, points
+from stand.report.document import TableData
 from stand.report.page import INKS
 from stand.trajectory import Path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from stand.driven import DriveResult
 
 # Okabe and Ito's colours, told apart by colour-blind eyes.
 COLOURS = {
@@ -161,3 +165,54 @@ def _legend(figure: Figure, axes: Axes, ink: dict[str, str]) -> None:
     )
     for text in legend.get_texts():
         text.set_color(ink["ink"])
+
+
+def table(result: DriveResult) -> TableData:
+    """Error and sigma of every solution by the number of fixes, and how many each needed."""
+    rows, reached = [], []
+    for name, curve in result.curves.items():
+        shown = points(curve)
+        reached = [f"{p.fixes} fixes" for p in shown]
+        place = errors(result.matchings[name], result.settings.drive.path).place[-1]
+        counts = (needed(curve, limit) for limit in LIMITS)
+        rows.append(
+            (
+                name,
+                *map(_cell, shown),
+                *(" / ".join("never" if n is None else str(n) for n in both) for both in counts),
+                f"{place:.3g}",
+            )
+        )
+    limits = [f"below {limit / DEG:g} deg" for limit in LIMITS]
+    columns = ("solution", *reached, *limits, "place m")
+    return TableData(
+        "attitude error ± predicted sigma [deg], the whole turn, after so many fixes",
+        columns,
+        tuple(rows),
+        notes=(
+            "start: still the programmed attitude; ~: carried by the gyros since the last fix that "
+            "corrected.",
+            "below: fixes needed to come and stay there, by the error of this run / by sigma; "
+            "place: error at the last fix.",
+            *(line for name in result.matchings for line in _lines(name, result)),
+            *(f"{name}: {reason}" for name, reason in result.refusals.items()),
+        ),
+        optional=tuple(c for c in ("10 fixes", "30 fixes", "place m", *limits) if c in columns),
+    )
+
+
+def _cell(point: Point) -> str:
+    if point.state == "start":
+        return f"{point.error / DEG:.3g} start"
+    carried = " ~" if point.state == "carried" else ""
+    return f"{point.error / DEG:.3g} ± {point.sigma / DEG:.2g}{carried}"
+
+
+def _lines(name: str, result: DriveResult) -> list[str]:
+    return [f"{name}: {_line(d)}" for d in doubts(result.matchings[name])]
+
+
+def _line(d: Doubt) -> str:
+    if d.count == 1:
+        return f"fix {d.first}: {d.text}"
+    return f"{d.count} fixes from {d.first} to {d.last}, at the last: {d.text}"

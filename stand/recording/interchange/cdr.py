@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alignment.arrays import Array, IntArray
+from alignment.units import DEG
 
 Bytes = NDArray[np.uint8]
 
 NS_PER_S = 1_000_000_000
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _HEAD = len(_LITTLE_ENDIAN)
+_SERVICE_GPS, _COVARIANCE_DIAGONAL_KNOWN = 1, 2  # as sensor_msgs/msg/NavSatFix has them
 _STAMP = np.dtype([("sec", "<i4"), ("nanosec", "<u4")])
 
 
@@ -176,6 +178,51 @@ def transforms(
         values[f"translation{i}"] = translations[:, i]
         values[f"rotation{i}"] = rotations[:, i]
     return layout.rows(len(t_ns), **values)
+
+
+def fix_messages(t_ns: IntArray, place: Array, *, frame_id: str, variance: float) -> Bytes:
+    """sensor_msgs/msg/NavSatFix, (n, length).
+
+    Parameters
+    ----------
+    t_ns : (n,) int64
+        Header stamps since the Unix epoch [ns].
+    place : (n, 3)
+        Geodetic latitude, longitude [rad] and height above the ellipsoid [m], WGS 84.
+    frame_id : str
+        Of the antenna.
+    variance : float
+        Of each component [m^2].
+    """
+    layout = _Layout()
+    layout.header(frame_id)
+    layout.constant("b", 0)  # a fix
+    layout.constant("H", _SERVICE_GPS)
+    layout.varying("place", ("<f8", 3), 8)
+    layout.constant("d", *_diagonal(variance))
+    layout.constant("B", _COVARIANCE_DIAGONAL_KNOWN)
+    return layout.rows(len(t_ns), stamp=_stamps(t_ns), place=place / [DEG, DEG, 1.0])
+
+
+def velocity_messages(t_ns: IntArray, v: Array, *, frame_id: str, variance: float) -> Bytes:
+    """geometry_msgs/msg/TwistWithCovarianceStamped, (n, length).
+
+    Parameters
+    ----------
+    t_ns : (n,) int64
+        Header stamps since the Unix epoch [ns].
+    v : (n, 3)
+        [m/s], in the axes of `frame_id`.
+    frame_id : str
+    variance : float
+        Of each component [(m/s)^2]; the angular rates are said to be unknown.
+    """
+    layout = _Layout()
+    layout.header(frame_id)
+    layout.varying("v", ("<f8", 3), 8)
+    layout.constant("d", *[0.0] * 3)
+    layout.constant("d", *np.diag([variance] * 3 + [-1.0] * 3).ravel().tolist())
+    return layout.rows(len(t_ns), stamp=_stamps(t_ns), v=v)
 
 
 def string_message(text: str) -> Bytes:

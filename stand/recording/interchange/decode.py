@@ -1,4 +1,4 @@
-"""Reading Imu and JointState from CDR bytes, many messages at once, whoever wrote them."""
+"""Reading messages from CDR bytes, many at once, whoever wrote them: Imu, joints, satellites."""
 
 from typing import Any, Literal, NamedTuple
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from alignment.arrays import Array, IntArray
+from alignment.units import DEG
 from stand.errors import StandError
 
 from . import schemas
@@ -26,6 +27,9 @@ _NUMBERS = np.dtype(
         ("f_covariance", "f8", 9),
     ]
 )
+_FIX = np.dtype([("place", "f8", 3), ("covariance", "f8", (3, 3)), ("kind", "u1")])
+_TWIST = np.dtype([("v", "f8", 3), ("w", "f8", 3)])
+_TWIST_WITH_COVARIANCE = np.dtype([*_TWIST.descr, ("covariance", "f8", (6, 6))])
 _ORDERS: dict[int, Order] = {0x0000: ">", 0x0001: "<"}
 """Of the bytes, by the encapsulation's identifier."""
 
@@ -49,6 +53,27 @@ class JointBatch(NamedTuple):
     t_ns: IntArray
     angles: Array
     rates: Array
+
+
+class FixBatch(NamedTuple):
+    """Decoded messages: `t_ns` (n,), `status` (n,) (below 0: no fix), `place` (n, 3) latitude and
+    longitude [rad], height [m], `variance` (n,) mean of the three [m^2], NaN where unknown.
+    """
+
+    t_ns: IntArray
+    status: IntArray
+    place: Array
+    variance: Array
+
+
+class VelocityBatch(NamedTuple):
+    """Decoded messages: `t_ns` (n,), `v` (n, 3) [m/s], `variance` (n,) mean of the three, NaN
+    where unknown.
+    """
+
+    t_ns: IntArray
+    v: Array
+    variance: Array
 
 
 def decode_imu(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0) -> ImuBatch:
@@ -82,6 +107,63 @@ def decode_imu(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0) -
             batch.f_b[rows] = values["f"]
             batch.q[rows] = values["q"]
     return batch
+
+
+def decode_fixes(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0) -> FixBatch:
+    """Decode the sensor_msgs/msg/NavSatFix at `starts` in `data`; all as in `decode_imu`."""
+    kinds, n = _kinds(data, starts, sizes, first, schemas.NAV_SAT_FIX), len(starts)
+    batch = FixBatch(np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, 3)), np.empty(n))
+    for kind, order in _ORDERS.items():
+        rows = np.flatnonzero(kinds == kind)
+        if len(rows):
+            header = _headers(data, starts[rows], order)
+            frame_end = _HEADER.itemsize + header["frame_size"].astype(np.int64)
+            # one byte of status, then the services aligned to two
+            numbers = _ENCAPSULATION_SIZE + _up(_up(frame_end + 1, 2) + 2, 8)
+            _check_sizes(sizes[rows], numbers + _FIX.itemsize, first, schemas.NAV_SAT_FIX)
+            status = gather(data, starts[rows] + _ENCAPSULATION_SIZE + frame_end, "i1")
+            values = gather(data, starts[rows] + numbers, _FIX.newbyteorder(order))
+            batch.t_ns[rows] = _stamp_ns(header)
+            batch.status[rows] = status
+            batch.place[rows] = values["place"] * [DEG, DEG, 1.0]
+            batch.variance[rows] = np.where(values["kind"] > 0, _mean(values["covariance"]), np.nan)
+    return batch
+
+
+def decode_velocities(
+    data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0, covariance: bool = True
+) -> VelocityBatch:
+    """Decode the geometry_msgs/msg/TwistWithCovarianceStamped at `starts` in `data`.
+
+    Parameters
+    ----------
+    data, starts, sizes, first
+        As in `decode_imu`.
+    covariance : bool
+        False: they are TwistStamped, without one.
+    """
+    name = schemas.TWIST_WITH_COVARIANCE_STAMPED if covariance else schemas.TWIST_STAMPED
+    layout = _TWIST_WITH_COVARIANCE if covariance else _TWIST
+    kinds, n = _kinds(data, starts, sizes, first, name), len(starts)
+    batch = VelocityBatch(np.empty(n, np.int64), np.empty((n, 3)), np.full(n, np.nan))
+    for kind, order in _ORDERS.items():
+        rows = np.flatnonzero(kinds == kind)
+        if len(rows):
+            header = _headers(data, starts[rows], order)
+            numbers = _numbers_start(header["frame_size"])
+            _check_sizes(sizes[rows], numbers + layout.itemsize, first, name)
+            values = gather(data, starts[rows] + numbers, layout.newbyteorder(order))
+            batch.t_ns[rows] = _stamp_ns(header)
+            batch.v[rows] = values["v"]
+            if covariance:
+                batch.variance[rows] = _mean(values["covariance"][:, :3, :3])
+    return batch
+
+
+def _mean(covariances: Array) -> Array:
+    """Mean variance (n,) of covariances (n, 3, 3); NaN where it says nothing: not above 0."""
+    variance = np.trace(covariances, axis1=1, axis2=2) / 3
+    return np.where(variance > 0, variance, np.nan)
 
 
 def frame_id(data: Bytes, start: int) -> str:
@@ -236,8 +318,12 @@ def _stamp_ns(messages: NDArray[Any]) -> IntArray:
 
 def _numbers_start(frame_size: NDArray[Any]) -> IntArray:
     """Offset in the message of its numbers: behind the frame_id, aligned to 8."""
-    end = _HEADER.itemsize + frame_size.astype(np.int64)
-    return _ENCAPSULATION_SIZE + (end + 7) // 8 * 8
+    return _ENCAPSULATION_SIZE + _up(_HEADER.itemsize + frame_size.astype(np.int64), 8)
+
+
+def _up(at: IntArray, size: int) -> IntArray:
+    """The next multiples of `size`."""
+    return (at + size - 1) // size * size
 
 
 def _check_sizes(sizes: IntArray, wanted: IntArray, first: int, type_name: str) -> None:

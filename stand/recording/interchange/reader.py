@@ -1,4 +1,4 @@
-"""Reading logs of IMUs and of joints from MCAP files, our own and foreign ones."""
+"""Reading logs of IMUs, joints and satellite fixes from MCAP files, our own and foreign ones."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,22 +18,42 @@ from stand.errors import StandError, unknown
 
 from . import schemas
 from .cdr import Bytes
-from .decode import ImuBatch, JointBatch, decode_imu, decode_joints, frame_id
+from .decode import (
+    FixBatch,
+    ImuBatch,
+    JointBatch,
+    VelocityBatch,
+    decode_fixes,
+    decode_imu,
+    decode_joints,
+    decode_velocities,
+    frame_id,
+)
 from .records import Directory, directory, opened, records, segments
-from .writer import ENCODER_TOPIC, IMU_TOPIC, TRUTH_TOPIC
+from .writer import ENCODER_TOPIC, FIX_TOPIC, IMU_TOPIC, TRUTH_TOPIC, VELOCITY_TOPIC
 
 # The second is the type's name in ROS 1 and some writers.
 _IMU_TYPES = (schemas.IMU, "sensor_msgs/Imu")
 _JOINT_TYPES = (schemas.JOINT_STATE, "sensor_msgs/JointState")
+_FIX_TYPES = (schemas.NAV_SAT_FIX, "sensor_msgs/NavSatFix")
+_VELOCITY_TYPES = {  # and whether they have a covariance
+    schemas.TWIST_WITH_COVARIANCE_STAMPED: True,
+    "geometry_msgs/TwistWithCovarianceStamped": True,
+    schemas.TWIST_STAMPED: False,
+    "geometry_msgs/TwistStamped": False,
+}
 _LABELS = {
     "t_ns": "stamp",
     "w_ib_b": "angular_velocity",
     "f_b": "linear_acceleration",
     "q": "orientation",
     "angles": "position",
+    "place": "latitude, longitude (rad), altitude",
+    "v": "twist.linear",
 }
 
-Decode = Callable[[Bytes, IntArray, IntArray, int], ImuBatch | JointBatch]
+Batch = ImuBatch | JointBatch | FixBatch | VelocityBatch
+Decode = Callable[[Bytes, IntArray, IntArray, int], Batch]
 """A chunk, where its messages begin, their sizes, the first one's number: the messages."""
 
 
@@ -129,6 +149,62 @@ class JointLog:
         return len(self.t_ns)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FixLog:
+    """Where satellites saw a vehicle, read from a file.
+
+    Attributes
+    ----------
+    path, topic : str
+    t_ns : (n,) int64
+        As in `ImuLog`; n >= 1.
+    place : (n, 3)
+        Geodetic latitude, longitude [rad], height above the ellipsoid [m], WGS 84.
+    variance : (n,)
+        Mean of the three components' [m^2]; NaN where the message does not say.
+    """
+
+    path: str
+    topic: str
+    t_ns: IntArray
+    place: Array
+    variance: Array
+
+    def __post_init__(self) -> None:
+        _own(self, t_ns=(), place=(3,), variance=())
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VelocityLog:
+    """How fast satellites saw a vehicle move, read from a file.
+
+    Attributes
+    ----------
+    path, topic : str
+    t_ns : (n,) int64
+        As in `ImuLog`.
+    v : (n, 3)
+        East, north, up [m/s], relative to the Earth.
+    variance : (n,)
+        Mean of the three components' [(m/s)^2]; NaN where the message does not say.
+    """
+
+    path: str
+    topic: str
+    t_ns: IntArray
+    v: Array
+    variance: Array
+
+    def __post_init__(self) -> None:
+        _own(self, t_ns=(), v=(3,), variance=())
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+
 def read_imu(path: str | Path, topic: str | None = None) -> ImuLog:
     """The IMU log of any MCAP file with sensor_msgs/msg/Imu in CDR.
 
@@ -206,6 +282,58 @@ def read_joints(path: str | Path, topic: str | None = None) -> JointLog:
     if not np.isfinite(columns["rates"]).all():  # many drivers have none, or leave them NaN
         columns["rates"] = None
     return JointLog(path=str(path), topic=topic, names=names[0], **columns)
+
+
+def read_fixes(path: str | Path) -> FixLog:
+    """The satellite fixes of any MCAP file with sensor_msgs/msg/NavSatFix in CDR.
+
+    From /gnss/fix, or the only such topic there is; messages that say that they have no fix are
+    left out.
+
+    Raises
+    ------
+    StandError
+        As `read_imu`; or no message has a fix.
+    """
+    with opened(path) as file:
+        found = directory(file)
+        topic = _chosen(found, None, _FIX_TYPES, FIX_TOPIC)
+
+        def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> FixBatch:
+            batch = decode_fixes(data, starts, sizes, first)
+            k = batch.status >= 0
+            return FixBatch(batch.t_ns[k], batch.status[k], batch.place[k], batch.variance[k])
+
+        names = ("t_ns", "place", "variance")
+        columns = _columns(file, found, topic, decode, names, ("t_ns", "place"))
+        if not len(columns["t_ns"]):
+            raise StandError(f"{topic}: no message has a fix: their status is below 0")
+    return FixLog(path=str(path), topic=topic, **columns)
+
+
+def read_velocities(path: str | Path) -> VelocityLog:
+    """The satellite velocities of any MCAP file that has them in CDR.
+
+    From /gnss/velocity, or the only topic with geometry_msgs/msg/TwistWithCovarianceStamped or
+    TwistStamped; the linear part counts, as east, north, up.
+
+    Raises
+    ------
+    StandError
+        As `read_imu`.
+    """
+    with opened(path) as file:
+        found = directory(file)
+        topic = _chosen(found, None, tuple(_VELOCITY_TYPES), VELOCITY_TOPIC)
+        types = {c.topic: found.type_name(c) for c in found.channels.values()}
+        has_covariance = _VELOCITY_TYPES[types[topic]]
+
+        def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> VelocityBatch:
+            return decode_velocities(data, starts, sizes, first, has_covariance)
+
+        names = ("t_ns", "v", "variance")
+        columns = _columns(file, found, topic, decode, names, ("t_ns", "v"))
+    return VelocityLog(path=str(path), topic=topic, **columns)
 
 
 def read_metadata(path: str | Path) -> dict[str, dict[str, str]]:
@@ -327,7 +455,7 @@ def _batches(
 
 def _check(columns: Mapping[str, NDArray[Any]]) -> None:
     for name, values in columns.items():
-        odd = np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))
+        odd = np.flatnonzero(~np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
         if len(odd):
             i = int(odd[0])
             raise StandError(f"message {i}: {_LABELS[name]} {values[i].tolist()} is not finite")
@@ -341,7 +469,10 @@ def _check(columns: Mapping[str, NDArray[Any]]) -> None:
         )
 
 
-def _own(log: ImuLog | TruthLog | JointLog, **shapes: tuple[int, ...]) -> None:
+Log = ImuLog | TruthLog | JointLog | FixLog | VelocityLog
+
+
+def _own(log: Log, **shapes: tuple[int, ...]) -> None:
     """Make the arrays owned and read-only; those which already are, as the reader's, stay."""
     for name, shape in shapes.items():
         values = getattr(log, name)

@@ -5,6 +5,9 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 STRING = "std_msgs/msg/String"
 LOG = "rcl_interfaces/msg/Log"
+NAV_SAT_FIX = "sensor_msgs/msg/NavSatFix"
+TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
+TWIST_WITH_COVARIANCE_STAMPED = "geometry_msgs/msg/TwistWithCovarianceStamped"
 
 _FIELDS = {
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
@@ -16,6 +19,31 @@ _FIELDS = {
     ),
     "geometry_msgs/TransformStamped": (
         "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n"
+    ),
+    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
+    "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance\n",
+    "sensor_msgs/NavSatStatus": (
+        "int8 STATUS_NO_FIX=-1\nint8 STATUS_FIX=0\nint8 STATUS_SBAS_FIX=1\n"
+        "int8 STATUS_GBAS_FIX=2\n"
+        "int8 status\n"
+        "uint16 SERVICE_GPS=1\nuint16 SERVICE_GLONASS=2\nuint16 SERVICE_COMPASS=4\n"
+        "uint16 SERVICE_GALILEO=8\n"
+        "uint16 service\n"
+    ),
+    NAV_SAT_FIX: (
+        "std_msgs/Header header\n"
+        "sensor_msgs/NavSatStatus status\n"
+        "float64 latitude\n"
+        "float64 longitude\n"
+        "float64 altitude\n"
+        "float64[9] position_covariance\n"
+        "uint8 COVARIANCE_TYPE_UNKNOWN=0\nuint8 COVARIANCE_TYPE_APPROXIMATED=1\n"
+        "uint8 COVARIANCE_TYPE_DIAGONAL_KNOWN=2\nuint8 COVARIANCE_TYPE_KNOWN=3\n"
+        "uint8 position_covariance_type\n"
+    ),
+    TWIST_STAMPED: "std_msgs/Header header\ngeometry_msgs/Twist twist\n",
+    TWIST_WITH_COVARIANCE_STAMPED: (
+        "std_msgs/Header header\ngeometry_msgs/TwistWithCovariance twist\n"
     ),
     IMU: (
         "std_msgs/Header header\n"

@@ -1,6 +1,7 @@
-"""The interchange record `run.mcap`, and foreign IMU logs in the same form."""
+"""The interchange record `run.mcap`, of the stand and of a vehicle; IMU logs in the same form."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -8,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from alignment.arrays import Array, IntArray, owned
+from alignment.arrays import Array, IntArray, owned, set_owned
 from stand.errors import StandError
 from stand.physics.description import JOINTS, StandModel
 from stand.recording.urdf import IMU_FRAME
@@ -24,6 +25,9 @@ IMU_TOPIC = "/imu/data"
 TRUTH_TOPIC = "/imu/truth"
 ENCODER_TOPIC = "/joint_states"
 JOINT_TRUTH_TOPIC = "/joint_truth"
+FIX_TOPIC = "/gnss/fix"
+VELOCITY_TOPIC = "/gnss/velocity"
+ENU_FRAME = "enu"
 _CHUNK_NS = cdr.NS_PER_S
 _LAST_NS = 2**31 * cdr.NS_PER_S  # seconds of a stamp are int32
 
@@ -71,6 +75,14 @@ _TOPICS = (
     _DESCRIPTION,
     _ROSOUT,
 ) = range(len(_TOPICS))
+
+
+_DRIVE_TOPICS = (
+    *_TOPICS[: _TRUTH + 1],
+    _topic(FIX_TOPIC, schemas.NAV_SAT_FIX),
+    _topic(VELOCITY_TOPIC, schemas.TWIST_WITH_COVARIANCE_STAMPED),
+)
+_FIX, _VELOCITY = len(_DRIVE_TOPICS) - 2, len(_DRIVE_TOPICS) - 1
 
 
 class McapWriter:
@@ -304,6 +316,100 @@ def write_imu_log(
         for rows in _seconds(t_ns):
             messages = cdr.imu_messages(stamps[rows], w_ib_b[rows], f_b[rows], frame_id=frame_id)
             container.chunk([Part(_IMU, stamps[rows], messages)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Satellites:
+    """Fixes to be recorded: `t_ns` (m,) [ns]; `place` (m, 3) geodetic latitude, longitude [rad],
+    height [m]; `v` (m, 3) east, north, up [m/s]; variances of each component [m^2], [(m/s)^2].
+    """
+
+    t_ns: IntArray
+    place: Array
+    v: Array
+    place_variance: float
+    v_variance: float
+
+    def __post_init__(self) -> None:
+        m = len(self.t_ns)
+        set_owned(
+            self,
+            t_ns=(self.t_ns, (m,), np.int64),
+            place=(self.place, (m, 3), float),
+            v=(self.v, (m, 3), float),
+        )
+
+
+def write_drive(
+    path: str | Path,
+    *,
+    truth: TruthBlock,
+    imu: ImuBlock,
+    satellites: Satellites,
+    epoch_ns: int = EPOCH_NS,
+    metadata: Mapping[str, Mapping[str, str]],
+    attachments: Mapping[str, tuple[str, bytes]],
+    rate_noise: ArrayLike,
+    force_noise: ArrayLike,
+) -> None:
+    """Write a vehicle's drive, in chunks of a second.
+
+    What the IMU said and what it should have said as in `McapWriter`, the fixes on /gnss/fix and
+    /gnss/velocity, of an antenna at the IMU's place.
+
+    Parameters
+    ----------
+    path : str or Path
+        Overwritten if it exists.
+    truth, imu : TruthBlock, ImuBlock
+        Of equal times; joints are not recorded.
+    satellites : Satellites
+    epoch_ns, metadata, attachments, rate_noise, force_noise
+        As for `McapWriter`.
+
+    Raises
+    ------
+    StandError
+        The file cannot be created.
+    """
+    with Container(path, _DRIVE_TOPICS) as container:
+        for name, values in metadata.items():
+            container.metadata(name, values)
+        for name, (media_type, data) in attachments.items():
+            container.attachment(name, media_type, data, epoch_ns)
+        seconds = _seconds(imu.t_ns)
+        ends = [int(imu.t_ns[rows.stop - 1]) for rows in seconds]
+        # a fix goes with the samples up to its time, one behind the last sample with the last
+        bounds = [0, *np.searchsorted(satellites.t_ns, ends[:-1], "right"), len(satellites.t_ns)]
+        for rows, first, last in zip(seconds, bounds[:-1], bounds[1:], strict=True):
+            stamps = epoch_ns + imu.t_ns[rows]
+            own = (stamps, truth.w_ib_b[rows], truth.f_b[rows])
+            said = cdr.imu_messages(
+                stamps, imu.w_ib_b[rows], imu.f_b[rows], frame_id=IMU_FRAME,
+                rate_noise=rate_noise, force_noise=force_noise,
+            )  # fmt: skip
+            container.chunk(
+                [
+                    Part(_IMU, stamps, said),
+                    Part(
+                        _TRUTH,
+                        stamps,
+                        cdr.imu_messages(*own, frame_id=IMU_FRAME, q=truth.q_wb[rows]),
+                    ),
+                    *_satellite_parts(satellites, slice(first, last), epoch_ns),
+                ]
+            )
+
+
+def _satellite_parts(satellites: Satellites, rows: slice, epoch_ns: int) -> list[Part]:
+    stamps = epoch_ns + satellites.t_ns[rows]
+    fixes = cdr.fix_messages(
+        stamps, satellites.place[rows], frame_id=IMU_FRAME, variance=satellites.place_variance
+    )
+    velocities = cdr.velocity_messages(
+        stamps, satellites.v[rows], frame_id=ENU_FRAME, variance=satellites.v_variance
+    )
+    return [Part(_FIX, stamps, fixes), Part(_VELOCITY, stamps, velocities)]
 
 
 def _seconds(t_ns: IntArray) -> list[slice]:
