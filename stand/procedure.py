@@ -99,6 +99,73 @@ class PayloadEntry(catalogue.Entry):
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
+_AngleLimit = Annotated[float, Field(gt=0, le=180)]
+
+
+class RequiredEntry(catalogue.Entry):
+    """What the expanded uncertainty of an attitude angle may be at most."""
+
+    heading_deg: _AngleLimit | None = None
+    pitch_deg: _AngleLimit | None = None
+    roll_deg: _AngleLimit | None = None
+
+    def limits(self) -> dict[str, float]:
+        """What is limited, by quantity [rad]."""
+        given = {name: getattr(self, f"{name}_deg") for name in ("heading", "pitch", "roll")}
+        return {name: limit * DEG for name, limit in given.items() if limit is not None}
+
+
+class RequiredForEntry(RequiredEntry):
+    """The same for some units only: by preset id, grade, or revision, all that are given."""
+
+    part: Text | None = None
+    grade: Text | None = None
+    revision: Text | None = None
+
+    @property
+    def keys(self) -> dict[str, str]:
+        """What a unit must be to be meant."""
+        given = {"part": self.part, "grade": self.grade, "revision": self.revision}
+        return {name: value for name, value in given.items() if value is not None}
+
+    @model_validator(mode="after")
+    def _for_some(self) -> "RequiredForEntry":
+        if not self.keys:
+            raise ValueError("part, grade, revision: has none, must have one or more")
+        if not self.limits():
+            raise ValueError("heading_deg, pitch_deg, roll_deg: has none, must have one or more")
+        return self
+
+
+class RequireEntry(RequiredEntry):
+    """The accuracy that is required, for a rehearsal to judge.
+
+    `coverage` times sigma must be within the limit. `guard` is the part of it within which no
+    verdict is given: by so much a prediction may be off. `method`: which one it is judged by
+    (the best if absent). `limit`: other limits for some units; the one that says most holds.
+    """
+
+    coverage: Annotated[float, Field(ge=0.1, le=10)] = 2.0
+    guard: Annotated[float, Field(ge=0, le=0.5)] = 0.1
+    method: str | None = None
+    limit: tuple[RequiredForEntry, ...] = ()
+
+    @model_validator(mode="after")
+    def _something(self) -> "RequireEntry":
+        if not self.limits() and not self.limit:
+            raise ValueError("heading_deg, pitch_deg, roll_deg: has none, must have one or more")
+        return self
+
+    def limits_for(self, part: str, grade: str, revision: str) -> dict[str, float]:
+        """Limits [rad] by quantity for a unit: the general ones, and instead those for it."""
+        unit = {"part": part, "grade": grade, "revision": revision}
+        found = self.limits()
+        for entry in sorted(self.limit, key=lambda entry: len(entry.keys)):
+            if all(unit[name] == value for name, value in entry.keys.items()):
+                found |= entry.limits()
+        return found
+
+
 class ProcedureEntry(catalogue.Entry):
     """A procedure as its TOML file says it."""
 
@@ -111,6 +178,7 @@ class ProcedureEntry(catalogue.Entry):
     temperature: TemperatureEntry | None = None
     payload: PayloadEntry = PayloadEntry()
     table_errors: TableErrorsEntry | None = None
+    require: RequireEntry | None = None
     step: tuple[Step, ...]
     background: tuple[Background, ...] = ()
 
@@ -142,6 +210,13 @@ class ProcedureEntry(catalogue.Entry):
                     fault = f'background {number}, {key} = "{label}"'
                     count = labels.count(label) or "no"
                     raise ValueError(f"{fault}: {count} steps have this label, must be one")
+        return self
+
+    @model_validator(mode="after")
+    def _judged_by_a_method(self) -> "ProcedureEntry":
+        method = None if self.require is None else self.require.method
+        if method is not None and method not in self.estimate.methods:
+            raise ValueError(f"require: {unknown('method', method, self.estimate.methods)}")
         return self
 
     @property

@@ -1,0 +1,331 @@
+"""Predicted sigma of everything the methods of a procedure estimate, split by its sources."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment import ESTIMATORS, Options, Site
+from alignment.angles import Sequence as Order
+from alignment.angles import (
+    SequenceRule,
+    angle_jacobian,
+    angles_from_C_nb,
+    near_singular,
+)
+from alignment.arrays import Array
+from alignment.errors import AlignmentError
+from alignment.information import GaussMarkov, Information, Setting, Unit, information
+from alignment.information.model import _BY_AXIS, felt
+from alignment.information.result import DETERMINED
+from alignment.units import DEG
+from stand.imu import ImuSpec
+from stand.physics.description import StandModel
+from stand.physics.truth import Truth
+from stand.plan import Plan, PlannedStep
+from stand.rehearsal.gains import AT_REST, TURNING, Answer, Case, known_of
+from stand.rehearsal.instrument import leanings, unit_of
+from stand.rehearsal.result import Contribution, Observability, Prediction
+from stand.rehearsal.rocking import ROCKING, Functional, readings_of
+from stand.table import Table
+
+_NORTH = Rotation.identity()
+_ANGLES = ("roll", "yaw", "pitch")
+# how sources of `alignment.information` and of this package are told
+_NAMES = {
+    "bias": "turn-on bias",
+    "noise": "white noise",
+    "bias-instability": "bias instability",
+    "misalignment": "case misalignment",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """What is rehearsed: plan, stand, table, unit, site and what the estimators are told.
+
+    `truth` makes the perfect sensors of a motion, for methods on rocking bases. `settled` tells
+    how long each dwell waits for the servo [s], by label.
+    """
+
+    plan: Plan
+    model: StandModel
+    table: Table
+    imu: ImuSpec
+    site: Site
+    options: Options
+    rate_hz: int
+    truth: Callable[[], Truth]
+
+
+Parts = dict[str, Array]  # covariance (3, 3) about n [rad^2] by source
+
+
+def predict(scene: Scene, methods: Sequence[str]) -> tuple[list[Prediction], list[Observability]]:
+    """All methods' predictions, and what their readings can tell."""
+    predictions: list[Prediction] = []
+    observed: list[Observability] = []
+    unit = unit_of(scene.imu, scene.rate_hz)
+    case = Case(scene.site, scene.options)
+    for method in methods:
+        try:
+            found, seen = _method(method, scene, unit, case)
+        except AlignmentError as error:
+            found, seen = [_refused(method, str(error))], []
+        predictions += found
+        observed += seen
+    return predictions, observed
+
+
+def _refused(method: str, reason: str) -> Prediction:
+    return Prediction(method, "", "", "heading", "deg", DEG, None, (), reason)
+
+
+def _method(
+    method: str, scene: Scene, unit: Unit, case: Case
+) -> tuple[list[Prediction], list[Observability]]:
+    turning = ESTIMATORS[method].takes == "turning"
+    if method in ROCKING:
+        return _rocking(method, scene, unit)
+    answers_of = (AT_REST | TURNING).get(method)
+    if answers_of is None:
+        raise AlignmentError("no prediction is made for this method: see --verify")
+    steps = [s for s in scene.plan.stretches if (s.turning is not None) == turning]
+    if not steps:
+        raise AlignmentError(f"no stretch {'at constant rate' if turning else 'at rest'}")
+    rocked = [s.label for s in steps if not _still(scene.plan, s)]
+    if rocked:
+        raise AlignmentError(f"{rocked[0]}: the base rocks behind it, which this method refuses")
+    answers = answers_of(steps, case)
+    if not answers:
+        raise AlignmentError("every dwell ends with its offset window: nothing is left to estimate")
+    found: list[Prediction] = []
+    for number, answer in enumerate(answers):
+        response = _Response(answer, scene, unit)
+        C_nb = answer.stretches[answer.own].C_pb
+        why = "; ".join(c.text for c in answer.known.unseen)
+        found += _angles(method, answer.window, answer.label, C_nb, response.attitude(), why)
+        if number == 0:
+            found += response.biases(method)
+    return found, [_observed(method, answers[0].known)]
+
+
+def _still(plan: Plan, step: PlannedStep) -> bool:
+    """Whether nothing moves behind a stretch but its own axis."""
+    k = next(i for i, s in enumerate(plan.steps) if s is step)
+    rests = plan.rests[k].copy()
+    if step.turning is not None:
+        rests[step.turning.axis] = True
+    return bool(rests.all())
+
+
+def _observed(method: str, known: Information) -> Observability:
+    return Observability(
+        method, known.rank, known.sought, known.condition, tuple(c.text for c in known.unseen)
+    )
+
+
+# --- from covariances about n to angles ----------------------------------------------------------
+
+
+def _angles(
+    method: str, window: str, label: str, C_nb: Rotation, parts: Parts, why: str
+) -> Iterator[Prediction]:
+    """Heading (or the yaw of a vertical X1), pitch and roll."""
+    order = SequenceRule.REGULAR.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0]))
+    rows: dict[str, Array] = dict(
+        zip(_ANGLES, angle_jacobian(order, *angles_from_C_nb(order, C_nb)), strict=True)
+    )
+    level = angles_from_C_nb(Order.YAW_PITCH_ROLL, C_nb)
+    if not near_singular(Order.YAW_PITCH_ROLL, level):
+        rows["heading"] = -angle_jacobian(Order.YAW_PITCH_ROLL, *level)[1]
+        del rows["yaw"]
+    for quantity in ("heading", "yaw", "pitch", "roll"):
+        if quantity in rows:
+            j = rows[quantity]
+            sizes = {name: float(np.sqrt(max(j @ P @ j, 0.0))) for name, P in parts.items()}
+            yield _told(method, window, label, quantity, ("deg", DEG), sizes, DETERMINED, why)
+
+
+def _told(
+    method: str,
+    window: str,
+    label: str,
+    quantity: str,
+    unit: tuple[str, float],
+    sizes: dict[str, float],
+    limit: float,
+    why: str,
+) -> Prediction:
+    total = float(np.linalg.norm(list(sizes.values())))
+    if not total < limit:
+        reason = f"sigma of {total / unit[1]:.3g} {unit[0]} is beyond first order"
+        reason = f"not determined: {reason}" + (f"; {why}" if why else "")
+        return Prediction(method, window, label, quantity, *unit, None, (), reason)
+    named = sorted(sizes.items(), key=lambda item: -item[1])
+    contributions = tuple(Contribution(name, s) for name, s in named if s > 1e-6 * total)
+    return Prediction(method, window, label, quantity, *unit, total, contributions)
+
+
+def _name(source: str) -> str:
+    sensor, _, rest = source.partition(" ")
+    return f"{sensor} {_NAMES.get(rest, rest)}" if rest else source
+
+
+# --- methods at rest and in steady turns ---------------------------------------------------------
+
+
+class _Response:
+    """How one answer responds to every error of unit and table."""
+
+    def __init__(self, answer: Answer, scene: Scene, unit: Unit) -> None:
+        self.answer, self.scene = answer, scene
+        self.true = information(answer.stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
+        self.extra = list(self._table())
+
+    def attitude(self) -> Parts:
+        """Covariances of the rotation about n by source."""
+        return self._parts(self.answer.gain, self.true.attitude_rows(self.answer.own), True)
+
+    def biases(self, method: str) -> Iterator[Prediction]:
+        """Sigmas of the biases that are told."""
+        parameters = {p.label: p for p in self.true.parameters}
+        labels = [p.label for p in self.true.parameters]
+        for label, gain in self.answer.biases.items():
+            p = parameters[label]
+            row = np.eye(len(labels))[labels.index(label)][None]
+            parts = self._parts(gain[None], row, False)
+            sizes = {name: float(np.sqrt(max(P[0, 0], 0.0))) for name, P in parts.items()}
+            yield _told(method, "", "all", label, (p.unit, p.per), sizes, np.inf, "")
+
+    def _parts(self, gain: Array, row: Array, attitude: bool) -> Parts:
+        parts: Parts = {}
+
+        def add(source: str, P: Array) -> None:
+            name = _name(source)
+            parts[name] = parts.get(name, 0.0) + P
+
+        for name, N in zip(self.true.noise_names, self.true.noises, strict=True):
+            add(name, gain @ N @ gain.T)
+        left = gain @ self.true.J - row
+        for k, parameter in enumerate(self.true.parameters):
+            if 0 < parameter.prior < np.inf:
+                v = left[:, k] * parameter.prior
+                add(parameter.source, np.outer(v, v))
+        C = self.answer.stretches[self.answer.own].C_pb.as_matrix()
+        for source, sigma, readings, turned in self.extra:
+            v = gain @ readings
+            if attitude:
+                v = v - C @ turned
+            add(source, sigma**2 * np.outer(v, v))
+        return parts
+
+    def _table(self) -> Iterator[tuple[str, float, Array, Array]]:
+        """Per error of the table: source, sigma, readings (m,), turn of b (3,) as it is judged."""
+        answer, scene = self.answer, self.scene
+        seen = [felt(s, _NORTH, scene.site) for s in answer.stretches]
+        poses = [
+            _poses(step, stretch.angle, len(w))
+            for step, stretch, (w, *_) in zip(answer.steps, answer.stretches, seen, strict=True)
+        ]
+        # the attitude that is judged: at the end of the estimate's own step
+        poses.append(answer.steps[answer.own].joints[None])
+        found = leanings(scene.table, scene.model, np.concatenate(poses))
+        edges = np.cumsum([0, *(len(p) for p in poses)])
+        for one in found:
+            readings = []
+            for k, (stretch, (w, f, _, project)) in enumerate(
+                zip(answer.stretches, seen, strict=True)
+            ):
+                d = one.turns[edges[k] : edges[k + 1]]
+                rate = stretch.rate * _slope(d)
+                felt_so = np.concatenate([np.cross(w, d) + rate, np.cross(f, d)], axis=1)
+                readings.append((project @ felt_so).ravel())
+            turned = one.turns[-1].copy()  # scipy takes no locked array
+            step = answer.steps[answer.own]
+            if step.turning is not None:
+                beta = step.joints[step.turning.axis]
+                axis = answer.stretches[answer.own].axis_b.copy()
+                turned = Rotation.from_rotvec(beta * axis).apply(turned)
+            yield one.source, one.sigma, np.concatenate(readings), turned
+
+
+def _poses(step: PlannedStep, angle: float, count: int) -> Array:
+    """Joint angles (count, 6) at which a stretch is looked at: encoder 0 on, evenly round."""
+    joints = np.tile(step.joints, (count, 1))
+    if step.turning is not None:
+        joints[:, step.turning.axis] = 2 * np.pi * np.arange(count) / count
+    return joints
+
+
+def _slope(d: Array) -> Array:
+    """Derivative (k, 3) by the angle of what goes round with it, by Fourier."""
+    if len(d) == 1:
+        return np.zeros_like(d)
+    orders = np.fft.rfftfreq(len(d), 1 / len(d))
+    orders[-1] = 0.0  # the highest has no sign
+    return np.fft.irfft(1j * orders[:, None] * np.fft.rfft(d, axis=0), len(d), axis=0)
+
+
+# --- rocking bases -------------------------------------------------------------------------------
+
+
+def _rocking(method: str, scene: Scene, unit: Unit) -> tuple[list[Prediction], list[Observability]]:
+    truth = scene.truth()
+    found: list[Prediction] = []
+    steps = scene.plan.stretches
+    if not steps:
+        raise AlignmentError("no stretch to estimate from")
+    for step in steps:
+        readings = readings_of(truth, scene.plan.motion, step.steady_from, step.steady_to)
+        run = ROCKING[method](readings, scene.site, scene.options)
+        parts = _over_time(run, unit)
+        found += _angles(method, "", step.label, run.C_nb, parts, "")
+    return found, [_observed(method, known_of(steps[:1], Case(scene.site, scene.options)))]
+
+
+def _over_time(run: Functional, unit: Unit) -> Parts:
+    spans = np.diff(run.t)
+    middle = (run.t[1:] + run.t[:-1]) / 2
+    parts: Parts = {}
+    force = run.force
+    for name, triad, gain, x in (
+        ("gyro", unit.gyro, run.gyro, run.rate),
+        ("accelerometer", unit.accel, run.accel, force),
+    ):
+        white = gain * np.asarray(triad.noise) / np.sqrt(spans)[:, None, None]
+        parts[f"{name} white noise"] = np.einsum("mij,mkj->ik", white, white)
+        drift = _drifted(gain, middle, triad.drift)
+        if triad.random_walk:
+            drift = drift + _walked(gain, middle, triad.random_walk)
+        parts[f"{name} bias instability"] = drift
+        for field, columns_of in _BY_AXIS.items():
+            sigma = np.asarray(getattr(triad, field))
+            if not sigma.any():
+                continue
+            by_time = middle[:, None, None] * np.eye(3)
+            columns = by_time if field == "ramp" else columns_of(x, force)
+            J = np.einsum("mij,mjk->ik", gain, columns) * np.repeat(sigma, columns.shape[-1] // 3)
+            parts[_name(f"{name} {field.replace('_', '-').replace('g2', 'g^2')}")] = J @ J.T
+    parts["motion"] = run.motion
+    return parts
+
+
+def _drifted(gain: Array, t: Array, processes: tuple[GaussMarkov, ...]) -> Array:
+    """Covariance (3, 3) by stationary drifts at times (m,), alike and apart on each axis."""
+    P = np.zeros((3, 3))
+    for process in processes:
+        # forward recursion: what the process's memory carries into each block
+        carried, keep = np.zeros((3, 3)), np.exp(-np.diff(t, prepend=t[0]) / process.time)
+        for g, a in zip(gain, keep, strict=True):
+            carried = carried * a
+            P += process.sigma**2 * (g @ g.T + carried @ g.T + g @ carried.T)
+            carried = carried + g
+    return P
+
+
+def _walked(gain: Array, t: Array, size: float) -> Array:
+    after = np.cumsum(gain[::-1], axis=0)[::-1]
+    steps = np.diff(t, prepend=0.0)
+    return size**2 * np.einsum("m,mij,mkj->ik", steps, after, after)

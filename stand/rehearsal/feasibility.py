@@ -1,0 +1,237 @@
+"""Whether table and sensors can make every step: margins, settling, durations."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from alignment.arrays import Array
+from alignment.units import DEG, STANDARD_GRAVITY
+from stand.imu import ImuSpec
+from stand.imu.preset import TriadSpec
+from stand.limits import QUANTITIES, SLACK, Peak, Torque, uses
+from stand.motion import Motion
+from stand.physics.description import JOINTS
+from stand.physics.dynamics import gains_of
+from stand.physics.truth import Truth
+from stand.plan import Plan, PlannedStep
+from stand.rehearsal.result import Duration, Margin, StepDuration, StepFeasibility
+from stand.table import Motor, Table
+
+FILTER_SETTLING = 1.13  # times 1 / bandwidth [Hz]: five time constants of the low-pass, to 0.7 %
+LEAST_SAMPLES = 3  # of a stretch: two whole ones, wherever it begins
+_TIMES = 2000  # most instants of a step at which the sensors are looked at
+_GRID = 4000  # times at which a first violation is sought
+_SETTLING_STEP = 1e-3  # s
+_SETTLING_TIMES = 20_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bench:
+    """What the feasibility needs: plan, table with `torque` and `inertias` (6,), unit, truth."""
+
+    plan: Plan
+    table: Table
+    torque: Torque | None
+    inertias: Array
+    imu: ImuSpec
+    truth: Truth
+    rate_hz: int
+
+
+def feasibility(bench: Bench) -> list[StepFeasibility]:
+    """Every step's margins, all limits that it breaks, and its settling."""
+    settling = settling_times(bench)
+    return [
+        StepFeasibility(
+            use.step.number + 1,
+            use.step.kind,
+            use.step.label,
+            use.step.t_from,
+            use.step.t_to,
+            (
+                *(_margin(bench, use.step, peak) for peak in use.peaks),
+                *_sensors(bench, use.step),
+                *_lengths(bench, use.step, settled),
+            ),
+            settled,
+            _turns(bench.plan.motion, use.step),
+            tuple(use.step.joints.tolist()),
+        )
+        for use, settled in zip(uses(bench.plan, bench.table, bench.torque), settling, strict=True)
+    ]
+
+
+def _margin(bench: Bench, step: PlannedStep, peak: Peak) -> Margin:
+    first = None
+    if peak.ratio > 1 + SLACK:
+        first = _first_violation(bench, step, peak)
+    unit = QUANTITIES[peak.quantity]
+    return Margin(peak.quantity, peak.axis, peak.value, peak.limit, unit, peak.ratio, peak.t, first)
+
+
+def _first_violation(bench: Bench, step: PlannedStep, peak: Peak) -> float:
+    """When a step first breaks the limit: by a grid, and halving between its points."""
+    axis, motion = JOINTS.index(peak.axis), bench.plan.motion
+
+    def used(t: Array) -> Array:
+        q, v, a = motion.joints(t)
+        if peak.quantity == "torque":
+            assert bench.torque is not None
+            return np.abs(bench.torque(q, v, a)[:, axis]) / bench.table.torque[axis]
+        if peak.quantity == "angle":
+            angle = q[:, axis]
+            return np.abs(angle) / np.where(
+                angle > 0, bench.table.high[axis], -bench.table.low[axis]
+            )
+        x = {"rate": v, "acceleration": a}.get(peak.quantity)
+        if x is None:
+            x = motion.derivative().joints(t)[2]
+        limit = getattr(bench.table, peak.quantity)[axis]
+        return np.abs(x[:, axis]) / limit
+
+    t = np.unique(np.append(np.linspace(step.t_from, step.t_to, _GRID), peak.t))
+    beyond = used(t) > 1 + SLACK
+    k = int(np.argmax(beyond)) if beyond.any() else int(np.searchsorted(t, peak.t))
+    if k == 0:
+        return float(t[0])
+    low, high = float(t[k - 1]), float(t[k])
+    for _ in range(30):
+        middle = (low + high) / 2
+        low, high = (low, middle) if used(np.array([middle]))[0] > 1 + SLACK else (middle, high)
+    return high
+
+
+# --- sensors -------------------------------------------------------------------------------------
+
+
+def _sensors(bench: Bench, step: PlannedStep) -> Iterator[Margin]:
+    """What the unit feels against its range: rocking, lever arm and Earth rate in it."""
+    t = _times(bench.plan.motion, step)
+    felt = bench.truth.instants(*bench.plan.motion.joints(t))
+    for name, x, spec, unit, per in (
+        ("sensor rate", felt.w_ib_b, bench.imu.gyro, "deg/s", DEG),
+        ("sensor force", felt.f_places, bench.imu.accel, "g", STANDARD_GRAVITY),
+    ):
+        row, axis = np.unravel_index(int(np.argmax(np.abs(x))), x.shape)
+        value, ratio = float(x[row, axis]), float(abs(x[row, axis]) / spec.range)
+        beyond = np.abs(x).max(axis=1) > spec.range
+        first = float(t[int(np.argmax(beyond))]) if beyond.any() else None
+        sensor = f"{'gyro' if name == 'sensor rate' else 'accelerometer'} {'XYZ'[axis]}1"
+        limit = spec.range / per
+        yield Margin(name, sensor, value / per, limit, unit, ratio, float(t[row]), first)
+
+
+def _times(motion: Motion, step: PlannedStep) -> Array:
+    inside = motion.knots[(motion.knots > step.t_from) & (motion.knots < step.t_to)]
+    if len(inside) > _TIMES:
+        inside = inside[:: -(-len(inside) // _TIMES)]
+    t = np.unique(np.concatenate([[step.t_from], inside, [step.t_to]]))
+    return np.unique(np.concatenate([t, (t[1:] + t[:-1]) / 2]))
+
+
+def filter_settling(spec: TriadSpec) -> float:
+    """Seconds until a low-pass has forgotten what was before; 0 without one."""
+    return FILTER_SETTLING / spec.bandwidth
+
+
+def _lengths(bench: Bench, step: PlannedStep, settled: float | None) -> Iterator[Margin]:
+    """A stretch against samples, filter and servo: it must outlast each of them."""
+    if step.kind != "dwell" and step.turning is None:
+        return
+    length = step.steady_to - step.steady_from
+    filtered = max(filter_settling(bench.imu.gyro), filter_settling(bench.imu.accel))
+    needs = [("sampling", LEAST_SAMPLES / bench.rate_hz), ("filter", filtered)]
+    if settled is not None:
+        needs.append(("settling", settled + bench.table.settle_hold))
+    for name, needed in needs:
+        if needed > 0:
+            first = step.steady_from if needed > length else None
+            yield Margin(name, "", needed, length, "s", needed / length, step.steady_from, first)
+
+
+def _turns(motion: Motion, step: PlannedStep) -> dict[str, float]:
+    """Whole turns from zero where a step ends, of the axes that have made one."""
+    q = motion.joints([step.t_from, step.t_to])[0] / (2 * np.pi)
+    far = np.abs(q).max(axis=0)
+    return {JOINTS[i]: float(q[-1, i]) for i in np.flatnonzero(far >= 1 - 1e-9)}
+
+
+# --- settling ------------------------------------------------------------------------------------
+
+
+def settling_times(bench: Bench) -> list[float | None]:
+    """How long each rest waits for the servo [s], from when the demand stands still.
+
+    Notes
+    -----
+    The feedforward knows inertia and viscous friction, so that what is left when a move ends is
+    the Coulomb friction its servo held, which lets go: a step of torque on the closed loop
+    ``s^3 + 2 d w s^2 + w^2 s + w^2 / T``. Settled when its response stays within the table's
+    window. The rest of a move, to the next whole second, counts as waiting too.
+    """
+    found: list[float | None] = []
+    waited, moved = 0.0, np.zeros(len(JOINTS), bool)
+    for step, rests in zip(bench.plan.steps, bench.plan.rests, strict=True):
+        moved_now = ~rests
+        if step.kind != "dwell":
+            found.append(None)
+            waited = step.t_to - step.steady_from if step.kind == "move" else 0.0
+            moved = moved_now
+            continue
+        axes = zip(bench.table.motors, bench.inertias, moved, strict=True)
+        times = [
+            settling_of(motor, float(inertia), bench.table.settle_within)
+            for motor, inertia, turned in axes
+            if turned and motor is not None
+        ]
+        slowest = max(times, default=0.0)
+        found.append(None if None in bench.table.motors else max(slowest - waited, 0.0))
+        moved, waited = np.zeros(len(JOINTS), bool), 0.0
+    return found
+
+
+def settling_of(motor: Motor, inertia: float, within: float) -> float:
+    """Seconds until an axis whose friction lets go stays within an error [rad]."""
+    gains = gains_of(motor, inertia)
+    own = np.array([gains.kp, gains.kd + motor.viscous, gains.ki]) / inertia
+    A = np.array([[0, 1, 0], -own, [1, 0, 0]])
+    if motor.integral is None:
+        return 0.0
+    # angle error, rate, integral that balances what was held a moment ago
+    x = np.array([0.0, 0.0, motor.coulomb / gains.ki])
+    step = expm(A * _SETTLING_STEP)
+    outside = 0
+    for k in range(1, _SETTLING_TIMES):
+        x = step @ x
+        if abs(x[0]) > within:
+            outside = k
+        elif k > 4 * outside + 1000:
+            break
+    return outside * _SETTLING_STEP
+
+
+# --- durations -----------------------------------------------------------------------------------
+
+
+def durations(plan: Plan, steps: list[StepFeasibility]) -> Duration:
+    """How long each step moves, waits and measures."""
+    rows = []
+    for planned, step in zip(plan.steps, steps, strict=True):
+        whole = planned.t_to - planned.t_from
+        settling = dwell = 0.0
+        if planned.kind == "dwell":
+            settling = min(step.settling_s or 0.0, whole)
+            dwell = whole - settling
+        elif planned.kind == "move":
+            settling = planned.t_to - planned.steady_from
+        else:
+            dwell = planned.steady_to - planned.steady_from
+        motion = whole - settling - dwell
+        rows.append(
+            StepDuration(
+                step.number, step.kind, step.label, step.t_from, step.t_to, motion, settling, dwell
+            )
+        )
+    return Duration(tuple(rows))

@@ -1,0 +1,85 @@
+"""What is required against what is predicted: the verdict, by guard band."""
+
+from collections.abc import Iterable, Sequence
+from math import inf
+
+from stand.procedure import RequireEntry
+from stand.rehearsal.result import Judgement, Prediction, Verdict
+
+
+def judge(
+    require: RequireEntry | None,
+    limits: dict[str, float],
+    methods: Sequence[str],
+    predictions: Sequence[Prediction],
+) -> list[Judgement]:
+    """One judgement per quantity that is limited [rad].
+
+    Each method counts by the stretch in which it is worst; it is judged by the best of them, or
+    by the one that is asked for.
+    """
+    if require is None:
+        return []
+    asked = methods if require.method is None else [require.method]
+    return [
+        _judged(require, quantity, limit, asked, predictions) for quantity, limit in limits.items()
+    ]
+
+
+def rows_of(quantity: str, predictions: Iterable[Prediction]) -> list[Prediction]:
+    """Predictions of a quantity; a vertical X1 has a yaw for its heading."""
+    names = ("heading", "yaw") if quantity == "heading" else (quantity,)
+    return [p for p in predictions if p.quantity in names]
+
+
+def _judged(
+    require: RequireEntry,
+    quantity: str,
+    limit: float,
+    methods: Sequence[str],
+    predictions: Sequence[Prediction],
+) -> Judgement:
+    worst: list[Prediction] = []
+    for method in methods:
+        rows = rows_of(quantity, (p for p in predictions if p.method == method))
+        if rows:
+            worst.append(max(rows, key=_size))
+    if not worst:
+        return Judgement(
+            quantity,
+            "",
+            "",
+            limit,
+            require.coverage,
+            None,
+            require.guard,
+            Verdict.INDETERMINATE,
+            f"no method of this procedure tells {quantity}",
+        )
+    best = min(worst, key=_size)
+    verdict = _verdict(best.sigma, limit, require)
+    return Judgement(
+        quantity,
+        best.method,
+        best.label,
+        limit,
+        require.coverage,
+        best.sigma,
+        require.guard,
+        verdict,
+        best.reason,
+    )
+
+
+def _size(prediction: Prediction) -> float:
+    return inf if prediction.sigma is None else prediction.sigma
+
+
+def _verdict(sigma: float | None, limit: float, require: RequireEntry) -> Verdict:
+    """A prediction may be off by `guard` either way: only beyond that is there a verdict."""
+    if sigma is None:
+        return Verdict.FAIL
+    expanded = require.coverage * sigma
+    if expanded * (1 + require.guard) <= limit:
+        return Verdict.PASS
+    return Verdict.FAIL if expanded * (1 - require.guard) > limit else Verdict.INDETERMINATE
