@@ -270,7 +270,7 @@ def double_figures() -> Figures:
             "times are by the terms that data sheets state",
         ),
         PublishedFigure(
-            "[S4] constant biases after a half turn: 10 deg/h of Y1, tilts of 5 deg, latitude 50 deg",
+            "[S4] constant biases after a half turn: 10 deg/h of Y1, tilts of 5 deg, lat 50 deg",
             "cancel",
             f"{full[36] / ARC_MINUTE:.0f}' (X1 south), {full[0] / ARC_MINUTE:.0f}' (north) with "
             f"three gyros, {max(single / ARC_SECOND, 1e-6):.0e}'' with one",

@@ -12,6 +12,7 @@ from math import nan, pi, radians, sqrt
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, ImuReadings, Priors, Site
 from alignment.angles import Sequence
@@ -554,6 +555,44 @@ def test_published_figures(stand_command):
 
 
 # --- what it must show
+
+ROCKED = """
+title = "Rocking"
+table = "mid-class"
+[site]
+latitude_deg = 48.5
+[estimate]
+methods = ["inertial"]
+[[step]]
+kind = "dwell"
+label = "rocking"
+duration_s = 108
+[[background]]
+kind = "sine"
+fade_s = 4
+[background.axes]
+base_roll = { amplitude_deg = 2, frequency_hz = 0.2 }
+base_pitch = { amplitude_deg = 1.5, frequency_hz = 0.13 }
+"""
+
+
+@pytest.mark.slow
+def test_rocking_the_robust_methods_hold_and_the_analytic_one_says_no(tmp_path):
+    runs = 20
+    made = settings_of(procedure_of(tmp_path, ROCKED), true_table=True, seed=1000)
+    triad, inertial, fine = compare(made, runs, ("triad", "inertial", "fine")).tallies
+    assert triad.refused == runs
+    assert "not at rest" in triad.reason
+    for t in (inertial, fine):
+        print(f"{t.method}: rms {t.rms_heading / DEG:.3f}, sigma {t.sigma_heading / DEG:.3f} deg")
+        assert t.refused == 0
+        # 99.9 % of chi-square: of 20 errors each, and of 60 for the whole attitude
+        low, high = chi2.ppf([0.0005, 0.9995], runs)
+        assert low < runs * (t.rms_heading / t.sigma_heading) ** 2 < high
+        low, high = chi2.ppf([0.0005, 0.9995], 3 * runs)
+        assert low < runs * t.nees_mean < high
+        assert t.ratio_high > 1.0  # nothing lies below the floor
+
 
 WHITE = tuple(term for term in TERMS if term != "white-noise")
 

@@ -18,7 +18,7 @@ from alignment.budget import PublishedFigure
 from alignment.units import ARC_SECOND, DEG
 from stand.compare import Comparison
 from stand.history import History
-from stand.report.document import TableData
+from stand.report.document import TableData, number, sigma_text
 from stand.tally import Tally
 
 if TYPE_CHECKING:
@@ -155,10 +155,10 @@ def picture(comparison: Comparison, found: Sequence[History]) -> bytes:
     for axes in grid.flat[len(methods) :]:
         axes.set_visible(False)
     last = max((float(h.t[-1]) for h in found), default=1.0)
-    for number, (axes, method) in enumerate(zip(grid.flat, methods, strict=False)):
+    for place, (axes, method) in enumerate(zip(grid.flat, methods, strict=False)):
         own = [h for h in found if h.method == method]
         _panel(axes, own, _floor_of(comparison, method), last)
-        if number + wide >= len(methods):
+        if place + wide >= len(methods):
             axes.set_xlabel("time [s]", color=INK["ink"])
             axes.tick_params(labelbottom=True)
     s = comparison.settings
@@ -181,7 +181,7 @@ def _floor_of(comparison: Comparison, method: str) -> float:
 def _panel(axes: Axes, own: Sequence[History], floor: float, last: float) -> None:
     end = own[-1]
     error, sigma = end.error[-1] / DEG, end.sigma[-1] / DEG
-    title = f"{own[0].method}: {error:+.2g} ± {sigma:.1g} at the end"
+    title = f"{own[0].method}: {number(error)} {sigma_text(sigma)} at the end"
     axes.set_title(title, loc="left", fontsize=10, color=INK["ink"])
     axes.set_facecolor(INK["paper"])
     axes.grid(True, color=INK["grid"], linewidth=0.8)
@@ -204,8 +204,8 @@ def _panel(axes: Axes, own: Sequence[History], floor: float, last: float) -> Non
 
 
 def _half_height(own: Sequence[History]) -> float:
-    """Room for the bands and errors once the first part of each stretch is over."""
+    """Room for the bands and errors once the first part of each stretch is over, 180 at most."""
     worst = [
         np.maximum(3 * h.sigma, np.abs(h.error))[len(h.t) // 4 :].max() for h in own if len(h.t)
     ]
-    return 1.15 * float(np.max(worst)) / DEG + 1e-12
+    return min(1.15 * float(np.max(worst)) / DEG + 1e-12, 180.0)
