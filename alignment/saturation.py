@@ -21,6 +21,7 @@ CHANNELS = (
 LEAST = 8  # samples at the extreme, below which it may be chance
 PILED = 4.0  # times the samples at the next value: a rounded sinusoid has 1 + sqrt 2 at most
 LEAST_VALUES = 16  # different ones, below which rounding alone piles up so
+FINEST = 1e-6  # of the span of values: finer than 19 bits
 JITTER = 0.03  # of third differences over first ones: below it a smooth motion may have a plateau
 # One-sided clipping of 1 % of white noise shifts a mean by 0.003 of the noise's sigma, as much as
 # the noise itself leaves of it in 90 000 samples.
@@ -64,9 +65,11 @@ def saturation_doubt(label: str, readings: ImuReadings) -> tuple[str, ...]:
 def _is_clipped(channel: Array, end: float, count: int) -> bool:
     """Whether `count` samples of a channel (n,) pile up at its extreme value `end`."""
     inside = channel[channel != end]
-    values, times = np.unique(inside, return_counts=True)
-    if len(values) < LEAST_VALUES:
+    # steps away from the extreme; what differs by less is one value, rounded differently
+    away = np.abs(inside - end)
+    steps, times = np.unique(np.rint(away / (FINEST * away.max())), return_counts=True)
+    if len(steps) < LEAST_VALUES:
         return False
-    beside = times[-1] if end > values[-1] else times[0]
+    beside = times[0]
     first, third = (float(np.median(np.abs(np.diff(inside, k)))) for k in (1, 3))
     return count >= PILED * beside and third > JITTER * first

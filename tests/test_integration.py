@@ -1,5 +1,6 @@
 """The integrating rival: kinematics against matrix exponentials, drift against closed forms."""
 
+from dataclasses import replace
 from math import atan2, cos, pi, radians, sin, sqrt
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
-from alignment import Dwell, ImuReadings, Options, Site, integration, rk4, rk4_tracks
+from alignment import Dwell, ImuReadings, Options, Priors, Site, integration, rk4, rk4_tracks
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.integration import (
     drift_covariance,
@@ -20,6 +21,7 @@ from alignment.integration import (
     prefix_product,
     rk4_steps,
 )
+from alignment.two_sample import two_sample, two_sample_tracks
 
 W = 7.292115e-5  # rad/s
 G = 9.81
@@ -339,6 +341,66 @@ def test_drift_has_the_published_size(seconds, arw, published):
     eta = np.degrees([error(e.C_nb, LEVEL) for e in rk4(dwells, site(48.5), Options())])
     low, high = chi2.ppf([0.00625, 0.99375], 300)  # 100 runs, three axes; four cases, 95 %
     assert low < np.sum(eta**2) / closed**2 < high
+
+
+# --- the two-sample rival, and priors ----------------------------------------------------------
+
+
+def coning(latitude, half_angle, frequency, seconds, rate):
+    """Level at rest but for a cone of that half angle about up; exact means over the samples.
+
+    Rate in b of ``C exp(half_angle (cos, 0, sin)(W t))``, to second order in the angle.
+    """
+    h = 1 / rate
+    t = 50.0 + np.arange(1, round(seconds * rate) + 1) * h
+    W_c = 2 * pi * frequency
+    # mean of cos and sin of the cone's phase over (t - h, t]
+    phase, part = W_c * (t - 50.0 - h / 2), sin(W_c * h / 2) / (W_c * h / 2)
+    w = np.tile(LEVEL.T @ w_ie(latitude), (len(t), 1))
+    w[:, 0] += -half_angle * W_c * part * np.sin(phase)
+    w[:, 2] += half_angle * W_c * part * np.cos(phase)
+    f = np.tile(LEVEL.T @ [0, 0, -G], (len(t), 1))
+    return Dwell("p", 50.0, 50.0 + seconds, ImuReadings(t, w, f), Rotation.from_matrix(LEVEL))
+
+
+def test_two_samples_carry_the_cone_that_single_rates_miss():
+    """At 5 Hz sampled with 50 Hz the rivals part by ``c^2 W (W h)^2/12``, but for the remainder.
+
+    Savage (1998): the two-sample algorithm leaves ``c^2 W (W h)^4/60``.
+    """
+    c, W_c, h, T = radians(0.1), 2 * pi * 5, 0.02, 60.0
+    dwell = coning(48.5, c, 5.0, T, 1 / h)
+    first, second = (m([dwell], site(48.5), Options())[0] for m in (rk4, two_sample))
+    between = Rotation.from_matrix(LEVEL).inv().apply((second.C_nb * first.C_nb.inv()).as_rotvec())
+    want = c**2 * W_c * ((W_c * h) ** 2 / 12 - (W_c * h) ** 4 / 60) * T
+    # next order of the coning series, (W h)^4 of it: 4 %
+    assert abs(between[1]) == pytest.approx(want, rel=0.05)
+    assert first.method == "rk4"
+    assert second.method == "two-sample"
+
+
+def test_rivals_agree_at_rest():
+    rng = np.random.default_rng(12)
+    dwell = rest(TILTED, -33, 40.3, noise=(rng, 1e-5))  # an odd number of samples
+    (plain,), (paired,) = (m([dwell], site(-33), Options()) for m in (rk4, two_sample))
+    # products of steps of 1e-5 rad, 400 of them
+    np.testing.assert_allclose(paired.C_nb.as_matrix(), plain.C_nb.as_matrix(), atol=1e-7)
+    np.testing.assert_array_equal(paired.covariance, plain.covariance)
+    (track,) = two_sample_tracks(dwell, site(-33), Options())
+    assert track.method == "two-sample"
+    # an odd stretch before a track's point has one step of a single sample
+    np.testing.assert_allclose(track.C_nb[-1].as_matrix(), paired.C_nb.as_matrix(), atol=1e-8)
+
+
+def test_drift_and_placement_by_stated_priors():
+    """By hand: ``2 (0.01 deg/h 50 s)^2`` about each axis, and 30'' with 40''."""
+    dwell = rest(TILTED, 48.5, 60)
+    second = pi / 180 / 3600
+    priors = Priors(1.0, 1.0, 1.0, 1.0, gyro_instability=0.01 * DEG_H, turn=30 * second)
+    options = Options(priors=replace(priors, nominal=40 * second))
+    (estimate,) = rk4([dwell], site(48.5), options)
+    want = 2 * (0.01 * DEG_H * 50) ** 2 + (50 * second) ** 2
+    np.testing.assert_allclose(estimate.covariance, want * np.eye(3), rtol=1e-9, atol=1e-20)
 
 
 # --- refusals and flags ----------------------------------------------------------------------
