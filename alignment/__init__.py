@@ -15,7 +15,7 @@ from typing import Literal
 from alignment.carousel import carousel
 from alignment.earth import Site
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
-from alignment.fine import fine, fine_tracks
+from alignment.fine import Innovations, fine, fine_tracks, innovations
 from alignment.gyrocompass import triad
 from alignment.inertial import inertial, inertial_tracks
 from alignment.integration import rk4, rk4_tracks
@@ -25,6 +25,7 @@ from alignment.readings import Dwell, ImuReadings, Turn
 from alignment.single_gyro import single_gyro
 from alignment.static import six_position, six_position_tracks
 from alignment.swaying import two_gyro
+from alignment.two_sample import two_sample, two_sample_tracks
 from alignment.vectors.method import vector_matching
 
 __all__ = [
@@ -49,7 +50,8 @@ class Method:
     must hold the offset window and be at a nominal attitude. `tracks` gives the attitude over
     time of one dwell, for curves; None where there is nothing to see. `note` says what a reader of
     its numbers must know. `takes`: which stretches it is for: those at `rest`, those `turning` at a
-    constant rate, `any` (a base that rocks), or those with satellite `fixes`.
+    constant rate, `any` (a base that rocks), or those with satellite `fixes`. `innovations`: what
+    the updates of a filter found beyond expectation.
     """
 
     title: str
@@ -60,6 +62,7 @@ class Method:
     estimate: Callable[[Sequence[Dwell], Site, Options], list[AttitudeEstimate]]
     tracks: Callable[[Dwell, Site, Options], list[AttitudeTrack]] | None = None
     takes: Literal["rest", "turning", "any", "fixes"] = "rest"
+    innovations: Callable[[Dwell, Site, Options], Innovations] | None = None
 
     def suited(self, dwell: Dwell) -> bool:
         """Whether the method is for this stretch."""
@@ -72,7 +75,7 @@ ESTIMATORS = {
     "six-position": Method(
         "Levelling and horizontal rates after zero-offset removal, no integration",
         "[S0] autonomous initial orientation, six-position test",
-        "± predicted from the scatter of block means, the zero offset's own noise included",
+        "± of noise, the zero offset's own included, drift and placement by stated priors",
         True,
         True,
         six_position,
@@ -81,16 +84,25 @@ ESTIMATORS = {
     "rk4": Method(
         "Runge-Kutta integration of offset-corrected gyros from the nominal attitude",
         "[S0] the rival of the six-position method",
-        "drift at the end of the dwell; ± predicted from the angle random walk seen in the data",
+        "drift at the end of the dwell; ± of the angle random walk seen and stated priors",
         True,
         True,
         rk4,
         rk4_tracks,
     ),
+    "two-sample": Method(
+        "Coning-corrected two-sample integration of the same gyros, as rk4",
+        "[S0] a second rival of the six-position method; Savage (1998)",
+        "drift at the end of the dwell; ± of the angle random walk seen and stated priors",
+        True,
+        True,
+        two_sample,
+        two_sample_tracks,
+    ),
     "triad": Method(
         "Gyrocompassing from mean rate and specific force; estimates latitude too",
         "[S4] analytic gyrocompassing, full-vector form",
-        "± is noise alone: constant biases come through, b/g in tilt, b/(W cos lat) in heading",
+        "± of noise and stated priors: biases come through, b/g in tilt, b/(W cos lat) in heading",
         False,
         False,
         triad,
@@ -156,6 +168,7 @@ ESTIMATORS = {
         fine,
         fine_tracks,
         takes="any",
+        innovations=innovations,
     ),
     "vectors": Method(
         "Vector matching with satellite navigation: as printed, observing form, Kalman filter",

@@ -1,6 +1,6 @@
 """Readings sorted by stretch (dwells, turns at constant rate) as a run streams."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,9 +16,14 @@ NS = 1e-9  # s
 
 
 class DwellCollector:
-    """Keeps the samples that lie wholly within a stretch, and the true attitude at its end."""
+    """Keeps the samples that lie wholly within a stretch, and the true attitude at its end.
 
-    def __init__(self, stretches: Sequence[PlannedStep], rate_hz: int) -> None:
+    Of the stretches labelled in `moving` the true attitude is kept for every sample.
+    """
+
+    def __init__(
+        self, stretches: Sequence[PlannedStep], rate_hz: int, moving: Collection[str] = ()
+    ) -> None:
         self._steps, self._rate = stretches, rate_hz
         self._ranges = [ticks_of(step, rate_hz) for step in stretches]
         self._t = [np.empty(b - a) for a, b in self._ranges]
@@ -29,6 +34,11 @@ class DwellCollector:
             for step, (a, b) in zip(stretches, self._ranges, strict=True)
         ]
         self._q_wb: list[Array | None] = [None] * len(stretches)
+        self._all_q_wb = {
+            step.label: np.empty((b - a, 4))
+            for step, (a, b) in zip(stretches, self._ranges, strict=True)
+            if step.label in moving
+        }
         self._tick = 0  # samples seen so far
 
     def add(self, truth: TruthBlock, imu: ImuBlock) -> None:
@@ -45,9 +55,22 @@ class DwellCollector:
             turning = self._steps[k].turning
             if turning is not None:
                 self._angle[k][there] = truth.encoders[here, turning.axis]
+            label = self._steps[k].label
+            if label in self._all_q_wb:
+                self._all_q_wb[label][there] = truth.q_wb[here]
             if b == last:
                 self._q_wb[k] = truth.q_wb[b - 1 - start]
         self._tick = stop
+
+    def true_at(self, label: str, t: Array) -> Rotation | None:
+        """``C_nb`` at the samples nearest to times (m,) [s] of a moving stretch; None at rest."""
+        if label not in self._all_q_wb:
+            return None
+        step = next(step for step in self._steps if step.label == label)
+        first, _ = ticks_of(step, self._rate)
+        q_wb = self._all_q_wb[label]
+        row = np.clip(np.round(t * self._rate).astype(int) - first - 1, 0, len(q_wb) - 1)
+        return C_NW * Rotation.from_quat(q_wb[row])
 
     def finish(
         self, begins: Mapping[str, float | None] | None = None

@@ -19,6 +19,7 @@ from alignment import ESTIMATORS, Dwell
 from alignment.angles import angles_from_C_nb, near_singular, wrapped
 from alignment.arrays import Array
 from alignment.estimate import AttitudeTrack, angle_sigmas
+from alignment.fine import Innovations
 from alignment.units import DEG
 from stand import __version__
 from stand.dwells import DwellCollector
@@ -28,7 +29,7 @@ from stand.motion import MotionKind
 from stand.physics.kinematics import C_NW
 from stand.plan import Plan, PlannedStep
 from stand.record import StepRecord, record_to_json
-from stand.recording.curves import AngleCurves, Phase
+from stand.recording.curves import AngleCurves, InnovationCurves, Phase, innovations_csv
 from stand.recording.interchange.writer import EPOCH_NS, McapWriter
 from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
@@ -42,6 +43,7 @@ from stand.score import (
     score_to_json,
     spread_to_json,
     spreads,
+    suited,
 )
 from stand.simulation import Settings, Simulation, begins_of, methods_of
 
@@ -136,12 +138,17 @@ class _Run:
             )
             text = json.dumps(result_json(result), indent=1, allow_nan=False)
             (self.folder / "result.json").write_text(text + "\n", encoding="utf-8")
-            mcap.close({"result.json": ("application/json", text.encode())}, _settled(begins))
+            found = self._innovations(dwells, [r.method for r in refusals])
+            attached = {"result.json": ("application/json", text.encode())}
+            if found:
+                attached["innovations.csv"] = ("text/csv", innovations_csv(found).encode())
+            mcap.close(attached, _settled(begins))
             with review.result() as rrd:
                 for event in sorted(self.events):
                     rrd.event(*event)
                 refused = [r.method for r in refusals]
-                rrd.angles(self._curves(dwells, attitudes, refused))
+                rrd.angles(self._curves(dwells, attitudes, refused, collector))
+                rrd.innovations(found)
                 rrd.documents(report_document(result), config_document(result))
                 rrd.close()
         return result
@@ -154,7 +161,9 @@ class _Run:
         progress: Progress,
     ) -> DwellCollector:
         """Samples block by block into both recordings and the stretches."""
-        collector = DwellCollector(self.plan.stretches, self.settings.rate_hz)
+        steps = zip(self.plan.steps, self.plan.rests, strict=True)
+        moving = [step.label for step, rests in steps if not rests.all()]
+        collector = DwellCollector(self.plan.stretches, self.settings.rate_hz, moving)
         waiting: list[Future[None]] = []
         done, total = 0, self.simulation.total
         for block in self.simulation.blocks():
@@ -282,18 +291,41 @@ class _Run:
         return evaluate_each(dwells, truths, s.site, s.options, methods_of(s))
 
     def _curves(
-        self, dwells: Sequence[Dwell], attitudes: Sequence[Rotation], refused: Collection[str]
+        self,
+        dwells: Sequence[Dwell],
+        attitudes: Sequence[Rotation],
+        refused: Collection[str],
+        collector: DwellCollector,
     ) -> list[AngleCurves]:
         s = self.settings
+        at_end = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
         found = []
         for method in methods_of(s):
             make = ESTIMATORS[method].tracks
             if make is None or method in refused:
                 continue
-            for dwell, C_nb in zip(dwells, attitudes, strict=True):
-                tracks = make(dwell, s.site, s.options)
-                found += [curves(track, C_nb) for track in tracks if not _singular(track, C_nb)]
+            for dwell in suited(method, dwells):
+                for track in make(dwell, s.site, s.options):
+                    true = collector.true_at(track.label, track.t) or at_end[track.label]
+                    if not _singular(track, at_end[track.label]):
+                        found.append(curves(track, true))
         return found
+
+    def _innovations(
+        self, dwells: Sequence[Dwell], refused: Collection[str]
+    ) -> list[InnovationCurves]:
+        s = self.settings
+        return [
+            _innovation_curves(method, dwell, make(dwell, s.site, s.options))
+            for method in methods_of(s)
+            if (make := ESTIMATORS[method].innovations) is not None and method not in refused
+            for dwell in suited(method, dwells)
+        ]
+
+
+def _innovation_curves(method: str, dwell: Dwell, found: Innovations) -> InnovationCurves:
+    t_ns = np.round(found.t * 1e9).astype(np.int64)
+    return InnovationCurves(method, dwell.label, t_ns, found.values, found.sigmas)
 
 
 def _singular(track: AttitudeTrack, C_nb: Rotation) -> bool:

@@ -113,3 +113,15 @@ def test_a_dwell_counts_once_settled_and_never_if_never():
     assert (last.label, len(attitudes)) == ("C", 2)
     np.testing.assert_allclose(last.readings.t, np.arange(51, 56) / 10, rtol=1e-15)
     np.testing.assert_array_equal(last.turn.angle, 10.0 * np.arange(50, 55) + 2)
+
+
+def test_the_true_attitude_of_a_moving_stretch_at_any_sample():
+    truth, imu = samples(60)
+    collector = DwellCollector([step("A", 0.0, 2.0), step("B", 3.0, 5.0)], RATE, moving=["B"])
+    collector.add(truth, imu)
+    assert collector.true_at("A", np.array([1.0])) is None
+    found = collector.true_at("B", np.array([3.1, 4.0, 5.0]))
+    # sample k ends at (k + 1) / 10 s and is turned by k degrees about up
+    for C_nb, degrees in zip(found, (30, 39, 49), strict=True):
+        turned = Rotation.from_rotvec([0, 0, np.radians(degrees)]).as_matrix()
+        np.testing.assert_allclose(C_nb.as_matrix(), np.array(C_NW) @ turned, atol=1e-14)

@@ -1,10 +1,13 @@
 """The stand as a machine: servo runs from procedure to recording, and what they leave behind."""
 
+import csv
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from rerun.chunk import RrdReader
 from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 
@@ -17,6 +20,7 @@ from stand.motion import MotionKind, fitted
 from stand.physics.mjcf import load_model
 from stand.physics.servo import Servo
 from stand.physics.truth import Sampling, Truth
+from stand.priors import priors_of
 from stand.procedure import procedure_from
 from stand.recording.interchange import read_metadata, read_truth
 from stand.session import run
@@ -265,3 +269,51 @@ def test_a_servo_needs_motors(stand_command, tmp_path):
         "stand: table bare: axis middle, motor: required for --motion servo"
     )
     assert not out.exists()
+
+
+SWAYING = """
+title = "Sway"
+table = "rocking-platform"
+[site]
+latitude_deg = 48.5
+[estimate]
+methods = ["fine"]
+[[step]]
+kind = "dwell"
+label = "swaying"
+duration_s = 120
+[[background]]
+kind = "sway"
+axes = { base_roll = { rms_deg = 2, frequency_hz = 0.2 } }
+"""
+
+
+def test_a_filters_innovations_are_recorded_and_its_errors_are_those_of_the_time(tmp_path):
+    settings = made(SWAYING, imu="ring-laser")
+    priors = priors_of(settings.imu, settings.table, rocking=True)
+    options = replace(settings.options, priors=priors)
+    result = recorded(replace(settings, options=options), tmp_path / "run")
+    with open(result.out / "run.mcap", "rb") as file:
+        attached = {a.name: a.data for a in make_reader(file).iter_attachments()}
+    rows = list(csv.DictReader(attached["innovations.csv"].decode().splitlines()))
+    assert {r["label"] for r in rows} == {"swaying"}
+    assert len(rows) >= 1200  # ten updates a second or more
+    late = [r for r in rows if float(r["time_s"]) > 60]
+    ratio = [float(r[f"innovation_{a}_m"]) / float(r[f"sigma_{a}_m"]) for r in late for a in "NED"]
+    assert np.mean(np.square(ratio)) < 1.5  # not larger than the filter expects
+    # the error over time is against the attitude of that time: the base sways by degrees
+    errors = roll_errors(result.out / "run.rrd")
+    late = errors[np.isfinite(errors)][-20:]
+    assert len(late) == 20
+    assert np.abs(late).max() < 0.05
+
+
+def roll_errors(path):
+    """Roll error of `fine` over time [deg], from the review."""
+    values = []
+    for chunk in RrdReader(str(path)).stream():
+        if str(chunk.entity_path) == "/angles/roll/0_fine":
+            batch = chunk.to_record_batch()
+            if "Scalars:scalars" in batch.schema.names:
+                values += [row[0] for row in batch.column("Scalars:scalars").to_pylist() if row]
+    return np.array(values, dtype=float)

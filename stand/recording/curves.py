@@ -1,5 +1,6 @@
 """What the estimators hand to the review: angles over time, as plain arrays."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,42 @@ class AngleCurves:
             sigmas=(self.sigmas, (m, 3), float),
             error_rotations=(self.error_rotations, (m, 3), float),
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InnovationCurves:
+    """What a filter's updates over one stretch found beyond what it expected.
+
+    `t_ns` (m,) int64 since the start of the run; `values` and their `sigmas` (m, 3) [m] toward
+    N, E, D.
+    """
+
+    method: str
+    label: str
+    t_ns: IntArray
+    values: Array
+    sigmas: Array
+
+    def __post_init__(self) -> None:
+        m = len(self.t_ns)
+        set_owned(
+            self,
+            t_ns=(self.t_ns, (m,), np.int64),
+            values=(self.values, (m, 3), float),
+            sigmas=(self.sigmas, (m, 3), float),
+        )
+
+
+def innovations_csv(curves: Sequence[InnovationCurves]) -> str:
+    """The same as text: one row per update."""
+    axes = [f"{kind}_{axis}_m" for kind in ("innovation", "sigma") for axis in "NED"]
+    rows = [",".join(["method", "label", "time_s", *axes])]
+    for curve in curves:
+        name = f'{curve.method},"{curve.label.replace(chr(34), chr(34) * 2)}"'
+        numbers = np.column_stack([curve.values, curve.sigmas])
+        for t, row in zip(curve.t_ns, numbers.tolist(), strict=True):
+            rows.append(f"{name},{t * 1e-9:.9f}," + ",".join(f"{x:.6g}" for x in row))
+    return "\n".join(rows) + "\n"
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from alignment.arrays import Array, IntArray, owned
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G, STANDARD_GRAVITY
 from stand.errors import StandError
 from stand.physics.description import JOINTS, Body, Geom, StandModel
-from stand.recording.curves import ANGLES, AngleCurves, Phase
+from stand.recording.curves import ANGLES, AngleCurves, InnovationCurves, Phase
 from stand.recording.thinning import Moved, Rows, Thinned, bin_length, min_max_bins
 from stand.recording.viewer import view
 from stand.samples import ImuBlock, TruthBlock
@@ -262,6 +262,16 @@ class ReviewWriter:
             self._send_curves(own, rank, width=2.0 if method in names else 1.2)
         self._limit_errors(tested)
         self._screen = self._screen._replace(tested=names, factor=factor)
+
+    def innovations(self, curves: Sequence[InnovationCurves]) -> None:
+        """Add what a filter's updates found, once: lines toward N, E, D within their 3 sigma."""
+        if not curves:
+            return
+        rows = _with_gaps((c.t_ns, c.values * 1e3) for c in curves)
+        self._send_lines("innovations/found", rows, list("NED"), XYZ, 1.2)
+        bound = ((c.t_ns, 3e3 * c.sigmas.max(axis=1, keepdims=True) * [1.0, -1.0]) for c in curves)
+        rows = _with_gaps(bound)
+        self._send_lines("innovations/sigma", rows, ["±3σ"] * 2, [GREY] * 2, 1.2)
 
     def documents(self, report: str, config: str) -> None:
         """Fill the tabs Report and Config.
@@ -688,6 +698,8 @@ def _plots(screen: Screen) -> rrb.Vertical:
     following = [plots[c.entity] for c in screen.channels if c is FOLLOWING]
     shown = ANGLES if screen.tested else ()
     values = [_plot(screen, "angles/values", "Estimated angles [deg]")] if shown else []
+    if "innovations" in screen.ranges:
+        values.append(_plot(screen, "innovations", "Innovations of the filter [mm], ±3σ"))
     rows = [
         rrb.StateTimelineView(origin="phase", name="Phase", time_view=LINKED),
         rrb.Tabs(plots["stand/table"], plots["stand/base"], *following, *values, active_tab=0),
