@@ -64,7 +64,7 @@ def test_the_page_says_what_the_answer_says(quick_pictures):
         "With it: sigma 0.038°, takes 14 min 04 s.",
         "sigma above 10 deg: the estimator is no longer linear there",
         "level at rest, accelerometer X bias cannot be told from pitch",
-        "turn-on bias 1.9, bias instability 0.028",
+        "white noise 0.0332, bias instability 0.0281, table azimuth 0.0083, scale factor 0.0121",
         "warning , second: the class states no settling time",
         "ab" * 32,
         "latitude 48.5°",
@@ -178,6 +178,25 @@ def test_more_sources_than_colours_are_told_apart_by_hatching():
     many = {f"source {k}": 1.0 + k for k in range(20)}
     shown = budget([Budget("a", "1", many), Budget("none", "0", {})])
     assert shown.svg.count("<pattern") == 12  # all beyond the eight colours
+
+
+def test_what_is_small_everywhere_shares_a_colour():
+    rows = [
+        Budget("a", "1", {"big": 1.0, "small": 0.004, "smaller": 0.0008}),
+        Budget("b", "1", {"small": 0.002, "big": 1.0, "local": 0.5}),
+    ]
+    words = budget(rows).alt
+    assert "a 1: big 100 %; b 1: big 67 %, local 33 %" in words
+    assert "small" not in budget(rows).svg
+    assert ">others<" in budget(rows).svg
+
+
+def test_stretches_that_come_out_alike_share_a_row(quick_pictures):
+    result = answer(Verdict.PASS)
+    again = replace(result.predictions[0], label="second")
+    said = checked(page(replace(result, predictions=(result.predictions[0], again)))).said
+    # 0.028, 0.047 and 0.0083 are below a thousandth of 1.9^2
+    assert "triad heading 1.9 deg first, second turn-on bias 1.9 Parts add up" in said
 
 
 def test_a_prediction_far_beyond_is_cut_and_one_that_is_missing_is_said():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -20,9 +20,11 @@ if TYPE_CHECKING:
 WIDTH = 10.0  # inches: the page's
 PHASES = {"motion": (HUES[1], ""), "settling": (HUES[4], "////"), "dwell": (HUES[0], "")}
 NAMES = {"motion": "motion", "settling": "settling", "dwell": "dwell or steady turning"}
-LONGEST_LABEL = 34  # letters beside a row
+LONGEST_LABEL = 46  # letters beside a row
 MOST_ROWS = 45  # of a timeline; more share rows of their kind
 MOST_POINTS = 1500  # of a curve: more cannot be told apart on a page
+LEAST_SOURCE = 0.005  # of a variance, anywhere, so that a source has a colour of its own
+OTHERS = "others"
 LEAST_SHARE = 0.09  # of a variance, so that its name fits inside
 # Colours alone do not tell parts apart in print: those that share one differ by their hatching.
 HATCHES = ("", "////", "....", "xxxx")
@@ -178,7 +180,11 @@ def _against_text(item: Against) -> str:
 
 
 def budget(budgets: Sequence[Budget]) -> Drawing:
-    """Shares of the variance, a row per uncertainty: they add up, as parts do in quadrature."""
+    """Shares of the variance, a row per uncertainty: they add up, as parts do in quadrature.
+
+    Sources that have less than `LEAST_SOURCE` of every one share a colour.
+    """
+    budgets = _gathered(budgets)
     sources = _by_weight(budgets)
     styles = {source: _style(k) for k, source in enumerate(sources)}
     legend_rows = ceil(len(sources) / 4)
@@ -203,13 +209,30 @@ def _style(k: int) -> tuple[str, str]:
     return HUES[k % len(HUES)], HATCHES[k // len(HUES) % len(HATCHES)]
 
 
-def _by_weight(budgets: Sequence[Budget]) -> list[str]:
-    """All sources, those with the greatest share anywhere first."""
+def _weights(budgets: Sequence[Budget]) -> dict[str, float]:
+    """The greatest share that each source has of any."""
     weight: dict[str, float] = {}
     for item in budgets:
         whole = sum(item.variances.values()) or 1.0
         for source, variance in item.variances.items():
             weight[source] = max(weight.get(source, 0.0), variance / whole)
+    return weight
+
+
+def _gathered(budgets: Sequence[Budget]) -> list[Budget]:
+    """The same with sources that are small everywhere as one, `OTHERS`."""
+    small = {source for source, weight in _weights(budgets).items() if weight < LEAST_SOURCE}
+    gathered = []
+    for item in budgets:
+        kept = {s: v for s, v in item.variances.items() if s not in small}
+        rest = sum(v for s, v in item.variances.items() if s in small)
+        gathered.append(replace(item, variances=kept | ({OTHERS: rest} if rest else {})))
+    return gathered
+
+
+def _by_weight(budgets: Sequence[Budget]) -> list[str]:
+    """All sources, those with the greatest share anywhere first."""
+    weight = _weights(budgets)
     return sorted((s for s, w in weight.items() if w > 0), key=lambda s: -weight[s])
 
 

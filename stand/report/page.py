@@ -184,7 +184,7 @@ def mark(text: str) -> str:
     return MARKS.get(text.split(":")[0], "")
 
 
-_NUMBER = re.compile(r"[-+−±<>≥≤]?\s*\d+(\.\d*)?(e[-+]?\d+)?([\s%°″(].*)?")
+_NUMBER = re.compile(r"[-+−±<>≥≤]?\s*\d+(\.\d*)?(e[-+]?\d+)?([\s%°″(].*)?", re.DOTALL)
 _NO_NUMBERS = ("", "none", "never", "not determined", "unlimited", "singular")
 
 

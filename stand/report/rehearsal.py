@@ -39,6 +39,8 @@ from stand.report.wording import (
 
 PAGE, JSON, JUNIT = "rehearsal.html", "rehearsal.json", "junit.xml"
 GRADES = {Verdict.PASS: "good", Verdict.FAIL: "bad", Verdict.INDETERMINATE: "open"}
+LEAST_USED = 1e-3  # of a limit: less is told as less
+LEAST_SHARE = 1e-3  # of a variance, to be named in the table
 MOST_BUDGETS = 24  # rows of the chart; the table has them all
 
 
@@ -80,6 +82,7 @@ def page(result: Rehearsal) -> str:
         "imu": (i.imu, i.imu_text),
         "table": (i.table, i.table_text),
     }
+    bars = [_bar(s) for s in result.duration.steps]
     content = {
         "inputs": i,
         "site": site_text(i.latitude_deg, i.height_m),
@@ -93,7 +96,7 @@ def page(result: Rehearsal) -> str:
         "findings": [_found(f.severity, f.step, f.text) for f in result.findings],
         "advice": [_advised(a) for a in result.advice],
         "duration": _duration(result),
-        "timeline": timeline([_bar(s) for s in result.duration.steps], result.duration.total),
+        "timeline": timeline(bars, result.duration.total) if bars else None,
         "broken": list(_broken(result.feasibility)),
         "feasibility": _feasibility(result.feasibility),
         "budget": _budget(result),
@@ -119,7 +122,8 @@ def site_text(latitude_deg: float | None, height_m: float) -> str:
 def _summary(result: Rehearsal) -> str:
     """What the verdict means, in sentences."""
     can = "can run on this table" if result.feasible else "cannot run as it is"
-    told = [f"The procedure {can}; it takes {span_text(result.duration.total)}."]
+    takes = f"; it takes {span_text(result.duration.total)}" if result.duration.steps else ""
+    told = [f"The procedure {can}{takes}."]
     for verdict, words in (
         (Verdict.FAIL, "Will not be met"),
         (Verdict.INDETERMINATE, "Cannot be told"),
@@ -144,7 +148,7 @@ def _facts(result: Rehearsal) -> list[tuple[str, str]]:
         ("takes", span_text(d.total)),
         ("of it measuring", span_text(d.dwell)),
         ("steps", str(len(d.steps))),
-        ("table used to", percent(max(used)) if used else "unknown"),
+        ("limits used to", percent(max(used)) if used else "unknown"),
         ("readings", f"{result.inputs.rate_hz} Hz"),
     ]
 
@@ -279,7 +283,8 @@ def _used(step: StepFeasibility, quantity: str) -> str:
     )
     if worst is None:
         return ""
-    return f"{percent(worst.ratio)} {worst.axis}".strip() if worst.ratio else "0"
+    used = percent(worst.ratio) if worst.ratio >= LEAST_USED or not worst.ratio else "< 0.1 %"
+    return f"{used}\n{worst.axis}".strip() if worst.ratio >= LEAST_USED else used
 
 
 # Accuracy ----------------------------------------------------------------------------------------
@@ -312,17 +317,24 @@ def _budget(result: Rehearsal) -> Any:
 
 
 def _predictions(predictions: Sequence[Prediction]) -> TableData | None:
-    rows = tuple(
-        (
-            _name(p), p.label, p.quantity, sigma_text(p),
-            ", ".join(f"{c.source} {digits(c.sigma / p.per)}" for c in p.contributions if c.sigma),
-        )
-        for p in predictions
-        if p.determined
-    )  # fmt: skip
-    columns = ("method", "stretch", "quantity", "sigma", "made of, in the same unit")
-    notes = ("Parts add up in quadrature: sigma is the root of the sum of their squares.",)
-    return TableData("Predicted standard deviations", columns, rows, notes=notes) if rows else None
+    """A row per method and quantity; stretches that come out alike share one."""
+    rows: dict[tuple[str, str, str, str], list[str]] = {}
+    for p in predictions:
+        if p.determined:
+            rows.setdefault((_name(p), p.quantity, sigma_text(p), _made_of(p)), []).append(p.label)
+    columns = ("method", "quantity", "sigma", "stretch", "made of, in the same unit")
+    notes = (
+        "Parts add up in quadrature: sigma is the root of the sum of their squares. Those below "
+        f"{100 * LEAST_SHARE:g} % of the variance are left out here; {JSON} has them all.",
+    )
+    cells = tuple((*key[:3], ", ".join(labels), key[3]) for key, labels in rows.items())
+    return TableData("Predicted standard deviations", columns, cells, notes=notes) if rows else None
+
+
+def _made_of(p: Prediction) -> str:
+    assert p.sigma is not None
+    shown = [c for c in p.contributions if c.sigma**2 >= LEAST_SHARE * p.sigma**2 > 0]
+    return ", ".join(f"{c.source} {digits(c.sigma / p.per)}" for c in shown)
 
 
 def _undetermined(predictions: Sequence[Prediction]) -> list[str]:

@@ -1,0 +1,151 @@
+"""Reports in a real browser: nothing to complain of, readable by day, by night and on paper."""
+
+import re
+import shutil
+import subprocess
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from pages import Page
+from rehearsed import answer
+
+from stand.physics.picture import NoDriver
+from stand.rehearsal.result import Verdict
+from stand.report import gallery
+from stand.report.rehearsal import page
+from stand.report.run_page import write_run_page
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium"),
+]
+WIDTH, HEIGHT = 1280, 4000
+PAPER = {"light": (255, 255, 255), "dark": (21, 24, 29)}  # #ffffff, #15181d
+BARS = {"light": (0, 114, 178), "dark": (58, 155, 217)}  # #0072b2, #3a9bd9: the first hue
+ACCENT = {"FAIL": (166, 58, 0), "PASS": (0, 109, 75), "INDETERMINATE": (122, 91, 0)}  # by day
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What the browser made of a page: its DOM, its complaints, its screen (h, w, 3), its PDF."""
+
+    dom: Page
+    console: list[str]
+    screen: np.ndarray
+    pdf: bytes
+
+    def share(self, colour: tuple[int, int, int]) -> float:
+        """Part of the screen that is of one colour."""
+        return float(np.mean(np.all(self.screen == colour, axis=2)))
+
+
+def seen(text: str, folder: Path, theme: str = "light", width: int = WIDTH) -> Seen:
+    """Open a page once, without a network to ask."""
+    assert CHROMIUM is not None
+    folder.mkdir(exist_ok=True)
+    html, screen, pdf = (folder / name for name in ("page.html", "screen.png", "page.pdf"))
+    html.write_text(text, encoding="utf-8")
+    done = subprocess.run(
+        [
+            CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+            "--no-first-run", "--disable-background-networking", "--no-pdf-header-footer",
+            f"--user-data-dir={folder / 'profile'}", "--enable-logging=stderr",
+            "--force-device-scale-factor=1", f"--window-size={width},{HEIGHT}",
+            f"--blink-settings=preferredColorScheme={'0' if theme == 'dark' else '1'}",
+            f"--screenshot={screen}", f"--print-to-pdf={pdf}", "--dump-dom", html.as_uri(),
+        ],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    shown = np.round(imread(screen)[..., :3] * 255).astype(int)
+    return Seen(Page(done.stdout), console, shown, pdf.read_bytes())
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pages without pictures of the stand: those take as long as the browser."""
+
+    def refuse(*_):
+        raise NoDriver("none wanted")
+
+    monkeypatch.setattr(gallery, "pictures", refuse)
+
+
+@pytest.fixture(scope="module")
+def by_theme(tmp_path_factory):
+    root = tmp_path_factory.mktemp("browser")
+    text = page(answer(Verdict.FAIL))
+    return {theme: seen(text, root / theme, theme) for theme in ("light", "dark")}
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_a_rehearsal_opens_without_complaint(by_theme, theme):
+    opened = by_theme[theme]
+    assert opened.console == []
+    assert "✗ FAIL" in opened.dom.said
+    assert "Will not be met: heading within 0.05°." in opened.dom.said
+    assert len(opened.dom.of("svg")) == 3
+    assert len(opened.dom.of("img")) == 2
+    corner = tuple(opened.screen[2, 2])
+    assert corner == PAPER[theme]
+    # Bars of the timeline and of the budget: two thirds of the width, 4 rows of 20 pixels and
+    # more, of 4000. Without them letters alone would have that colour nowhere.
+    assert opened.share(BARS[theme]) > 0.005
+    assert opened.share(PAPER[theme]) > 0.5
+
+
+def test_figures_and_letters_change_with_the_theme(by_theme):
+    light, dark = by_theme["light"], by_theme["dark"]
+    assert light.share(BARS["dark"]) < 1e-4
+    assert dark.share(BARS["light"]) < 1e-4
+    ink = {"light": (27, 31, 36), "dark": (230, 232, 235)}  # #1b1f24, #e6e8eb
+    assert light.share(ink["light"]) > 1e-3
+    assert dark.share(ink["dark"]) > 1e-3
+
+
+def test_on_paper_it_is_light_and_has_pages(by_theme):
+    for opened in by_theme.values():
+        assert opened.pdf.startswith(b"%PDF")
+        pages = re.findall(rb"/Type\s*/Page\b", opened.pdf)
+        assert 3 <= len(pages) <= 8
+
+
+@pytest.mark.parametrize("verdict", [Verdict.PASS, Verdict.INDETERMINATE])
+def test_each_verdict_has_its_colour(tmp_path, undrawn, verdict):
+    opened = seen(page(answer(verdict)), tmp_path / "page")
+    assert opened.console == []
+    counts = Counter({name: opened.share(colour) for name, colour in ACCENT.items()})
+    assert counts.most_common(1)[0][0] == verdict.value
+
+
+def test_a_narrow_screen_scrolls_tables_and_not_the_page(tmp_path, undrawn):
+    text = page(answer(Verdict.FAIL))
+    opened = seen(text, tmp_path / "page", width=500)
+    assert opened.screen.shape[1] == 500
+    assert tuple(opened.screen[2, -2]) == PAPER["light"]
+    # The right edge of the verdict's frame is where the margin of 1.5 rem (22.5 px) begins: were
+    # anything wider than the screen, it would lie outside. Round corners blur two pixels.
+    accent = np.all(opened.screen == ACCENT["FAIL"], axis=2).any(axis=0)
+    assert accent.nonzero()[0].max() == pytest.approx(500 - 22.5, abs=4)
+
+
+def test_a_recorded_run_opens_without_complaint(recorded, tmp_path, undrawn):
+    text = write_run_page(recorded.folder, tmp_path / "run.html").read_text(encoding="utf-8")
+    opened = seen(text, tmp_path / "page")
+    assert opened.console == []
+    assert "Recorded run: Short test" in opened.dom.said
+    assert len(opened.dom.of("svg")) == 4
+    assert opened.share(BARS["light"]) > 0.002
+
+
+def test_a_page_that_asks_for_more_would_be_seen(tmp_path, undrawn):
+    text = page(answer(Verdict.PASS)).replace(
+        "</main>", '<img src="beside.png" alt="x"><script>alert(1)</script></main>'
+    )
+    opened = seen(text, tmp_path / "page")
+    assert any("Content Security Policy" in line for line in opened.console)
