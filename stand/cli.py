@@ -600,6 +600,124 @@ def _compare_published(as_json: bool) -> None:
     print(published_text(figures, console().width))
 
 
+@app.command()
+def rehearse(
+    procedure: Annotated[
+        str, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
+    ],
+    imu: Annotated[
+        str, typer.Option(metavar="ID", help="Unit (stand list imus) or a TOML file.")
+    ] = "stim300",
+    table: Annotated[
+        str | None, typer.Option(metavar="ID", help="Table (stand list tables) or a TOML file.")
+    ] = None,
+    latitude: LatitudeOption = None,
+    height: HeightOption = None,
+    rate: Annotated[int, typer.Option(metavar="HZ", help="Sample rate, 1 to 10000 Hz.")] = 200,
+    revision: Annotated[
+        str, typer.Option(metavar="NAME", help="Of the unit, where limits depend on it.")
+    ] = "",
+    terms: Annotated[
+        str, typer.Option(metavar="N,B,K,Q,R", help="Allan terms that the rests are to show.")
+    ] = "",
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write a page, JSON and JUnit XML there.")
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Before the table is booked: can it run, how long, how accurate, why, and what would help.
+
+    No sensor is simulated. Exit code 0: feasible, and what [require] asks is predicted; 1: not.
+
+    Example: stand rehearse two-position --imu hg9900 --table precision --latitude 60
+    """
+    with _quick_imports():
+        from dataclasses import replace
+
+        from stand.imu import load_imu
+        from stand.procedure import load_procedure, table_of
+        from stand.rehearsal.advice import with_advice
+        from stand.rehearsal.rehearse import request
+        from stand.rehearsal.result import Verdict, rehearsal_json
+        from stand.simulation import HIGHEST_RATE_HZ
+        from stand.table import load_table
+
+    asked_terms = tuple(term.strip().upper() for term in terms.split(",") if term.strip())
+    for term in asked_terms:
+        if term not in ALLAN_TERMS:
+            raise unknown("term", term, ALLAN_TERMS)
+    if not 1 <= rate <= HIGHEST_RATE_HZ:
+        raise StandError(f"--rate {rate}: must be 1 to {HIGHEST_RATE_HZ} Hz")
+    loaded, unit = load_procedure(procedure), load_imu(imu)
+    chosen = load_table(table) if table else table_of(loaded)
+    asked = request(loaded, unit, chosen, _site(loaded.entry.site, latitude, height), rate)
+    asked = replace(asked, revision=revision, allan_terms=asked_terms)
+    with _working("rehearsing", as_json):
+        result = with_advice(asked)
+    written: list[Path] = []
+    if report is not None:
+        from stand.report.rehearsal import write_report
+
+        with _working("writing the report", as_json):
+            written = write_report(result, report, force=force)
+    if as_json:
+        _print_json(rehearsal_json(result))
+    else:
+        from stand.rehearsal.listing import headline, tables
+        from stand.report.console import console, show
+
+        out = console()
+        out.print(headline(result), markup=False, soft_wrap=True)
+        show(out, tables(result))
+        for path in written:
+            print(path)
+    if result.verdict is not Verdict.PASS:
+        raise typer.Exit(1)
+
+
+@app.command()
+def export(
+    procedure: Annotated[
+        str, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="X.csv", help="The file to write.")],
+    table: Annotated[
+        str | None, typer.Option(metavar="ID", help="Table (stand list tables) or a TOML file.")
+    ] = None,
+    file_format: Annotated[str, typer.Option("--format", help="csv.")] = "csv",
+    seed: Annotated[int, typer.Option(metavar="N", help="Of a sway that is drawn.")] = 0,
+    force: ForceOption = False,
+) -> None:
+    """Demanded angle, rate and acceleration of every axis each 10 ms, for a real controller.
+
+    The steps and their times go into X_steps.csv. A profile step reads X.csv back.
+
+    Example: stand export two-position --table mid-class --out two-position.csv
+    """
+    if file_format != "csv":
+        raise unknown("format", file_format, ("csv",))
+    with _quick_imports():
+        from stand.physics.mjcf import describe, load_model
+        from stand.plan import plan
+        from stand.procedure import load_procedure, table_of
+        from stand.rehearsal.export import export as write_motion
+        from stand.rehearsal.export import steps_file
+        from stand.table import load_table
+
+    loaded = load_procedure(procedure)
+    chosen = load_table(table) if table else table_of(loaded)
+    if out.name in ("", "..") or out.is_dir():
+        raise StandError(f"--out {out}: must be a file")
+    for path in (out, steps_file(out)):
+        if path.exists() and not force:
+            raise StandError(f"--out {path}: exists; --force replaces it")
+    if not out.parent.is_dir():
+        raise StandError(f"--out {out}: no folder {out.parent}")
+    rows = write_motion(plan(loaded, describe(load_model()), chosen, seed), out)
+    print(f"{out}: {rows} rows\n{steps_file(out)}")
+
+
 @app.command("import")
 def import_log(
     file: Annotated[Path, typer.Argument(help="A foreign log.")],

@@ -1,0 +1,306 @@
+"""The cheapest change of a procedure's own numbers that makes it pass.
+
+Variants (both directions, a slower or second turn, an added position, a longer offset window,
+another start azimuth, or none) are tried at their own length and then with longer stretches: the
+least that passes, by steps of `_GROWTH` and halving between them. Of all that pass within every
+limit the shortest comes first.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from math import ceil
+from typing import Any
+
+from alignment.units import DEG
+from stand import catalogue
+from stand.errors import StandError
+from stand.procedure import procedure_from
+from stand.rehearsal.rehearse import Request, rehearse, request
+from stand.rehearsal.requirement import rows_of
+from stand.rehearsal.result import Advice, Change, Judgement, Rehearsal, Verdict
+from stand.rehearsal.wording import toml_of
+
+_GROWTH = 2.0
+_MOST = 64.0  # times the length
+_LONGEST = 7 * 86400.0  # s: no advice is longer than that
+_HALVINGS = 4
+_NO_GAIN = 0.99  # of sigma: a stretch twice as long that does not gain that is limited otherwise
+_KEPT = 3  # pieces of advice per quantity
+_AXIS = "outer"  # turns about the vertical
+_AZIMUTHS = (45.0, 90.0, 135.0)
+
+Data = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Trial:
+    """A changed procedure and what comes of it."""
+
+    data: Data
+    text: str
+    result: Rehearsal
+
+
+def with_advice(asked: Request) -> Rehearsal:
+    """A rehearsal, with advice for every quantity that fails."""
+    result = rehearse(asked)
+    failing = [j.quantity for j in result.judgements if j.verdict is Verdict.FAIL]
+    if not failing or not result.feasibility:
+        return result
+    data = asked.procedure.entry.model_dump(exclude_unset=True, mode="json")
+    whole = _remedies(asked, data, _wanted(result))
+    advice: list[Advice] = []
+    for quantity in failing:
+        found = whole or _remedies(asked, data, (quantity,))
+        advice += [_told(quantity, data, trial) for trial in found[:_KEPT]]
+        if not found:
+            advice.append(_nothing(quantity, result))
+    return replace(result, advice=tuple(advice))
+
+
+def _wanted(result: Rehearsal) -> tuple[str, ...]:
+    return tuple(j.quantity for j in result.judgements)
+
+
+def _remedies(asked: Request, data: Data, wanted: Sequence[str]) -> list[_Trial]:
+    """Changes that make all the `wanted` pass, the shortest first."""
+    found: list[_Trial] = []
+    for variant in _variants(data, asked):
+        trial = _longer(asked, variant, wanted)
+        if trial is not None:
+            found.append(trial)
+    return sorted(found, key=lambda trial: trial.result.duration.total)
+
+
+def _longer(asked: Request, data: Data, wanted: Sequence[str]) -> _Trial | None:
+    """The shortest lengthening of a variant that passes; None where none does."""
+    factor, before, sigma = 1.0, 0.0, float("inf")
+    while True:
+        trial = _tried(asked, _stretched(data, factor))
+        if trial is None or trial.result.duration.total > _LONGEST:
+            return None
+        if _passes(trial.result, wanted):
+            break
+        now = _worst(trial.result, wanted)
+        if factor >= _MOST or (now > _NO_GAIN * sigma and now < float("inf")):
+            return None
+        before, factor, sigma = factor, factor * _GROWTH, now
+    best = trial
+    for _ in range(_HALVINGS if before else 0):
+        middle = (before + factor) / 2
+        trial = _tried(asked, _stretched(data, middle))
+        if trial is not None and _passes(trial.result, wanted):
+            best, factor = trial, middle
+        else:
+            before = middle
+    return best
+
+
+def _tried(asked: Request, data: Data) -> _Trial | None:
+    """A fresh rehearsal of a changed procedure; None where its numbers are not allowed."""
+    text = toml_of(data)
+    source = catalogue.Source(asked.procedure.id, asked.procedure.name, text)
+    try:
+        procedure = procedure_from(source)
+    except StandError:
+        return None
+    fresh = request(procedure, asked.imu, asked.table, asked.site, asked.rate_hz)
+    fresh = replace(fresh, revision=asked.revision, allan_terms=asked.allan_terms, seed=asked.seed)
+    result = rehearse(fresh)
+    return _Trial(data, text, result) if result.feasible else None
+
+
+def _passes(result: Rehearsal, wanted: Sequence[str]) -> bool:
+    return all(j.verdict is Verdict.PASS for j in result.judgements if j.quantity in wanted)
+
+
+def _worst(result: Rehearsal, wanted: Sequence[str]) -> float:
+    """How far the worst of what is wanted is off, as a part of what is required."""
+    open_ones = [
+        j for j in result.judgements if j.quantity in wanted and j.verdict is not Verdict.PASS
+    ]
+    return max(
+        (float("inf") if j.expanded is None else j.expanded / j.required for j in open_ones),
+        default=0.0,
+    )
+
+
+# --- variants ------------------------------------------------------------------------------------
+
+
+def _variants(data: Data, asked: Request) -> Iterator[Data]:
+    yield data
+    for change in (_both_directions, _slower, _second_turn, _longer_window, _added_position):
+        varied = deepcopy(data)
+        if change(varied):
+            yield varied
+    if any(m in ("single-gyro", "two-gyro") for m in data["estimate"]["methods"]):
+        for azimuth in _AZIMUTHS:
+            varied = deepcopy(data)
+            if _turned(varied, azimuth):
+                yield varied
+
+
+def _turning(data: Data) -> list[Data]:
+    return [step for step in data["step"] if step["kind"] in ("rate", "sweep")]
+
+
+def _both_directions(data: Data) -> bool:
+    one_way = [step for step in _turning(data) if step.get("directions", "one") == "one"]
+    for step in one_way:
+        step["directions"] = "both"
+    return bool(one_way)
+
+
+def _slower(data: Data) -> bool:
+    steps = [step for step in _turning(data) if step["kind"] == "rate"]
+    for step in steps:
+        step["rate_deg_s"] /= 2
+    return bool(steps)
+
+
+def _second_turn(data: Data) -> bool:
+    steps = [step for step in _turning(data) if "turns" in step]
+    for step in steps:
+        step["turns"] *= 2
+    return bool(steps)
+
+
+def _longer_window(data: Data) -> bool:
+    """Zero offsets over half of the shortest dwell."""
+    estimate = data["estimate"]
+    if not {"six-position", "rk4", "two-sample"} & set(estimate["methods"]):
+        return False
+    lengths = [step["duration_s"] for step in data["step"] if step["kind"] == "dwell"]
+    half = min(lengths, default=0.0) / 2
+    if half <= estimate.get("offset_window_s", 10.0):
+        return False
+    estimate["offset_window_s"] = half
+    return True
+
+
+def _added_position(data: Data) -> bool:
+    """Half a turn after the last dwell and the same dwell once more, fitted together."""
+    dwells = [k for k, step in enumerate(data["step"]) if step["kind"] == "dwell"]
+    if not dwells or data.get("background"):
+        return False
+    last = data["step"][dwells[-1]]
+    angle = 180.0
+    for step in data["step"][: dwells[-1]]:
+        angle = 180.0 + step.get("joints_deg", {}).get(_AXIS, angle - 180.0)
+    if any("attitude_deg" in step for step in data["step"][: dwells[-1]]):
+        return False  # where the outer axis then stands is for the planner to say
+    labels = {step["label"] for step in data["step"]}
+    name = next(n for k in range(2, 99) if (n := f"{last['label']} turned {k}") not in labels)
+    move = {"kind": "move", "label": f"to {name}", "joints_deg": {_AXIS: angle}}
+    data["step"] = [
+        *data["step"][: dwells[-1] + 1],
+        move,
+        {**last, "label": name},
+        *data["step"][dwells[-1] + 1 :],
+    ]
+    methods = data["estimate"]["methods"]
+    if data.get("require", {}).get("method") is None and "multi-position" not in methods:
+        data["estimate"]["methods"] = [*methods, "multi-position"]
+    return True
+
+
+def _turned(data: Data, azimuth: float) -> bool:
+    """Everything begins at another azimuth of the outer axis."""
+    if any("attitude_deg" in step for step in data["step"]):
+        return False
+    for step in data["step"]:
+        if _AXIS in step.get("joints_deg", {}):
+            step["joints_deg"][_AXIS] += azimuth
+    first = {"kind": "move", "label": f"to azimuth {azimuth:g}", "joints_deg": {_AXIS: azimuth}}
+    data["step"] = [first, *data["step"]]
+    return True
+
+
+def _stretched(data: Data, factor: float) -> Data:
+    """Every dwell and turn longer, in whole seconds and turns; offset windows along with them."""
+    if factor == 1.0:
+        return data
+    longer = deepcopy(data)
+    for step in longer["step"]:
+        if step["kind"] in ("dwell", "rate", "sweep"):
+            for key in ("duration_s", "turns"):
+                if key in step:
+                    step[key] = float(ceil(step[key] * factor))
+    estimate = longer["estimate"]
+    if estimate.get("offset_window_s", 10.0) > 10.0:
+        estimate["offset_window_s"] *= factor
+    return longer
+
+
+# --- words ---------------------------------------------------------------------------------------
+
+
+def _told(quantity: str, before: Data, trial: _Trial) -> Advice:
+    changes = tuple(_changes(before, trial.data))
+    judged = _judged(trial.result.judgements, quantity)
+    duration = trial.result.duration.total
+    assert judged.sigma is not None
+    text = (
+        f"{'; '.join(_in_words(change) for change in changes)}: {quantity} then has a sigma of "
+        f"{judged.sigma / DEG:.3g} deg by {judged.method}, in {duration:.0f} s"
+    )
+    return Advice(quantity, text, changes, judged.sigma, duration, trial.text)
+
+
+def _judged(judgements: Sequence[Judgement], quantity: str) -> Judgement:
+    return next(j for j in judgements if j.quantity == quantity)
+
+
+def _in_words(change: Change) -> str:
+    if not change.before:
+        return f"add {change.where}: {change.after}"
+    return f"{change.where}: {change.after} instead of {change.before}"
+
+
+def _nothing(quantity: str, result: Rehearsal) -> Advice:
+    judged = _judged(result.judgements, quantity)
+    rows = rows_of(quantity, (p for p in result.predictions if p.method == judged.method))
+    worst = next((p for p in rows if p.label == judged.label), None)
+    what = "the errors of the unit"
+    if worst is not None and worst.contributions:
+        first = worst.contributions[0]
+        what = f"{first.source} ({first.sigma / worst.per:.3g} {worst.unit})"
+    text = (
+        "no longer stretch, other turn, added position or azimuth within the limits reaches "
+        f"{judged.required / DEG:g} deg with coverage {judged.coverage:g}: {what} stands in the "
+        "way"
+    )
+    return Advice(quantity, text, (), None, None)
+
+
+def _changes(before: Data, after: Data) -> Iterator[Change]:
+    """What differs, told by step and key; steps that were added as a whole."""
+    for part in ("estimate",):
+        yield from _differences(part, before[part], after[part])
+    labels = {step["label"]: step for step in before["step"]}
+    for number, step in enumerate(after["step"], start=1):
+        where = f'step {number} "{step["label"]}"'
+        if step["label"] in labels:
+            yield from _differences(where, labels[step["label"]], step)
+        else:
+            what = ", ".join(f"{k} = {_shown(v)}" for k, v in step.items() if k != "label")
+            yield Change(where, "", what)
+
+
+def _differences(
+    where: str, before: Mapping[str, Any], after: Mapping[str, Any]
+) -> Iterator[Change]:
+    for key, value in after.items():
+        if before.get(key) != value:
+            old = _shown(before[key]) if key in before else "the default"
+            yield Change(f"{where}, {key}", old, _shown(value))
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, float | int):
+        return f"{value:g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_shown(v)}" for k, v in value.items())
+    return ", ".join(map(_shown, value)) if isinstance(value, list | tuple) else str(value)

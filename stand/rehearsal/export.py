@@ -1,0 +1,73 @@
+"""Hand-over to a real controller: the demanded motion on an even grid, and the list of steps."""
+
+import csv
+from collections.abc import Iterator
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+
+from alignment.units import DEG
+from stand.errors import StandError
+from stand.physics.description import JOINTS
+from stand.plan import Plan
+from stand.profile import MOST_ROWS, SUFFIXES, TIME
+
+PER_SECOND = 100  # rows
+_BLOCK = 20_000  # rows worked out at once
+STEP_COLUMNS = ("step", "kind", "label", "t_from_s", "t_to_s", "steady_from_s", "steady_to_s")
+
+
+def steps_file(out: Path) -> Path:
+    """Where the list of steps goes: beside the motion."""
+    return out.with_name(f"{out.stem}_steps{out.suffix}")
+
+
+def export(planned: Plan, out: Path) -> int:
+    """Write angle, rate and acceleration of every axis each 10 ms, and the steps beside them.
+
+    Returns
+    -------
+    int
+        Number of rows.
+
+    Raises
+    ------
+    StandError
+        More rows than a `profile` step reads.
+
+    Notes
+    -----
+    Read back by a `profile` step the rows hold exactly; between two of them the motion is the
+    quintic through both, which differs from a piece with a jerk switch J in it by up to
+    ``J h^3 / 384`` (h = 10 ms; 5e-6 deg at 2000 deg/s^3).
+    """
+    count = ceil(planned.motion.duration * PER_SECOND - 1e-6) + 1
+    if count > MOST_ROWS:
+        raise StandError(
+            f"{out}: {count} rows at {PER_SECOND} Hz, at most {MOST_ROWS} can be read back"
+        )
+    columns = [f"{joint}{suffix}" for joint in JOINTS for suffix in SUFFIXES]
+    with out.open("w", newline="", encoding="utf-8") as file:
+        file.write(",".join([TIME, *columns]) + "\n")
+        for lines in _lines(planned, count):
+            file.write(lines)
+    with steps_file(out).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(STEP_COLUMNS)
+        for s in planned.steps:
+            times = (s.t_from, s.t_to, s.steady_from, s.steady_to)
+            writer.writerow([s.number + 1, s.kind, s.label, *(f"{t:.9f}" for t in times)])
+    return count
+
+
+def _lines(planned: Plan, count: int) -> Iterator[str]:
+    for first in range(0, count, _BLOCK):
+        ticks = np.arange(first, min(first + _BLOCK, count))
+        states = np.stack(planned.motion.joints(ticks / PER_SECOND), axis=2) / DEG
+        states[np.abs(states) < 1e-15] = 0.0
+        rows = states.reshape(len(ticks), -1).tolist()
+        yield "".join(
+            f"{k / PER_SECOND:.2f},{','.join(map(repr, row))}\n"
+            for k, row in zip(ticks.tolist(), rows, strict=True)
+        )
