@@ -173,7 +173,7 @@ ESTIMATORS = {
     "vectors": Method(
         "Vector matching with satellite navigation: as printed, observing form, Kalman filter",
         "[S2] correction of the orientation matrix by invariants and vector matching",
-        "± of the fixes, the start and stated priors, at the last fix",
+        "± of the fixes, the start and stated priors; without gyro scale and axes that are off",
         False,
         False,
         vector_matching,

@@ -41,8 +41,9 @@ def kalman(
     -----
     21 states: attitude, velocity, place, gyro and accelerometer bias, correlated satellite errors
     (none of the last where ``fixes`` states none). Leading error: accelerometer bias b/g in tilt
-    until turns separate them; heading only by horizontal acceleration. Scale errors are not
-    modelled. Source: methods.md section 4, the tuned filter.
+    until turns separate them; heading only by horizontal acceleration. Scale errors and axes that
+    are off are not modelled: those of gyros add their size times the angle turned, beyond the
+    covariance. Source: methods.md section 4, the tuned filter.
     """
     options = options or VectorOptions()
     check(fixes)

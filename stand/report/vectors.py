@@ -194,6 +194,8 @@ def table(result: DriveResult) -> TableData:
             "corrected.",
             "below: fixes needed to come and stay there, by the error of this run / by sigma; "
             "place: error at the last fix.",
+            "sigma holds noise, biases, the start; gyro scale and axes that are off come on top, "
+            "by their size times the angle turned.",
             *(line for name in result.matchings for line in _lines(name, result)),
             *(f"{name}: {reason}" for name, reason in result.refusals.items()),
         ),
