@@ -242,13 +242,11 @@ def _covariance(
     f_axis = accels.constant @ axis_b
     gravity = np.sqrt(f_axis**2 + np.sum(accels.across**2, axis=-1))
     axis_n = C_nb @ axis_b
-    # errors of force in n: noise of the harmonic across the axis, bias and scale along it; a seat
-    # off in b puts the axis elsewhere in b, and with it the vertical
-    across_variance = accels.variance + (priors.seat * gravity) ** 2
+    # errors of force in n: noise of the harmonic across the axis, bias and scale along it
     along = accels.variance + priors.accel_bias**2 + (priors.accel_scale * f_axis) ** 2
     outer = axis_n[..., :, None] * axis_n[..., None, :]
     leaning = (C_nb @ accels.across[..., None]) * priors.accel_scale
-    F = across_variance[..., None, None] * (np.eye(3) - outer) + along[..., None, None] * outer
+    F = accels.variance[..., None, None] * (np.eye(3) - outer) + along[..., None, None] * outer
     F = F + accels.share[..., None, None] * leaning * np.swapaxes(leaning, -1, -2)
     tilt = np.zeros((*gravity.shape, 3, 3))
     tilt[..., 0, 1], tilt[..., 1, 0] = -1 / gravity, 1 / gravity
@@ -259,7 +257,9 @@ def _covariance(
     tilt[..., 2, :] = -np.einsum("...i,...ij->...j", q[..., :2], tilt[..., :2, :]) / q[..., 2:]
     P = tilt @ F @ np.swapaxes(tilt, -1, -2)
     P[..., 2, 2] += gyros.variance / q[..., 2] ** 2
-    placed: Array = P + priors.turn**2 * np.eye(3)
+    # an axis that is elsewhere in b takes vertical and north along: b is turned across it
+    seated = priors.seat**2 * (np.eye(3) - outer)
+    placed: Array = P + seated + priors.turn**2 * np.eye(3)
     return placed
 
 
@@ -402,7 +402,7 @@ def carousel(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     Leading errors: lag beyond the interval's mean, ``rate tau`` (cancelled by turning both ways);
     once-per-turn rate ripple times misalignment over ``W cos lat``; white noise
     ``ARW/(W cos lat sqrt(T))`` with two gyros, sqrt(2) times that with one; an axis of turning
-    that is not where `axis_b` says, 1:1 in tilt and tan(lat) of it in heading.
+    that is not where `axis_b` says, 1:1 in tilt.
     """
     site.horizontal_rate()
     latitude, _ = local_vectors(site)

@@ -354,6 +354,19 @@ def align(
         str | None, typer.Option(help="Which IMU topic, where there are several.")
     ] = None,
     sequences: RuleOption = None,
+    turn_joint: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="The table turns: the joint of sensor_msgs/msg/JointState whose encoder counts.",
+        ),
+    ] = None,
+    turn_axis: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z", help="Axis of that turn in the IMU's axes; else the vertical."
+        ),
+    ] = None,
     start_attitude: Annotated[
         str | None,
         typer.Option(
@@ -377,6 +390,8 @@ def align(
     (sensor_msgs/msg/NavSatFix, geometry_msgs/msg/TwistWithCovarianceStamped) and --method vectors.
 
     Example: stand align up.mcap down.mcap --method triad
+
+    A turning table's log: stand align log.mcap --method carousel --turn-joint yaw --latitude 48.5
     """
     from alignment import ESTIMATORS
     from alignment.units import DEG
@@ -386,9 +401,10 @@ def align(
     if method is not None and method not in ESTIMATORS:
         raise unknown("method", method, ESTIMATORS)
     vehicle = _vehicle(method == "vectors", start_attitude, start_sigma, fix_sigma)
+    axis = None if turn_axis is None else _numbers("--turn-axis", turn_axis, 3)
     with _working("reading", as_json):
         logs = [
-            load_log(_file_in(p, "run.mcap"), topic, t_from, t_to, vehicle=vehicle)
+            load_log(_file_in(p, "run.mcap"), topic, t_from, t_to, turn_joint, axis, vehicle)
             for p in recordings
         ]
     first = logs[0]

@@ -48,6 +48,8 @@ PRIOR_UNITS = {
     "gyro_walk": "rad_rt_s",
     "accel_walk": "m_s_rt_s",
     "turn": "rad",
+    "seat": "rad",
+    "nominal": "rad",
     "lever_arm": "m",
 }
 FIX_UNITS = {

@@ -192,6 +192,28 @@ def test_what_was_to_be_estimated_comes_back(tmp_path):
 # --- logs of real tables
 
 
+def logged(path: Path, t, w, f, t_e, said) -> Path:
+    """An IMU and the encoder of the joint `table`, as a log of no stand of ours."""
+    imu = cdr.imu_messages(np.round(t * S).astype(np.int64), w, f, frame_id="imu")
+    stamps = np.round(t_e * S).astype(np.int64)
+    joints = cdr.joint_states(
+        stamps, ("lid", "table"), np.stack([0 * said, said], axis=1), np.zeros((len(t_e), 2))
+    )
+    with open(path, "wb") as file:
+        out = Writer(file)
+        out.start(profile="ros2", library="table")
+        for topic, kind, times, rows in (
+            ("/imu", schemas.IMU, np.round(t * S), imu),
+            ("/table/state", schemas.JOINT_STATE, stamps, joints),
+        ):
+            schema = out.register_schema(kind, "ros2msg", b"")
+            channel = out.register_channel(topic, "cdr", schema)
+            for stamp, row in zip(times, rows, strict=True):
+                out.add_message(channel, int(stamp), row.tobytes(), int(stamp))
+        out.finish()
+    return path
+
+
 def table_log(
     path: Path,
     rate=0.5,
@@ -210,26 +232,9 @@ def table_log(
     up = np.array([tilt, np.sqrt(1 - tilt**2), 0.0])
     w = sign * rate * np.tile(up, (len(t), 1)) + bias * up
     f = 9.8 * np.tile(up, (len(t), 1))
-    imu = cdr.imu_messages(np.round(t * S).astype(np.int64), w, f, frame_id="imu")
     t_e = 100.0 + np.arange(cover[0], cover[1] + 1e-9, 1.0 / encoder_hz)
     angle = rate * (t_e - 100.0) + 6.0
-    said = np.mod(angle, 2 * np.pi) if wrap else angle
-    stamps = np.round(t_e * S).astype(np.int64)
-    joints = cdr.joint_states(
-        stamps, ("lid", "table"), np.stack([0 * said, said], axis=1), np.zeros((len(t_e), 2))
-    )
-    with open(path, "wb") as file:
-        out = Writer(file)
-        out.start(profile="ros2", library="table")
-        for topic, kind, times, rows in (
-            ("/imu", schemas.IMU, np.round(t * S), imu),
-            ("/table/state", schemas.JOINT_STATE, stamps, joints),
-        ):
-            schema = out.register_schema(kind, "ros2msg", b"")
-            channel = out.register_channel(topic, "cdr", schema)
-            for stamp, row in zip(times, rows, strict=True):
-                out.add_message(channel, int(stamp), row.tobytes(), int(stamp))
-        out.finish()
+    logged(path, t, w, f, t_e, np.mod(angle, 2 * np.pi) if wrap else angle)
     return path, rate * (t - 100.0) + 6.0
 
 
@@ -305,3 +310,49 @@ def test_encoders_between_readings_by_hand():
     # our own count turns themselves, however fast: nothing is added
     same = Encoders(log, 0, counted=True).angle("table", np.array([0.5, 1.0]))
     np.testing.assert_allclose(np.degrees(same), [180.0, 10.0], rtol=1e-14)
+
+
+# --- a real table's carousel, from the command line -----------------------------------------------
+
+
+def carousel_log(path: Path, heading: float = 30.0) -> Path:
+    """A table at 6 deg/s for two turns, nose at `heading` [deg] where its encoder reads zero."""
+    rate, hz, n = 6 * DEG, 20.0, 2400
+    t = np.arange(1, n + 1) / hz
+    # middle of the sample, part of the mean of a harmonic over it
+    turned, part = rate * (t - 0.5 / hz), np.sinc(rate / hz / 2 / np.pi)
+    yaw = turned - heading * DEG  # north to west
+    north, up = np.array([9.96651, 11.26509]) * DEG / 3600
+    w = np.stack(
+        [part * north * np.cos(yaw), rate + up + 0 * t, part * north * np.sin(yaw)], axis=1
+    )
+    f = np.tile([0.0, 9.8093587, 0.0], (n, 1))
+    t_e = np.arange(0, n + 1) / hz
+    return logged(path, t, w, f, t_e, np.mod(rate * t_e, 2 * np.pi))
+
+
+@pytest.mark.parametrize("axis", [(), ("--turn-axis", "0,1,0")])
+def test_a_real_tables_carousel_from_the_command_line(tmp_path, stand_command, axis):
+    path = carousel_log(tmp_path / "table.mcap")
+    arguments = ("--method", "carousel", "--latitude", "48.5", "--turn-joint", "table", *axis)
+    told = stand_command("align", path, *arguments, "--json").json
+    (estimate,) = told["estimates"]
+    # readings are exact but for a gravity and an Earth rate of seven digits
+    assert estimate["heading_deg"] == pytest.approx(30.0, abs=1e-5)
+    assert estimate["roll_deg"] == pytest.approx(0.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (("--turn-joint", "tabel"), "joint 'tabel': did you mean table?"),
+        (("--turn-joint", "table", "--turn-axis", "0,1"), "--turn-axis 0,1: must be 3 numbers"),
+        (("--turn-joint", "table", "--turn-axis", "up"), "--turn-axis up: must be 3 numbers"),
+        (("--turn-axis", "0,1,0"), "turn axis: must have a turn joint with it"),
+    ],
+)
+def test_faults_of_turns_on_the_command_line(tmp_path, stand_command, options, line):
+    path = carousel_log(tmp_path / "table.mcap")
+    said = stand_command("align", path, "--method", "carousel", "--latitude", "48.5", *options)
+    assert said.code == 2
+    assert line in said.err
