@@ -32,7 +32,10 @@ HATCHES = ("", "////", "....", "xxxx")
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A step on the timeline: its phases as (phase of `PHASES`, from [s], to [s])."""
+    """A step on the timeline: its phases as (phase of `PHASES`, from [s], to [s]).
+
+    Steps of one `label` share a row.
+    """
 
     label: str
     kind: str
@@ -81,9 +84,8 @@ def _rows(bars: Sequence[Bar]) -> dict[str, list[Bar]]:
     """Rows by their name, in order: a step each, or a kind each where they are too many."""
     rows: dict[str, list[Bar]] = {}
     many = len(bars) > MOST_ROWS
-    for number, bar in enumerate(bars, start=1):
-        name = bar.kind if many else f"{number}  {_short(bar.label or bar.kind)}"
-        rows.setdefault(name, []).append(bar)
+    for bar in bars:
+        rows.setdefault(bar.kind if many else _short(bar.label), []).append(bar)
     return rows
 
 

@@ -190,7 +190,8 @@ _NO_NUMBERS = ("", "none", "never", "not determined", "unlimited", "singular")
 
 def _numeric(table: TableData, column: int) -> bool:
     """Whether a column of a table, not its first, holds numbers: they stand to the right."""
-    cells = [row[column] for row in table.rows if row[column] not in _NO_NUMBERS]
+    rows = (*table.rows, *table.footers)
+    cells = [row[column] for row in rows if row[column] not in _NO_NUMBERS]
     return column > 0 and bool(cells) and all(_NUMBER.fullmatch(cell) for cell in cells)
 
 

@@ -216,7 +216,7 @@ def _bar(step: StepDuration) -> Bar:
         if length > 0:
             phases.append((name, t, t + length))
             t += length
-    return Bar(step.label, step.kind, tuple(phases))
+    return Bar(f"{step.number} {step.label or step.kind}", step.kind, tuple(phases))
 
 
 def _duration(result: Rehearsal) -> TableData:
@@ -254,16 +254,16 @@ def _feasibility(steps: Sequence[StepFeasibility]) -> TableData:
     winds = any(s.turns for s in steps)
     rows = tuple(
         (
-            str(s.number), s.label, s.kind, "yes" if s.feasible else "no",
+            f"{s.number} {s.label}".strip(),
+            s.kind, "yes" if s.feasible else "no",
             *(_used(s, quantity) for quantity in quantities),
             "" if s.settling_s is None else f"{s.settling_s:.2f}",
-            *([", ".join(f"{a} {n:.3g}" for a, n in s.turns.items())] if winds else []),
+            *([_turns(s)] if winds else []),
         )
         for s in steps
     )  # fmt: skip
     columns = (
         "step",
-        "label",
         "kind",
         "runs",
         *quantities,
@@ -277,6 +277,11 @@ def _feasibility(steps: Sequence[StepFeasibility]) -> TableData:
     return TableData("Feasibility", columns, rows, notes=notes)
 
 
+def _turns(step: StepFeasibility) -> str:
+    """Whole turns wound up on each axis, those that can be seen."""
+    return ", ".join(f"{axis} {n:.2f}" for axis, n in step.turns.items() if abs(n) >= 0.005)
+
+
 def _used(step: StepFeasibility, quantity: str) -> str:
     worst = max(
         (m for m in step.margins if m.quantity == quantity), key=lambda m: m.ratio, default=None
@@ -284,7 +289,8 @@ def _used(step: StepFeasibility, quantity: str) -> str:
     if worst is None:
         return ""
     used = percent(worst.ratio) if worst.ratio >= LEAST_USED or not worst.ratio else "< 0.1 %"
-    return f"{used}\n{worst.axis}".strip() if worst.ratio >= LEAST_USED else used
+    axis = worst.axis.replace("accelerometer", "accel")
+    return f"{used}\n{axis}".strip() if worst.ratio >= LEAST_USED else used
 
 
 # Accuracy ----------------------------------------------------------------------------------------

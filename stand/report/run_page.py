@@ -94,7 +94,9 @@ def page(file: Path) -> str:
         "angle_note": ANGLE_NOTE if scores else "",
         "errors": _errors(log, {r.method for r in refusals}, total),
         "servo": motion_table(recorded.records) if recorded.records else None,
-        "timeline": timeline([_bar(s) for s in steps], total) if steps else None,
+        "timeline": timeline([_bar(k, s) for k, s in enumerate(steps, 1)], total)
+        if steps
+        else None,
         "gallery": gallery(_positions(steps)),
         "settings": _settings(run, log),
         "provenance": provenance(texts, recorded.sha256, _versions(run)),
@@ -238,18 +240,17 @@ def _errors(log: Log, refused: set[str], total: float) -> list[Any]:
     return found
 
 
-def _bar(step: Mapping[str, Any]) -> Bar:
+def _bar(number: int, step: Mapping[str, Any]) -> Bar:
     """A step as recorded: steady between, moving before and after."""
     t = [step["t_from_s"], step.get("steady_from_s"), step.get("steady_to_s"), step["t_to_s"]]
     if step["kind"] in _MOVING or None in t:
-        moving = step["kind"] != "dwell"
+        name = "dwell" if step["kind"] == "dwell" else "motion"
         arrival = t[1] if step["kind"] == "move" and t[1] is not None else t[3]
-        return _phases(step, [("motion" if moving else "dwell", t[0], arrival)])
-    return _phases(step, [("motion", t[0], t[1]), ("dwell", t[1], t[2]), ("motion", t[2], t[3])])
-
-
-def _phases(step: Mapping[str, Any], phases: Sequence[tuple[str, float, float]]) -> Bar:
-    return Bar(step["label"], step["kind"], tuple(p for p in phases if p[2] > p[1]))
+        phases = [(name, t[0], arrival)]
+    else:
+        phases = [("motion", t[0], t[1]), ("dwell", t[1], t[2]), ("motion", t[2], t[3])]
+    label = f"{number} {step['label'] or step['kind']}"
+    return Bar(label, step["kind"], tuple(p for p in phases if p[2] > p[1]))
 
 
 def _positions(steps: Sequence[Mapping[str, Any]]) -> list[Position]:
