@@ -20,7 +20,20 @@ from stand.imu import load_imu
 from stand.recording.interchange import read_imu, read_metadata, read_truth, write_imu_log
 
 ROOT = Path(__file__).parents[1]
-COMMANDS = ("run", "align", "import", "list", "view")
+COMMANDS = (
+    "run",
+    "drive",
+    "align",
+    "compare",
+    "rehearse",
+    "export",
+    "import",
+    "list",
+    "allan",
+    "report",
+    "check-imu",
+    "view",
+)
 FILES = ["result.json", "run.mcap", "run.rrd"]
 UNITS = ("--columns", "t,gx,gy,gz,ax,ay,az", "--gyro-unit", "rad/s", "--accel-unit", "m/s^2")
 # Earth rate and gravity at 48.5 deg by hand (methods.md section 0), level, X1 north: X1 Y1 Z1

@@ -49,6 +49,18 @@ def test_the_steps_in_the_readme_plan():
     assert json.loads(errors.record()["placement_arc_s"]) == pytest.approx([0, 0, 0, 60, 0, 0])
 
 
+def test_the_rehearsal_in_the_readme_fails_and_its_advice_passes(tmp_path, stand_command):
+    text = next(block for block in blocks("toml") if "[require]" in block)
+    path = tmp_path / "north.toml"
+    for seconds, code in (("120", 1), ("270", 0)):
+        path.write_text(text.replace("duration_s = 120", f"duration_s = {seconds}"))
+        told = stand_command("rehearse", path, "--imu", "ring-laser")
+        assert told.code == code, told.err
+        if code:
+            assert "0.134" in told.out
+            assert "270 instead of 120" in told.out
+
+
 def test_the_refusal_in_the_readme_is_what_is_said():
     sine = (
         'title = "T"\n[site]\nlatitude_deg = 48.5\n[estimate]\nmethods = []\n'
