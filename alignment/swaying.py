@@ -179,7 +179,7 @@ def two_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     Raises
     ------
     AlignmentError
-        Y1 not up, or sway too large.
+        Y1 not up, sway too large, or a turning stretch.
     TooShort, PoleError
 
     Notes
@@ -191,6 +191,9 @@ def two_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     latitude, gravity = local_vectors(site)
     assert latitude is not None
     assert gravity is not None
+    for dwell in dwells:
+        if dwell.turn is not None:
+            raise AlignmentError(f"{dwell.label}: turns at a constant rate: no mean attitude")
     return [_single(dwell, latitude, gravity, site, options) for dwell in dwells]
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
-from alignment import Dwell, ImuReadings, Options, Priors, Site
+from alignment import Dwell, ImuReadings, Options, Priors, Site, Turn
 from alignment.errors import AlignmentError, PoleError, TooShort
 from alignment.swaying import (
     Sway,
@@ -326,3 +326,13 @@ def test_covariance(regime, latitude):
     # Variances scatter by 10 %: 1 % more; second order of tilts of 0.4 mrad at 70 deg: 1e-6 rad.
     spread = K * sqrt(2 * 3 / RUNS)
     assert 3 - spread < np.mean(nees) < 3 * 1.03 + spread
+
+
+def test_a_turning_stretch_has_no_mean_attitude():
+    n = 200
+    t = np.arange(1, n + 1) / 10
+    w, f = np.tile([1e-5, 0.1, 0.0], (n, 1)), np.tile([0, G, 0.0], (n, 1))
+    turn = Turn(np.array([0.0, 1, 0]), 0.1 * t)
+    turning = Dwell("T", 0.0, 20.0, ImuReadings(t, w, f), None, turn)
+    with pytest.raises(AlignmentError, match="T: turns at a constant rate"):
+        two_gyro([turning], HERE, Options())
