@@ -12,7 +12,7 @@ from rehearsed import DEG, PROCEDURE, answer, infeasible
 
 from stand.errors import StandError
 from stand.physics.picture import NoDriver, pictures, png
-from stand.rehearsal.result import Duration, Rehearsal, Verdict
+from stand.rehearsal.result import Duration, Finding, Rehearsal, Severity, Verdict
 from stand.report import gallery as gallery_module
 from stand.report.document import TableData
 from stand.report.figures import Against, Bar, Budget, budget, requirements, timeline
@@ -86,6 +86,7 @@ def test_a_table_that_cannot_do_it_fails_whatever_the_accuracy(quick_pictures):
     said = checked(page(infeasible())).said
     assert said.startswith("FAIL")
     assert "The procedure cannot run as it is" in said
+    assert 'Why it cannot run: Step 2 "half a turn": outer rate 320 of 300 deg/s' in said
     assert "Will be met: heading within 0.2°, pitch within 0.01°." in said
 
 
@@ -96,8 +97,17 @@ def test_without_requirements_advice_or_steps(quick_pictures):
     said = checked(page(bare)).said
     assert "It states no required accuracy." in said
     assert "Advice" not in said
-    empty = Rehearsal(bare.inputs, (), Duration(()), (), (), (), (), ())
-    assert "no position to show" in checked(page(empty)).said
+
+
+def test_a_plan_that_cannot_be_made_says_why_at_once(quick_pictures):
+    fault = Finding(Severity.ERROR, "plan", "", "joints_deg, base_roll = 80: allows -15 to 15 deg")
+    empty = Rehearsal(answer().inputs, (), Duration(()), (), (), (), (), (fault,))
+    said = checked(page(empty)).said
+    head = said.partition("Before the run")[0]
+    assert "✗ FAIL The procedure cannot run as it is." in head
+    assert "Why it cannot run: joints_deg, base_roll = 80: allows -15 to 15 deg." in head
+    assert "no required accuracy" not in said  # nobody has looked
+    assert "no position in which anything is measured" in said
 
 
 def test_hostile_text_stays_text(quick_pictures):

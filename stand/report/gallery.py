@@ -44,7 +44,7 @@ def gallery(positions: Sequence[Position]) -> Gallery:
     """A picture of each different position; none, and the reason, where nothing can be drawn."""
     groups = _different(positions)
     if not groups:
-        return Gallery((), "No step stands still or turns steadily: there is no position to show.")
+        return Gallery((), "There is no position in which anything is measured.")
     shown = groups[:MOST]
     try:
         images = pictures(np.array([group[0].joints for group in shown]), CAMERA, SIDE, SIDE)

@@ -132,9 +132,17 @@ def _summary(result: Rehearsal) -> str:
         those = [_asked(j) for j in result.judgements if j.verdict is verdict]
         if those:
             told.append(f"{words}: {', '.join(those)}.")
-    if not result.judgements:
+    if result.duration.steps and not result.judgements:
         told.append("It states no required accuracy.")
-    return " ".join(told)
+    return " ".join([*told, *_first_reason(result)])
+
+
+def _first_reason(result: Rehearsal) -> list[str]:
+    """Why it cannot run: the first of what forbids it, and how many more there are."""
+    errors = [f.text for f in result.findings if f.severity is Severity.ERROR]
+    reasons = errors or list(_broken(result.feasibility))
+    more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+    return [f"Why it cannot run: {reasons[0]}{more}."] if reasons else []
 
 
 def _asked(j: Judgement) -> str:
@@ -143,6 +151,8 @@ def _asked(j: Judgement) -> str:
 
 def _facts(result: Rehearsal) -> list[tuple[str, str]]:
     d = result.duration
+    if not d.steps:
+        return []
     used = [s.worst.ratio for s in result.feasibility if s.worst is not None]
     return [
         ("takes", span_text(d.total)),
