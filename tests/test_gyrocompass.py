@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
-from alignment import Dwell, ImuReadings, Options, Site
+from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.angles import Sequence, SequenceRule
 from alignment.errors import AlignmentError, NotAtRest, PoleError
 from alignment.estimate import AttitudeEstimate
@@ -400,3 +400,61 @@ def test_a_pair_beyond_earth_rate_is_flagged_and_silences_nothing():
     assert [e.label for e in found] == ["up", "down", "up + down"]
     assert found[-1].latitude is None
     assert "mean vertical rate is 2.411 of Earth rate: no latitude" in found[-1].flags[0]
+
+
+# --- constant errors by stated priors -------------------------------------------------------------
+
+CONSTANT = {  # priors; noise as the regime of that name
+    "gyro bias": Priors(gyro_bias=0.2 * DEG_H, accel_bias=1e-6),
+    "accelerometer bias": Priors(gyro_bias=1e-3 * DEG_H, accel_bias=2 * MILLI_G),
+    "scale": Priors(gyro_scale=5e-3, accel_scale=2e-3),
+    "noise": Priors(gyro_bias=1e-4 * DEG_H, accel_bias=1e-6),
+}
+PLACES = (48.5, -33.0, 75.0)
+
+
+@pytest.mark.parametrize("latitude", PLACES)
+@pytest.mark.parametrize("name", CONSTANT)
+def test_biases_drawn_from_their_priors_are_in_the_covariance(name, latitude):
+    """NEES as above; the priors are exact, so what they dominate has a mean of 3."""
+    runs, priors = 300, CONSTANT[name]
+    rng = np.random.default_rng([55, list(CONSTANT).index(name), PLACES.index(latitude)])
+    bias = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
+    scale = np.repeat([priors.gyro_scale, priors.accel_scale], 3)
+    w, f = vectors_n(latitude)
+    true = np.concatenate([TILTED.T @ w, TILTED.T @ f])
+    size = 1.0 if name == "noise" else 0.02
+    noise = (rng, size * 0.003 * ARW * sqrt(10), size * 10e-6 * G * sqrt(10))
+    constants = (bias * rng.normal(size=6) + scale * true * rng.normal(size=6) for _ in range(runs))
+    dwells = [rest(TILTED, latitude, 12.8, noise, drawn) for drawn in constants]
+    found = triad(dwells, NOWHERE, Options(priors=priors))[:runs]
+    eta = np.array([error(e.C_nb, TILTED) for e in found])
+    P = np.array([e.covariance for e in found])
+    assert np.degrees(np.sqrt(P[:, 2, 2].mean())) < 8
+    cases = len(CONSTANT) * len(PLACES)
+    spread = norm.ppf(1 - 0.025 / cases) * sqrt(3 * VAR_F / runs)
+    mean = np.mean(np.einsum("ni,ni->n", eta, np.linalg.solve(P, eta[..., None])[..., 0]))
+    assert 3 - spread < mean < 3 * MEAN_F + spread
+
+
+def test_what_of_constant_errors_is_left_in_a_pairs_latitude():
+    """By hand: biases of X1 up and X1 down cancel where Y1 turns over too, north for south.
+
+    Turned over about Y1 instead, its accelerometer's bias is b/g of latitude. Scale error of the
+    vertical gyro is tan(lat) of it, drift ``ADEV/(sqrt2 W cos lat)``.
+    """
+    lat = radians(48.5)
+    up = rest(X1_UP, 48.5)
+    over = np.column_stack([D, -N, -E])
+
+    def sigma(C, **stated):
+        options = Options(priors=Priors(**stated))
+        return triad([up, rest(C, 48.5, start=200.0)], NOWHERE, options)[-1].latitude_sigma
+
+    # differences of numbers of one size: rounding at 1e-16 of the bias, square-rooted at the worst
+    assert sigma(X1_DOWN, gyro_bias=0.1 * DEG_H, accel_bias=MILLI_G) < 1e-9
+    assert sigma(over, gyro_bias=0.1 * DEG_H) < 1e-9
+    assert sigma(over, accel_bias=MILLI_G) == pytest.approx(MILLI_G / G, rel=1e-6)
+    assert sigma(X1_DOWN, gyro_scale=1e-3) == pytest.approx(1e-3 * tan(lat), rel=1e-6)
+    drift = 0.01 * DEG_H / (sqrt(2) * W * cos(lat))
+    assert sigma(X1_DOWN, gyro_instability=0.01 * DEG_H) == pytest.approx(drift, rel=1e-6)

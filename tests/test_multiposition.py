@@ -12,6 +12,7 @@ from alignment.errors import AlignmentError, NotAtRest, PoleError
 from alignment.gyrocompass import triad_attitude
 from alignment.multiposition import (
     double_sigma,
+    drift_variances,
     fit_positions,
     half_turn_means,
     multi_position,
@@ -548,3 +549,39 @@ def test_sigmas_from_the_scatter_of_dwells():
     np.testing.assert_allclose(np.diag(mean)[:2], [tilt, tilt], rtol=0.12)
     assert mean[2, 2] == pytest.approx(turned + tan(HERE.latitude) ** 2 * tilt, rel=0.12)
     assert mean[0, 2] == pytest.approx(-tan(HERE.latitude) * tilt, rel=0.12)
+
+
+# --- the instrument's seat, drift between positions -----------------------------------------------
+
+
+@pytest.mark.parametrize("latitude", [48.5, -33.0])
+def test_a_seat_off_is_one_unknown_of_all_positions(latitude):
+    """NEES of four positions whose turns are those about axes that a seat of 30'' turns in b."""
+    runs, lat = 200, radians(latitude)
+    rng = np.random.default_rng([61, latitude > 0])
+    priors = Priors(gyro_bias=DEG_H, accel_bias=0.05 * MILLI_G, seat=30 * MINUTE / 60)
+    told = Rotation.from_rotvec(np.outer(np.arange(4) * pi / 2, [0, 1, 0]))
+    sigma = np.repeat([1e-4 * DEG_H, 1e-6], 3)
+    y, C_0 = np.zeros((runs, 4, 6)), Rotation.from_matrix(EAST)
+    for run in range(runs):
+        seat = Rotation.from_rotvec(priors.seat * rng.normal(size=3))
+        bias = np.repeat([priors.gyro_bias, priors.accel_bias], 3) * rng.normal(size=6)
+        for k, turn in enumerate(told):
+            C_bn = (C_0 * seat.inv() * turn * seat).inv()
+            w_n = W * np.array([cos(lat), 0, -sin(lat)])
+            felt = np.concatenate([C_bn.apply(w_n), C_bn.apply([0, 0, -G])])
+            y[run, k] = felt + bias + sigma * rng.normal(size=6)
+    fit = fit_positions(y, np.tile(sigma**2, (4, 1)), told.as_matrix(), lat, G, priors)
+    eta = Rotation.from_matrix(fit.C_nb[:, 0] @ EAST.T).as_rotvec()
+    P = fit.covariance[:, 0]
+    mean = np.mean(np.einsum("ri,ri->r", eta, np.linalg.solve(P, eta[..., None])[..., 0]))
+    low, high = chi2.ppf([0.0125, 0.9875], 3 * runs) / runs  # two latitudes, 95 %
+    assert low < mean < high
+
+
+def test_drift_between_positions_by_hand():
+    """Barnes (1969): four successive means of flicker scatter by 4/3 of two."""
+    priors = Priors(gyro_instability=3.0, accel_instability=2.0)
+    np.testing.assert_allclose(drift_variances(priors, 2), [9, 9, 9, 4, 4, 4], rtol=1e-12)
+    np.testing.assert_allclose(drift_variances(priors, 4), [12, 12, 12, 16 / 3, 16 / 3, 16 / 3])
+    assert not drift_variances(priors, 1).any()
