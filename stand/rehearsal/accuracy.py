@@ -101,8 +101,11 @@ def _method(
     if not answers:
         raise AlignmentError("every dwell ends with its offset window: nothing is left to estimate")
     found: list[Prediction] = []
+    known: dict[int, _Errors] = {}  # answers of one fit share their stretches
     for number, answer in enumerate(answers):
-        response = _Response(answer, scene, unit)
+        if id(answer.stretches) not in known:
+            known[id(answer.stretches)] = _Errors(answer, scene, unit)
+        response = _Response(answer, known[id(answer.stretches)])
         C_nb = answer.stretches[answer.own].C_pb
         why = "; ".join(c.text for c in answer.known.unseen)
         found += _angles(method, answer.window, answer.label, C_nb, response.attitude(), why)
@@ -176,30 +179,66 @@ def _name(source: str) -> str:
 # --- methods at rest and in steady turns ---------------------------------------------------------
 
 
+class _Errors:
+    """What errors of unit and table do to the coefficients of some stretches.
+
+    `true` has the unit's. Of the table's l errors: `sources`, `sigmas` (l,), `readings` (m, l),
+    and the turn (s, 3, l) in b that each gives the attitude of every stretch where it is judged:
+    at its end, of a turning one taken back to encoder angle zero.
+    """
+
+    def __init__(self, answer: Answer, scene: Scene, unit: Unit) -> None:
+        stretches, steps = answer.stretches, answer.steps
+        self.true = information(stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
+        seen = [felt(s, _NORTH, scene.site) for s in stretches]
+        poses = [_poses(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
+        poses.append(np.array([step.joints for step in steps]))
+        found = leanings(scene.table, scene.model, np.concatenate(poses))
+        edges = np.cumsum([0, *(len(p) for p in poses)])
+        self.sources = tuple(one.source for one in found)
+        self.sigmas = np.array([one.sigma for one in found])
+        turns = np.array([one.turns for one in found]).reshape(len(found), edges[-1], 3)
+        readings = []
+        for k, (stretch, (w, f, _, project)) in enumerate(zip(stretches, seen, strict=True)):
+            d = turns[:, edges[k] : edges[k + 1]]
+            rate = np.cross(w, d) + stretch.rate * _slope(d)
+            coefficients = project @ np.concatenate([rate, np.cross(f, d)], axis=2)
+            readings.append(coefficients.reshape(len(found), 6 * len(project)))
+        self.readings = np.concatenate(readings, axis=1).T
+        self.turns = np.array(
+            [
+                _taken_back(step, stretch.axis_b) @ turns[:, edges[-2] + k].T
+                for k, (step, stretch) in enumerate(zip(steps, stretches, strict=True))
+            ]
+        )
+
+
 class _Response:
     """How one answer responds to every error of unit and table."""
 
-    def __init__(self, answer: Answer, scene: Scene, unit: Unit) -> None:
-        self.answer, self.scene = answer, scene
-        self.true = information(answer.stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
-        self.extra = list(self._table())
+    def __init__(self, answer: Answer, errors: _Errors) -> None:
+        self.answer, self.true, self.errors = answer, errors.true, errors
 
     def attitude(self) -> Parts:
         """Covariances of the rotation about n by source."""
-        return self._parts(self.answer.gain, self.true.attitude_rows(self.answer.own), True)
+        own = self.answer.own
+        C = self.answer.stretches[own].C_pb.as_matrix()
+        judged = C @ self.errors.turns[own]
+        return self._parts(self.answer.gain, self.true.attitude_rows(own), judged)
 
     def biases(self, method: str) -> Iterator[Prediction]:
         """Sigmas of the biases that are told."""
         parameters = {p.label: p for p in self.true.parameters}
-        labels = [p.label for p in self.true.parameters]
+        labels = list(parameters)
         for label, gain in self.answer.biases.items():
             p = parameters[label]
             row = np.eye(len(labels))[labels.index(label)][None]
-            parts = self._parts(gain[None], row, False)
+            parts = self._parts(gain[None], row, np.zeros((1, len(self.errors.sigmas))))
             sizes = {name: float(np.sqrt(max(P[0, 0], 0.0))) for name, P in parts.items()}
             yield _told(method, "", "all", label, (p.unit, p.per), sizes, np.inf, "")
 
-    def _parts(self, gain: Array, row: Array, attitude: bool) -> Parts:
+    def _parts(self, gain: Array, row: Array, judged: Array) -> Parts:
+        """Covariances (k, k) of ``gain coefficients - row errors``, less `judged` (k, l)."""
         parts: Parts = {}
 
         def add(source: str, P: Array) -> None:
@@ -208,50 +247,24 @@ class _Response:
 
         for name, N in zip(self.true.noise_names, self.true.noises, strict=True):
             add(name, gain @ N @ gain.T)
-        left = gain @ self.true.J - row
-        for k, parameter in enumerate(self.true.parameters):
-            if 0 < parameter.prior < np.inf:
-                v = left[:, k] * parameter.prior
-                add(parameter.source, np.outer(v, v))
-        C = self.answer.stretches[self.answer.own].C_pb.as_matrix()
-        for source, sigma, readings, turned in self.extra:
-            v = gain @ readings
-            if attitude:
-                v = v - C @ turned
-            add(source, sigma**2 * np.outer(v, v))
+        prior = self.true.prior
+        left = (gain @ self.true.J - row) * np.where(np.isfinite(prior), prior, 0.0)
+        table = (gain @ self.errors.readings - judged) * self.errors.sigmas
+        sources = (*(p.source for p in self.true.parameters), *self.errors.sources)
+        for source, v in zip(sources, np.concatenate([left, table], axis=1).T, strict=True):
+            if v.any():
+                add(source, np.outer(v, v))
         return parts
 
-    def _table(self) -> Iterator[tuple[str, float, Array, Array]]:
-        """Per error of the table: source, sigma, readings (m,), turn of b (3,) as it is judged."""
-        answer, scene = self.answer, self.scene
-        seen = [felt(s, _NORTH, scene.site) for s in answer.stretches]
-        poses = [
-            _poses(step, stretch.angle, len(w))
-            for step, stretch, (w, *_) in zip(answer.steps, answer.stretches, seen, strict=True)
-        ]
-        # the attitude that is judged: at the end of the estimate's own step
-        poses.append(answer.steps[answer.own].joints[None])
-        found = leanings(scene.table, scene.model, np.concatenate(poses))
-        edges = np.cumsum([0, *(len(p) for p in poses)])
-        for one in found:
-            readings = []
-            for k, (stretch, (w, f, _, project)) in enumerate(
-                zip(answer.stretches, seen, strict=True)
-            ):
-                d = one.turns[edges[k] : edges[k + 1]]
-                rate = stretch.rate * _slope(d)
-                felt_so = np.concatenate([np.cross(w, d) + rate, np.cross(f, d)], axis=1)
-                readings.append((project @ felt_so).ravel())
-            turned = one.turns[-1].copy()  # scipy takes no locked array
-            step = answer.steps[answer.own]
-            if step.turning is not None:
-                beta = step.joints[step.turning.axis]
-                axis = answer.stretches[answer.own].axis_b.copy()
-                turned = Rotation.from_rotvec(beta * axis).apply(turned)
-            yield one.source, one.sigma, np.concatenate(readings), turned
+
+def _taken_back(step: PlannedStep, axis_b: Array) -> Array:
+    """What a turn (3,) of b at a step's end is of b at encoder angle zero: (3, 3)."""
+    if step.turning is None:
+        return np.eye(3)
+    return Rotation.from_rotvec(step.joints[step.turning.axis] * axis_b).as_matrix()
 
 
-def _poses(step: PlannedStep, angle: float, count: int) -> Array:
+def _poses(step: PlannedStep, count: int) -> Array:
     """Joint angles (count, 6) at which a stretch is looked at: encoder 0 on, evenly round."""
     joints = np.tile(step.joints, (count, 1))
     if step.turning is not None:
@@ -260,12 +273,13 @@ def _poses(step: PlannedStep, angle: float, count: int) -> Array:
 
 
 def _slope(d: Array) -> Array:
-    """Derivative (k, 3) by the angle of what goes round with it, by Fourier."""
-    if len(d) == 1:
+    """Derivative (l, k, 3) by the angle of what goes round with it, by Fourier."""
+    k = d.shape[1]
+    if k == 1:
         return np.zeros_like(d)
-    orders = np.fft.rfftfreq(len(d), 1 / len(d))
+    orders = np.fft.rfftfreq(k, 1 / k)
     orders[-1] = 0.0  # the highest has no sign
-    return np.fft.irfft(1j * orders[:, None] * np.fft.rfft(d, axis=0), len(d), axis=0)
+    return np.fft.irfft(1j * orders[:, None] * np.fft.rfft(d, axis=1), k, axis=1)
 
 
 # --- rocking bases -------------------------------------------------------------------------------

@@ -166,29 +166,28 @@ def settling_times(bench: Bench) -> list[float | None]:
 
     Notes
     -----
-    The feedforward knows inertia and viscous friction, so that what is left when a move ends is
-    the Coulomb friction its servo held, which lets go: a step of torque on the closed loop
-    ``s^3 + 2 d w s^2 + w^2 s + w^2 / T``. Settled when its response stays within the table's
-    window. The rest of a move, to the next whole second, counts as waiting too.
+    The feedforward knows inertia and viscous friction, and an axis that comes to rest the way it
+    turned is held by its bristles as friction held it: a move or a turn leaves nothing to settle.
+    After rocking to and fro friction may let go as a whole: a step of Coulomb torque on the
+    closed loop ``s^3 + 2 d w s^2 + w^2 s + w^2 / T``, settled when its response stays within the
+    table's window. Nothing is told of a class without motors.
     """
     found: list[float | None] = []
-    waited, moved = 0.0, np.zeros(len(JOINTS), bool)
+    rocked = np.zeros(len(JOINTS), bool)
     for step, rests in zip(bench.plan.steps, bench.plan.rests, strict=True):
-        moved_now = ~rests
         if step.kind != "dwell":
             found.append(None)
-            waited = step.t_to - step.steady_from if step.kind == "move" else 0.0
-            moved = moved_now
+            held = step.kind == "move" or step.turning is not None
+            rocked = np.zeros(len(JOINTS), bool) if held else ~rests
             continue
-        axes = zip(bench.table.motors, bench.inertias, moved, strict=True)
+        axes = zip(bench.table.motors, bench.inertias, rocked, strict=True)
         times = [
             settling_of(motor, float(inertia), bench.table.settle_within)
-            for motor, inertia, turned in axes
-            if turned and motor is not None
+            for motor, inertia, moved in axes
+            if moved and motor is not None
         ]
-        slowest = max(times, default=0.0)
-        found.append(None if None in bench.table.motors else max(slowest - waited, 0.0))
-        moved, waited = np.zeros(len(JOINTS), bool), 0.0
+        found.append(None if None in bench.table.motors else max(times, default=0.0))
+        rocked = np.zeros(len(JOINTS), bool)
     return found
 
 
