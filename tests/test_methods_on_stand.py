@@ -28,7 +28,6 @@ def settings(procedure, imu, rate=20, latitude=None, **more):
     loaded = load_procedure(procedure)
     unit = load_imu(imu) if isinstance(imu, str) else imu
     table = table_of(loaded)
-    assert loaded.entry.site is not None
     site = loaded.entry.site.site()
     if latitude is not None:
         site = replace(site, latitude=radians(latitude))
@@ -57,6 +56,7 @@ def errors(chosen, method, runs):
         truth = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
         estimates = ESTIMATORS[method].estimate(suited(method, dwells), chosen.site, chosen.options)
         estimate = next(e for e in estimates if e.window != "same")
+        assert estimate.C_nb is not None
         turn = (estimate.C_nb * truth[estimate.label].inv()).as_rotvec()
         found.append((turn, estimate.covariance))
     return tuple(np.array(part) for part in zip(*found, strict=True))
