@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, Options, Site
@@ -327,15 +328,14 @@ def _over_time(run: Functional, unit: Unit) -> Parts:
 
 
 def _drifted(gain: Array, t: Array, processes: tuple[GaussMarkov, ...]) -> Array:
-    """Covariance (3, 3) by stationary drifts at times (m,), alike and apart on each axis."""
-    P = np.zeros((3, 3))
+    """Covariance (3, 3) by stationary drifts at even times (m,), alike and apart on each axis."""
+    P: Array = np.einsum("mij,mkj->ik", gain, gain) * sum(p.sigma**2 for p in processes)
     for process in processes:
-        # forward recursion: what the process's memory carries into each block
-        carried, keep = np.zeros((3, 3)), np.exp(-np.diff(t, prepend=t[0]) / process.time)
-        for g, a in zip(gain, keep, strict=True):
-            carried = carried * a
-            P += process.sigma**2 * (g @ g.T + carried @ g.T + g @ carried.T)
-            carried = carried + g
+        keep = np.exp(-np.median(np.diff(t)) / process.time)
+        # what the process's memory carries into each block from those before it
+        carried = lfilter([1.0], [1.0, -keep], gain, axis=0) - gain
+        both = np.einsum("mij,mkj->ik", carried, gain)
+        P = P + process.sigma**2 * (both + both.T)
     return P
 
 

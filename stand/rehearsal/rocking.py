@@ -26,7 +26,7 @@ from alignment.inertial import (
 from alignment.inertial import _fit_matrix as fit_matrix
 from alignment.strapdown import Carried, carry
 from stand.motion import Motion
-from stand.physics.truth import Sampling, Truth
+from stand.physics.truth import Truth
 
 RATE_HZ = 20  # of the truth that is carried
 STEP = 0.5  # s between the updates of the frozen filter: its gains vary slowly
@@ -59,10 +59,13 @@ class Functional:
 
 
 def readings_of(truth: Truth, motion: Motion, begin: float, end: float) -> ImuReadings:
-    """What perfect sensors read between two times [s]."""
-    edges = begin + np.arange(round((end - begin) * RATE_HZ) + 1) / RATE_HZ
-    over = truth.over(motion, edges, Sampling.MEAN)
-    return ImuReadings(edges[1:], over.w_ib_b, over.f_b)
+    """What perfect sensors read between two times [s], at the middles of samples.
+
+    The mean over a sample differs by ``(w h)^2 / 24`` of rocking at w: 0.4 % at 1 Hz.
+    """
+    middle = begin + (np.arange(round((end - begin) * RATE_HZ)) + 0.5) / RATE_HZ
+    felt = truth.instants(*motion.joints(middle))
+    return ImuReadings(middle + 0.5 / RATE_HZ, felt.w_ib_b, felt.f_b)
 
 
 def inertial(readings: ImuReadings, site: Site, options: Options) -> Functional:
