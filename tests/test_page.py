@@ -370,3 +370,13 @@ def test_a_foreign_log_is_not_a_run(tmp_path):
     write_imu_log(path, t_ns=t_ns, w_ib_b=0 * still, f_b=still, metadata={})
     with pytest.raises(StandError, match="not a recording of stand run"):
         write_run_page(path)
+
+
+def test_a_drive_has_neither_table_nor_steps(stand_command, tmp_path):
+    done = stand_command("drive", "straight", "--rate", 20, "--out", tmp_path / "drive", "--json")
+    assert done.code == 0, done.err
+    shown = checked(write_run_page(tmp_path / "drive").read_text(encoding="utf-8"))
+    assert shown.said.startswith("Run: straight Recorded run: straight")
+    assert "vectors" in shown.said
+    assert "The stand in each position" not in shown.said
+    assert "Table, serial number" not in shown.said

@@ -28,6 +28,7 @@ Image = NDArray[np.uint8]
 
 DRIVERS = ("egl", "osmesa")  # a graphics card or Mesa's software; software alone
 LONGEST = 300.0  # s, for all pictures; software draws about ten a second
+SHADOW = 5  # points of the shadow map for each of the picture's
 _REFUSED = 3  # exit code: the request is wrong, another driver would not help
 
 
@@ -145,6 +146,9 @@ def _draw(joints: Sequence[Array], camera: str, width: int, height: int) -> Sequ
     data = mujoco.MjData(model)
     view = _camera(model, camera)
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    # sharper shadows than the picture can show are half of a small one's time
+    quality = model.vis.quality
+    quality.shadowsize = min(quality.shadowsize, SHADOW * max(width, height))
     images = []
     with mujoco.Renderer(model, height, width) as renderer:
         for angles in joints:

@@ -79,13 +79,16 @@ def _named(versions: Mapping[str, str]) -> dict[str, str]:
 def _record(table_id: str, table_text: str) -> tuple[tuple[str, str], ...]:
     """What a person signs for; what the table's file does not say is left blank."""
     stated = _certificate(table_id, table_text)
-    return (
-        ("IMU, serial number", ""),
+    of_table = (
         ("Table, serial number", stated.serial_number),
         ("Table, calibration certificate", stated.number),
         ("Issued by", stated.laboratory),
         ("Calibrated on", stated.calibrated_on),
         ("Valid until", stated.valid_until),
+    )
+    return (
+        ("IMU, serial number", ""),
+        *(of_table if table_text else ()),
         ("Tested by", ""),
         ("Date, signature", ""),
     )

@@ -20,7 +20,7 @@ from alignment.units import ARC_SECOND, DEG
 from stand.catalogue import Source, parse
 from stand.errors import StandError
 from stand.imu.preset import ImuEntry
-from stand.log import RUN, Log, load_log
+from stand.log import DRIVE, RUN, Log, load_log
 from stand.physics.description import JOINTS
 from stand.procedure import ProcedureEntry
 from stand.record import StepRecord
@@ -97,7 +97,7 @@ def page(file: Path) -> str:
         "timeline": timeline([_bar(k, s) for k, s in enumerate(steps, 1)], total)
         if steps
         else None,
-        "gallery": gallery(_positions(steps)),
+        "gallery": gallery(_positions(steps)) if steps else None,
         "settings": _settings(run, log),
         "provenance": provenance(texts, recorded.sha256, _versions(run)),
         "path": str(file),
@@ -132,7 +132,7 @@ def _read(file: Path) -> _Recorded:
     if "model_sha256" in metadata[RUN]:
         hashes["model"] = metadata[RUN]["model_sha256"]
     return _Recorded(
-        _title("procedure", metadata) or file.stem,
+        _title("procedure", metadata) or metadata.get(DRIVE, {}).get("id", file.stem),
         ", on ".join(filter(None, (_title(key, metadata) for key in ("imu", "table")))),
         log,
         metadata,
@@ -188,7 +188,7 @@ def _facts(run: Mapping[str, str], log: Log, total: float) -> list[tuple[str, st
     return [
         ("took", span_text(total)),
         ("readings", f"{run.get('rate_hz', '?')} Hz"),
-        ("motion", run.get("motion", "unknown")),
+        ("motion", run.get("motion", "of a vehicle")),
         ("seed", run.get("seed", "none")),
         ("latitude", "unknown" if latitude is None else f"{latitude / DEG:g}°"),
         ("height", f"{log.site.height:g} m"),
