@@ -93,7 +93,7 @@ def test_steps_keep_their_order_and_defaults():
         (
             HEAD.replace("[site]", "[place]") + DWELL,
             "unknown key 'place': known: background, description, estimate, "
-            "move_limits, payload, site, step, table, table_errors, temperature, title",
+            "move_limits, payload, require, site, step, table, table_errors, temperature, title",
         ),
         (
             HEAD + DWELL.replace("60", "nan"),
