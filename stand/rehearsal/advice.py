@@ -24,7 +24,8 @@ from stand.rehearsal.wording import toml_of
 _GROWTH = 2.0
 _MOST = 64.0  # times the length
 _LONGEST = 7 * 86400.0  # s: no advice is longer than that
-_HALVINGS = 4
+_DEARER = 3.0  # times the shortest found: no longer ones are looked for
+_HALVINGS = 3
 _NO_GAIN = 0.99  # of sigma: a stretch twice as long that does not gain that is limited otherwise
 _KEPT = 3  # pieces of advice per quantity
 _AXIS = "outer"  # turns about the vertical
@@ -67,18 +68,19 @@ def _remedies(asked: Request, data: Data, wanted: Sequence[str]) -> list[_Trial]
     """Changes that make all the `wanted` pass, the shortest first."""
     found: list[_Trial] = []
     for variant in _variants(data, asked):
-        trial = _longer(asked, variant, wanted)
+        cheapest = min((t.result.duration.total for t in found), default=_LONGEST / _DEARER)
+        trial = _longer(asked, variant, wanted, _DEARER * cheapest)
         if trial is not None:
             found.append(trial)
     return sorted(found, key=lambda trial: trial.result.duration.total)
 
 
-def _longer(asked: Request, data: Data, wanted: Sequence[str]) -> _Trial | None:
-    """The shortest lengthening of a variant that passes; None where none does."""
+def _longer(asked: Request, data: Data, wanted: Sequence[str], longest: float) -> _Trial | None:
+    """The shortest lengthening of a variant that passes within `longest` s; None: none does."""
     factor, before, sigma = 1.0, 0.0, float("inf")
     while True:
         trial = _tried(asked, _stretched(data, factor))
-        if trial is None or trial.result.duration.total > _LONGEST:
+        if trial is None or trial.result.duration.total > longest:
             return None
         if _passes(trial.result, wanted):
             break
