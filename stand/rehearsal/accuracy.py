@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.signal import lfilter
@@ -108,11 +109,16 @@ def _method(
             known[id(answer.stretches)] = _Errors(answer, scene, unit)
         response = _Response(answer, known[id(answer.stretches)])
         C_nb = answer.stretches[answer.own].C_pb
-        why = "; ".join(c.text for c in answer.known.unseen)
+        why = partial(_why, answer)
         found += _angles(method, answer.window, answer.label, C_nb, response.attitude(), why)
         if number == 0:
             found += response.biases(method)
-    return found, [_observed(method, answers[0].known)]
+    return found, [_observed(method, answers[0].known())]
+
+
+def _why(answer: Answer) -> str:
+    """What the readings of an answer cannot tell apart."""
+    return "; ".join(c.text for c in answer.known().unseen)
 
 
 def _still(plan: Plan, step: PlannedStep) -> bool:
@@ -134,7 +140,7 @@ def _observed(method: str, known: Information) -> Observability:
 
 
 def _angles(
-    method: str, window: str, label: str, C_nb: Rotation, parts: Parts, why: str
+    method: str, window: str, label: str, C_nb: Rotation, parts: Parts, why: Callable[[], str]
 ) -> Iterator[Prediction]:
     """Heading (or the yaw of a vertical X1), pitch and roll."""
     order = SequenceRule.REGULAR.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0]))
@@ -160,12 +166,12 @@ def _told(
     unit: tuple[str, float],
     sizes: dict[str, float],
     limit: float,
-    why: str,
+    why: Callable[[], str],
 ) -> Prediction:
     total = float(np.linalg.norm(list(sizes.values())))
     if not total < limit:
         reason = f"sigma of {total / unit[1]:.3g} {unit[0]} is beyond first order"
-        reason = f"not determined: {reason}" + (f"; {why}" if why else "")
+        reason = "; ".join(part for part in (f"not determined: {reason}", why()) if part)
         return Prediction(method, window, label, quantity, *unit, None, (), reason)
     named = sorted(sizes.items(), key=lambda item: -item[1])
     contributions = tuple(Contribution(name, s) for name, s in named if s > 1e-6 * total)
@@ -236,7 +242,7 @@ class _Response:
             row = np.eye(len(labels))[labels.index(label)][None]
             parts = self._parts(gain[None], row, np.zeros((1, len(self.errors.sigmas))))
             sizes = {name: float(np.sqrt(max(P[0, 0], 0.0))) for name, P in parts.items()}
-            yield _told(method, "", "all", label, (p.unit, p.per), sizes, np.inf, "")
+            yield _told(method, "", "all", label, (p.unit, p.per), sizes, np.inf, str)
 
     def _parts(self, gain: Array, row: Array, judged: Array) -> Parts:
         """Covariances (k, k) of ``gain coefficients - row errors``, less `judged` (k, l)."""
@@ -296,7 +302,7 @@ def _rocking(method: str, scene: Scene, unit: Unit) -> tuple[list[Prediction], l
         readings = readings_of(truth, scene.plan.motion, step.steady_from, step.steady_to)
         run = ROCKING[method](readings, scene.site, scene.options)
         parts = _over_time(run, unit)
-        found += _angles(method, "", step.label, run.C_nb, parts, "")
+        found += _angles(method, "", step.label, run.C_nb, parts, str)
     return found, [_observed(method, known_of(steps[:1], Case(scene.site, scene.options)))]
 
 

@@ -6,6 +6,7 @@ first-order gain from their errors to the small rotation about n that takes trut
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -51,8 +52,8 @@ class Answer:
         From errors of the coefficients to the rotation about n.
     biases : dict
         Gain (m,) of each bias that is told, by the label of its parameter.
-    known : Information
-        What the readings tell when the unit is as the method takes it.
+    known : callable
+        Gives what the readings tell when the unit is as the method takes it.
     """
 
     window: str
@@ -62,7 +63,7 @@ class Answer:
     own: int
     gain: Array
     biases: dict[str, Array]
-    known: Information
+    known: Callable[[], Information]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,7 +156,7 @@ def single_gyro(steps: Sequence[PlannedStep], case: Case) -> list[Answer]:
 
 def _single(step: PlannedStep, gain: Array, case: Case) -> Answer:
     stretch = _plain(step)
-    known = _known([stretch], case)
+    known = partial(_known, [stretch], case)
     return Answer("", step.label, (stretch,), (step,), 0, gain, {}, known)
 
 
@@ -193,7 +194,7 @@ def _offset(
     middle = step.steady_from + case.options.offset_window
     first = stretch_of(step, step.steady_from, middle)
     later = stretch_of(step, middle, step.steady_to)
-    known = _known([_plain(step)], case)
+    known = partial(_known, [_plain(step)], case)
     both = (first, later)
     return Answer(
         window, step.label, both, (step, step), 1, gain(step.C_nb, first, later), {}, known
@@ -230,7 +231,7 @@ def _fitted(steps: Sequence[PlannedStep], case: Case) -> list[Answer]:
     labels = [p.label for p in known.parameters if p.source.endswith(" bias")]
     biases = {label: known.gain(label) for label in labels if known.determined(label)}
     return [
-        Answer("", step.label, stretches, tuple(steps), k, _best(known, k), biases, known)
+        Answer("", step.label, stretches, tuple(steps), k, _best(known, k), biases, lambda: known)
         for k, step in enumerate(steps)
     ]
 
@@ -266,7 +267,7 @@ def _belongs(a: PlannedStep, b: PlannedStep) -> bool:
 
 def _turned(group: Sequence[PlannedStep], case: Case) -> Answer:
     stretches = tuple(_plain(step) for step in group)
-    known = _known(stretches, case)
+    known = partial(_known, stretches, case)
     nominal = np.array([_coefficients(s, case.site) for s in stretches])
     lengths = np.array([s.span.length for s in stretches])
     rates = [s.rate for s in stretches]
