@@ -20,6 +20,7 @@ import typer
 
 from stand import __version__
 from stand.errors import StandError, unknown
+from stand.physics import set_driver_aside
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -96,6 +97,7 @@ RuleOption = Annotated[
 
 def main() -> None:
     """Entry point: known faults become one line and exit code 2."""
+    set_driver_aside()
     signal.signal(signal.SIGTERM, _interrupt)
     sys.exit(guarded(lambda: app(standalone_mode=False)))
 

@@ -3,6 +3,8 @@
 import json
 import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -260,6 +262,20 @@ def test_without_a_driver_the_page_says_so(monkeypatch):
     with pytest.raises(NoDriver, match=r"osmosis.*install libegl1"):
         pictures(np.zeros(6))
     said = checked(page(answer())).said
+    assert "No pictures: no OpenGL driver (osmosis:" in said
+
+
+def test_a_broken_driver_ends_nothing_but_the_pictures(tmp_path):
+    # MuJoCo cannot even be imported with this choice, by the command's own process
+    done = subprocess.run(
+        [
+            sys.executable, "-c", "from stand.cli import main; main()",
+            "rehearse", "two-position", "--report", tmp_path / "r",
+        ],
+        env=os.environ | {"MUJOCO_GL": "osmosis"}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode in (0, 1), done.stderr
+    said = checked((tmp_path / "r" / PAGE).read_text(encoding="utf-8")).said
     assert "No pictures: no OpenGL driver (osmosis:" in said
 
 

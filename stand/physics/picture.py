@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from alignment.arrays import Array
 from stand.errors import StandError, unknown
+from stand.physics import ASIDE
 from stand.physics.description import JOINTS
 
 Image = NDArray[np.uint8]
@@ -69,7 +70,7 @@ def pictures(
         "width": width,
         "height": height,
     }
-    chosen = os.environ.get("MUJOCO_GL")
+    chosen = os.environ.get(ASIDE) or os.environ.get("MUJOCO_GL")
     told = []
     for driver in (chosen,) if chosen else DRIVERS:
         drawn, fault = _drawn_by(driver, request)
