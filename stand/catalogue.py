@@ -17,7 +17,9 @@ from pydantic_core import ErrorDetails
 from stand.errors import StandError, unknown
 
 LONGEST_SHOWN = 60  # characters of a wrong value
-STEP_KINDS = "'dwell', 'move', 'rate', 'sweep', 'sine', 'scorsby', 'coning', 'sway', 'vibration', 'profile'"
+STEP_KINDS = (
+    "'dwell', 'move', 'rate', 'sweep', 'sine', 'scorsby', 'coning', 'sway', 'vibration', 'profile'"
+)
 _SHAPES = {
     "tuple_type": "must be an array",
     "dict_type": "must be a table",

@@ -20,8 +20,9 @@ def priors_of(imu: ImuSpec, table: Table | None, rocking: bool = False) -> Prior
     """Standard deviations of a unit's constant errors and of a table's placement.
 
     A dwell of minutes cannot tell a bias from what of its instability changes more slowly than
-    that, nor from what gravity makes of a g-sensitive gyro. Misaligned accelerometers feel a part of gravity across them: to a levelling that is one
-    more bias. On a `rocking` base the unit moves about the base's axes, `BASE_ARM` away.
+    that, nor from what gravity makes of a g-sensitive gyro. Misaligned accelerometers feel a part
+    of gravity across them: to a levelling that is one more bias. On a `rocking` base the unit
+    moves about the base's axes, `BASE_ARM` away.
     """
     turn, seat, nominal = (0.0, 0.0, 0.0) if table is None else _placement(table)
     across = np.hypot(imu.accel.misalignment, imu.accel.non_orthogonality / 2) * STANDARD_GRAVITY
