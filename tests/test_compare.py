@@ -301,7 +301,13 @@ def test_interrupted_it_leaves_nothing_behind(tmp_path):
     stand = [sys.executable, "-c", "from stand.cli import main; main()"]
     command = [*stand, "compare", "two-position", "--runs", "3000", "--json"]
     process = subprocess.Popen(
-        command, cwd=tmp_path, start_new_session=True, stderr=subprocess.PIPE, text=True
+        command,
+        cwd=tmp_path,
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+        # where the tests run in the background, Ctrl-C is ignored, and children inherit that
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 60
     while len(members(process.pid)) < 3 and time.monotonic() < deadline:
