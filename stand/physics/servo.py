@@ -20,8 +20,8 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import ceil, floor
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -145,13 +145,21 @@ class Drive:
         return np.clip(torque, -self.limit, self.limit, out=torque)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Block:
-    """Steps from `first` on; the spline's `pieces` (6, n, 6) begin `OVERLAP` steps before."""
+class _Told(NamedTuple):
+    """Demanded angles (BLOCK + 2, 6), a step before and after included; inputs of the motors."""
 
-    first: int
-    rows: Rows
-    pieces: Array
+    demand: Array
+    inputs: Array
+
+
+class _Stepped(NamedTuple):
+    """Angles, rates and activations (BLOCK, ...) before each step; angles `after` each."""
+
+    told: _Told
+    angles: Array
+    rates: Array
+    act: Array
+    after: Array
 
 
 class Servo:
@@ -196,7 +204,7 @@ class Servo:
         self.drive.settle(self._batch, demand.joints([demand.start])[0][0])
         self._tail = np.repeat(self._batch.qpos, 2 * OVERLAP + 1, axis=0)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="servo")
-        self._ahead: Future[_Block] | None = None
+        self._ahead: Future[_Stepped] | None = None
         self._first = 0  # step with which the next block to take begins
         self._pieces: deque[Array] = deque()  # of the blocks taken last
         self._spans = spans
@@ -245,35 +253,43 @@ class Servo:
         return self._start + self.step * number
 
     def _take(self) -> None:
-        """The next block; the one after it begins in its thread, unless the demand is over."""
+        """The next block; the one after it is simulated meanwhile, unless the demand is over."""
         if self._ahead is None:
-            self._ahead = self._thread.submit(self._simulated, self._first)
-        block = self._ahead.result()  # a run that failed fails again
-        self._first += BLOCK
-        more = self._time(self._first) < self._demand.duration
-        self._ahead = self._thread.submit(self._simulated, self._first) if more else None
-        self._account.add(block.first, block.rows)
-        self._pieces.append(block.pieces)
+            self._ahead = self._thread.submit(self._stepped, self._told(self._first))
+        following = self._first + BLOCK
+        more = self._time(following) < self._demand.duration
+        told = self._told(following) if more else None
+        stepped = self._ahead.result()  # a run that failed fails again
+        error = stepped.told.demand[1:-1] - stepped.angles
+        self._check(self._first, error)
+        self._ahead = None if told is None else self._thread.submit(self._stepped, told)
+        self._account.add(self._first, self._rows(stepped, error))
+        samples = np.concatenate([self._tail, stepped.after])
+        self._tail = samples[BLOCK:]
+        self._pieces.append(self._splined(samples))
+        self._first = following
 
-    def _simulated(self, first: int) -> _Block:
-        """`BLOCK` steps from step `first` on; the batch and the tail are where the last ended."""
+    def _told(self, first: int) -> _Told:
+        """What the servos are told over `BLOCK` steps from step `first` on."""
         t = self._start + self.step * np.arange(first - 1, first + BLOCK + 1)
         demand = self._demand.covering(float(t[0]), float(t[-1])).joints(t)[0]
-        told = self.drive.controls(demand)
+        return _Told(demand, self.drive.controls(demand))
+
+    def _stepped(self, told: _Told) -> _Stepped:
+        """The steps of a block; the batch is where the last one ended."""
         before = [self._batch.bind(name).copy() for name in ("qpos", "qvel", "act")]
         with _quiet():
-            out = self._batch.rollout(BLOCK, told[None], record=("qpos", "qvel", "act"))
+            out = self._batch.rollout(BLOCK, told.inputs[None], record=("qpos", "qvel", "act"))
         angles, rates, act = (
             np.concatenate([b, out[name][0, :-1]])
             for b, name in zip(before, ("qpos", "qvel", "act"), strict=True)
         )
-        error = demand[1:-1] - angles
-        self._check(first, error)
-        samples = np.concatenate([self._tail, out["qpos"][0]])
-        self._tail = samples[BLOCK:]
-        torque = self.drive.torques(told, angles, rates, act)
-        rows = Rows(demand[1:-1], error, torque, self.drive.limit)
-        return _Block(first, rows, self._splined(samples))
+        return _Stepped(told, angles, rates, act, out["qpos"][0])
+
+    def _rows(self, stepped: _Stepped, error: Array) -> Rows:
+        inputs, limit = stepped.told.inputs, self.drive.limit
+        torque = self.drive.torques(inputs, stepped.angles, stepped.rates, stepped.act)
+        return Rows(stepped.told.demand[1:-1], error, torque, limit)
 
     def _splined(self, samples: Array) -> Array:
         """A block's pieces (6, n, 6); the samples reach `OVERLAP` knots farther on either side."""
