@@ -167,7 +167,7 @@ def servo_rows() -> list[tuple[str, str, str]]:
     return [
         ("Batch.rollout, one thread", f"{steps / raw:,.0f} steps/s", "1"),
         ("servo, six axes moving", f"{steps / ours:,.0f} steps/s", f"{raw / ours:.2f} of it"),
-        ("servo and truth at 200 Hz", f"{60_000 / both:,.0f} samples/s", f"{300 / both:.0f} x real"),
+        ("servo, truth at 200 Hz", f"{60_000 / both:,.0f} samples/s", f"{300 / both:.0f} x real"),
     ]
 
 
