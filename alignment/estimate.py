@@ -52,6 +52,9 @@ class AttitudeEstimate:
         Where estimated [rad].
     flags : tuple of str
         Doubts a reader must see.
+    biases, bias_sigmas : (6,) or None
+        Of gyros [rad/s], then accelerometers [m/s^2], on X1, Y1, Z1, where the method finds
+        them, with their standard deviations.
     """
 
     method: str
@@ -65,10 +68,13 @@ class AttitudeEstimate:
     latitude: float | None = None
     latitude_sigma: float | None = None
     flags: tuple[str, ...] = ()
+    biases: Array | None = None
+    bias_sigmas: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.covariance is not None:
-            set_owned(self, covariance=(self.covariance, (3, 3), float))
+        shapes = {"covariance": (3, 3), "biases": (6,), "bias_sigmas": (6,)}
+        there = {name: value for name in shapes if (value := getattr(self, name)) is not None}
+        set_owned(self, **{name: (value, shapes[name], float) for name, value in there.items()})
 
     @property
     def angles(self) -> Array | None:

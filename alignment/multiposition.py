@@ -664,6 +664,8 @@ def _estimates(
             + saturation_doubt(dwell.label, dwell.window())
             + heading_doubt(fit.covariance[k])
             + shared,
+            biases=fit.biases,
+            bias_sigmas=np.sqrt(fit.bias_covariance.diagonal()),
         )
         for k, dwell in enumerate(dwells)
     ]

@@ -4,16 +4,11 @@ Each run has its own seed: its unit, its table and its sway are drawn anew. Erro
 the sigma each method predicts and against the floor that white noise puts under any method.
 """
 
-import multiprocessing
-import os
-import signal
-import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from math import nan, sqrt
 from typing import Any
 
@@ -25,6 +20,7 @@ from alignment.angles import heading_from_C_nb, wrapped
 from alignment.earth import EARTH_RATE
 from alignment.errors import AlignmentError
 from alignment.units import DEG
+from stand.campaign import campaign
 from stand.errors import StandError, unknown
 from stand.imu import ImuSpec, without
 from stand.plan import Plan
@@ -35,8 +31,6 @@ from stand.trials import Trials
 
 ONE_GYRO = "single-gyro"
 TOLD = ("rk4", "two-sample")  # start from the attitude they are told: no floor under that
-LEAST_SHARE = 8  # runs below which a process of its own does not pay
-_LARGEST_CHUNK = 8  # runs handed to a process at once
 
 Progress = Callable[[float], None]
 
@@ -93,10 +87,12 @@ def compare(
     if runs < 1:
         raise StandError(f"--runs {runs}: must be 1 or more")
     bench = _Bench(settings, tuple(methods))  # refuses what is impossible, before any process
-    if workers is None:
-        workers = max(1, min(os.cpu_count() or 1, runs // LEAST_SHARE))
+    ready, seeds = (
+        partial(_ready, settings, bench.methods),
+        range(settings.seed, settings.seed + runs),
+    )
     outcomes: list[list[Outcome]] = []
-    with closing(_all(bench, runs, workers)) as trials:
+    with closing(campaign(ready, seeds, workers, bench.trial)) as trials:
         for found in trials:
             outcomes.append(found)
             progress(len(outcomes) / runs)
@@ -104,67 +100,8 @@ def compare(
     return Comparison(settings, runs, tuple(tally(m, runs, own) for m, own in by_method))
 
 
-def _all(bench: "_Bench", runs: int, workers: int) -> Generator[list[Outcome]]:
-    """Every run's outcomes in the order of seeds."""
-    seeds = range(bench.settings.seed, bench.settings.seed + runs)
-    if workers == 1:
-        yield from map(bench.trial, seeds)
-        return
-    size = max(1, min(_LARGEST_CHUNK, runs // (8 * workers)))
-    context = multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
-    before = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(
-        workers, context, initializer=_begin, initargs=(bench.settings, bench.methods)
-    ) as pool:
-        try:
-            with _interrupts_wait():
-                chunks = [seeds[k : k + size] for k in range(0, runs, size)]
-                coming = [pool.submit(_trials, chunk) for chunk in chunks]
-            for future in coming:
-                yield from future.result()
-        except BrokenProcessPool as error:
-            raise StandError(
-                "a process that made runs was ended from outside (out of memory?)"
-            ) from error
-        except BaseException:  # Ctrl-C, or a run that failed: nobody waits for the rest
-            for process in set(multiprocessing.active_children()) - before:
-                process.terminate()
-            raise
-
-
-@contextmanager
-def _interrupts_wait() -> Iterator[None]:
-    """Ctrl-C waits; processes started meanwhile never hear it, and say nothing at it."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-_bench: "_Bench | None" = None  # of a process that makes runs
-
-
-def _begin(settings: Settings, methods: tuple[str, ...]) -> None:
-    """A process made ready: it ends with its parent."""
-    global _bench
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    _bench = _Bench(settings, methods)
-
-
-def _end_with(parent: Any) -> None:
-    parent.join()
-    os._exit(1)
-
-
-def _trials(seeds: Sequence[int]) -> list[list[Outcome]]:
-    assert _bench is not None
-    return [_bench.trial(seed) for seed in seeds]
+def _ready(settings: Settings, methods: tuple[str, ...]) -> Callable[[int], list[Outcome]]:
+    return _Bench(settings, methods).trial
 
 
 class _Bench:
@@ -179,16 +116,10 @@ class _Bench:
         self._imu = without(settings.imu, settings.without)
 
     def trial(self, seed: int) -> list[Outcome]:
-        """All methods on the readings of one run; any fault is told in a line with its seed."""
-        try:
-            dwells, attitudes = self.trials.readings(seed)
-            truth = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
-            return [self._outcome(method, seed, dwells, truth) for method in self.methods]
-        except StandError as error:
-            raise StandError(f"run with seed {seed}: {error}") from error
-        except Exception as error:
-            told = f"run with seed {seed} failed: {type(error).__name__}: {error}"
-            raise StandError(told) from error
+        """All methods on the readings of one run."""
+        dwells, attitudes = self.trials.readings(seed)
+        truth = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
+        return [self._outcome(method, seed, dwells, truth) for method in self.methods]
 
     def _outcome(
         self, method: str, seed: int, dwells: Sequence[Dwell], truth: dict[str, Rotation]

@@ -10,7 +10,7 @@ from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
 from alignment.angles import angles_from_C_nb, heading_from_C_nb, wrapped
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
-from alignment.units import DEG
+from alignment.units import DEG, DEG_PER_HOUR, MILLI_G
 
 # [S0], methods.md section 1: n-1 deviations over six positions [deg], roll, yaw, pitch
 PUBLISHED = {
@@ -208,6 +208,7 @@ def score_to_json(scored: Score) -> dict[str, object]:
     if scored.latitude_error is not None:
         entry["error_latitude_deg"] = scored.latitude_error / DEG
     entry |= _named("error_nominal_", scored.error_nominal)
+    entry |= _biases("bias", e.biases) | _biases("sigma_bias", e.bias_sigmas)
     entry["flags"] = list(e.flags)
     return entry
 
@@ -216,6 +217,13 @@ def _named(prefix: str, angles: Array | None) -> dict[str, object]:
     if angles is None:
         return {}
     return {f"{prefix}{n}_deg": float(a) / DEG for n, a in zip(ANGLES, angles, strict=True)}
+
+
+def _biases(name: str, values: Array | None) -> dict[str, object]:
+    if values is None:
+        return {}
+    gyro, accel = values[:3] / DEG_PER_HOUR, values[3:] / MILLI_G
+    return {f"gyro_{name}_deg_h": gyro.tolist(), f"accel_{name}_mg": accel.tolist()}
 
 
 def spread_to_json(spread: Spread) -> dict[str, object]:

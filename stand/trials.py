@@ -18,6 +18,7 @@ from alignment import Dwell
 from alignment.arrays import Array
 from stand.dwells import NS, DwellCollector, ticks_of
 from stand.imu import Imu, without
+from stand.imu.model import draw
 from stand.motion import MotionKind
 from stand.physics.geometry import with_errors
 from stand.physics.kinematics import C_NW
@@ -80,6 +81,11 @@ class Trials:
         """The stretches of a run, and the true ``C_nb`` of each: at its end (encoder angle 0)."""
         settings = replace(self.settings, seed=seed)
         return self._simulated(settings) if self._whole else self._made(settings)
+
+    def biases(self, seed: int) -> Array:
+        """The turn-on biases (6,) that the unit of a run was given: [rad/s], then [m/s^2]."""
+        sensors = (("gyro", self._spec.gyro), ("accel", self._spec.accel))
+        return np.concatenate([draw(spec, seed, sensor).bias for sensor, spec in sensors])
 
     # --- whole simulations
 

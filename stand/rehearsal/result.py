@@ -11,6 +11,7 @@ from typing import Any
 
 from alignment.units import DEG
 
+AGREES = (0.9, 1.1)  # predicted over achieved sigma: what the guard band of 10 % stands for
 QUANTITIES = ("heading", "pitch", "roll")  # what a requirement may name
 
 
@@ -283,6 +284,85 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class Achieved:
+    """What a quantity came to in many runs of the whole stand, beside what was predicted.
+
+    Attributes
+    ----------
+    method, window, label, quantity, unit, per
+        As of the `Prediction`.
+    predicted : float or None
+        [SI]; None where it is not determined.
+    runs : int
+        How many runs gave a number.
+    sigma, low, high : float or None
+        Root mean square of the errors against the truth [SI], and the 95 % interval of what it
+        estimates; None where no run gave a number.
+    """
+
+    method: str
+    window: str
+    label: str
+    quantity: str
+    unit: str
+    per: float
+    predicted: float | None
+    runs: int
+    sigma: float | None
+    low: float | None
+    high: float | None
+
+    @property
+    def ratio(self) -> tuple[float, float, float] | None:
+        """Predicted over achieved sigma, with the ends of its 95 % interval."""
+        if self.predicted is None or not self.sigma or not self.low or not self.high:
+            return None
+        return self.predicted / self.sigma, self.predicted / self.high, self.predicted / self.low
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the interval meets `AGREES`; None where there is nothing to compare."""
+        if self.ratio is None:
+            return None
+        _, low, high = self.ratio
+        return high >= AGREES[0] and low <= AGREES[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A method that gave no answer in `runs` of the runs, and the first reason."""
+
+    method: str
+    runs: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Many runs of the whole stand: `asked` for and `done` before it ended, in `seconds`.
+
+    The runs' seeds are `seed`, `seed` + 1 ...; each has a unit, a table and a sway of its own.
+    """
+
+    asked: int
+    done: int
+    seed: int
+    seconds: float
+    achieved: tuple[Achieved, ...]
+    refused: tuple[Refused, ...] = ()
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether it ended before all the runs that were asked for."""
+        return self.done < self.asked
+
+    @property
+    def disagreeing(self) -> tuple[Achieved, ...]:
+        """Those whose prediction the runs contradict."""
+        return tuple(a for a in self.achieved if a.agrees is False)
+
+
+@dataclass(frozen=True, slots=True)
 class Inputs:
     """What was rehearsed: ids, titles, texts and their SHA-256, site, versions.
 
@@ -312,7 +392,7 @@ class Rehearsal:
 
     `feasibility` step by step; `duration`; `predictions` of every method, stretch and quantity;
     `observability` of every method; `judgements` of what is required; `advice` for each that
-    fails; `findings`: traps and doubts, errors first.
+    fails; `findings`: traps and doubts, errors first; `verification` where runs were asked for.
     """
 
     inputs: Inputs
@@ -323,6 +403,7 @@ class Rehearsal:
     judgements: tuple[Judgement, ...]
     advice: tuple[Advice, ...]
     findings: tuple[Finding, ...]
+    verification: Verification | None = None
 
     @property
     def feasible(self) -> bool:
@@ -346,7 +427,7 @@ class Rehearsal:
 
 def rehearsal_json(result: Rehearsal) -> dict[str, Any]:
     """The whole answer for machines: degrees and the units named; null where there is no value."""
-    d, i = result.duration, result.inputs
+    d, i, v = result.duration, result.inputs, result.verification
     return {
         "verdict": result.verdict.value,
         "feasible": result.feasible,
@@ -387,6 +468,7 @@ def rehearsal_json(result: Rehearsal) -> dict[str, Any]:
             for o in result.observability
         ],
         "advice": [_advice(a) for a in result.advice],
+        "verification": None if v is None else _verification(v),
     }
 
 
@@ -462,6 +544,36 @@ def _prediction(p: Prediction) -> dict[str, Any]:
         "sigma": None if p.sigma is None else p.sigma / p.per,
         "contributions": {c.source: c.sigma / p.per for c in p.contributions},
         "reason": p.reason,
+    }
+
+
+def _verification(v: Verification) -> dict[str, Any]:
+    return {
+        "runs_asked": v.asked,
+        "runs": v.done,
+        "seed": v.seed,
+        "seconds": v.seconds,
+        "achieved": [_achieved(a) for a in v.achieved],
+        "refused": [{"method": r.method, "runs": r.runs, "reason": r.reason} for r in v.refused],
+    }
+
+
+def _achieved(a: Achieved) -> dict[str, Any]:
+    """Sigmas in `unit`; ratio is predicted over achieved."""
+    sizes = {"predicted": a.predicted, "sigma": a.sigma, "low": a.low, "high": a.high}
+    ratio, low, high = a.ratio or (None, None, None)
+    return {
+        "method": a.method,
+        "window": a.window,
+        "label": a.label,
+        "quantity": a.quantity,
+        "unit": a.unit,
+        "runs": a.runs,
+        **{name: None if size is None else size / a.per for name, size in sizes.items()},
+        "ratio": ratio,
+        "ratio_low": low,
+        "ratio_high": high,
+        "agrees": a.agrees,
     }
 
 

@@ -1,0 +1,123 @@
+"""Many runs on all cores: one result per seed, in the order of the seeds, a few held at a time."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any, TypeVar
+
+from stand.errors import StandError
+
+LEAST_SHARE = 8  # runs below which a process of its own does not pay
+_LARGEST_CHUNK = 8  # runs handed to a process at once
+_AHEAD = 4  # chunks per process that are asked for before they are fetched
+
+T = TypeVar("T")
+Trial = Callable[[int], Any]
+
+
+def campaign(
+    ready: Callable[[], Callable[[int], T]],
+    seeds: Sequence[int],
+    workers: int | None = None,
+    trial: Callable[[int], T] | None = None,
+) -> Generator[T]:
+    """Every seed's result in order; close it to end early.
+
+    Parameters
+    ----------
+    ready : callable
+        Makes what makes a run by its seed; pickled to every process, which calls it once.
+    seeds : sequence of int
+    workers : int, optional
+        Processes, which change nothing but the time; if not given, as many as there are cores
+        and as pay.
+    trial : callable, optional
+        What `ready` made already in this process.
+
+    Raises
+    ------
+    StandError
+        By a run, or a process was ended from outside. Any other fault of a run becomes one,
+        with its seed.
+    """
+    if workers is None:
+        workers = max(1, min(os.cpu_count() or 1, len(seeds) // LEAST_SHARE))
+    if workers == 1:
+        make = trial or ready()
+        yield from (_told(make, seed) for seed in seeds)
+        return
+    size = max(1, min(_LARGEST_CHUNK, len(seeds) // (8 * workers)))
+    chunks = (seeds[k : k + size] for k in range(0, len(seeds), size))
+    context = multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
+    before = set(multiprocessing.active_children())
+    with ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(ready,)) as pool:
+        try:
+            coming: deque[Future[list[T]]] = deque()
+            with _interrupts_wait():
+                for chunk in islice(chunks, _AHEAD * workers):
+                    coming.append(pool.submit(_share, chunk))
+            while coming:
+                found = coming.popleft().result()
+                coming.extend(pool.submit(_share, chunk) for chunk in islice(chunks, 1))
+                yield from found
+        except BrokenProcessPool as error:
+            raise StandError(
+                "a process that made runs was ended from outside (out of memory?)"
+            ) from error
+        except BaseException:  # Ctrl-C, or a run that failed: nobody waits for the rest
+            for process in set(multiprocessing.active_children()) - before:
+                process.terminate()
+            raise
+
+
+def _told(make: Callable[[int], T], seed: int) -> T:
+    """A run; any fault of it is told in a line with its seed."""
+    try:
+        return make(seed)
+    except StandError as error:
+        raise StandError(f"run with seed {seed}: {error}") from error
+    except Exception as error:
+        told = f"run with seed {seed} failed: {type(error).__name__}: {error}"
+        raise StandError(told) from error
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Ctrl-C waits; processes started meanwhile never hear it, and say nothing at it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+_trial: Trial | None = None  # of a process that makes runs
+
+
+def _begin(ready: Callable[[], Trial]) -> None:
+    """A process made ready: it ends with its parent."""
+    global _trial
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    _trial = ready()
+
+
+def _end_with(parent: Any) -> None:
+    parent.join()
+    os._exit(1)
+
+
+def _share(seeds: Sequence[int]) -> list[Any]:
+    assert _trial is not None
+    return [_told(_trial, seed) for seed in seeds]

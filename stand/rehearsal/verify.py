@@ -1,0 +1,232 @@
+"""Prediction against the stand itself: many runs with all their errors, beside what was predicted.
+
+Nothing is shared with the predictions: each run draws its unit, its table and its sway, makes
+readings, and the estimators are set against the truth of that run.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtri
+
+from alignment import ESTIMATORS, AttitudeEstimate
+from alignment.angles import SequenceRule
+from alignment.arrays import Array
+from alignment.errors import AlignmentError
+from stand.campaign import campaign
+from stand.errors import StandError
+from stand.rehearsal.rehearse import Request
+from stand.rehearsal.result import (
+    Achieved,
+    Finding,
+    Refused,
+    Rehearsal,
+    Severity,
+    Verification,
+)
+from stand.score import ANGLES, Truths, score, suited
+from stand.simulation import Settings
+from stand.tally import FEW, TAIL
+from stand.trials import Trials
+
+Progress = Callable[[float], None]
+BIASES = tuple(
+    f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in ("X1", "Y1", "Z1")
+)
+Key = tuple[str, str, str, str]  # method, window, label, quantity
+
+
+class Found(NamedTuple):
+    """One run: errors [SI] by what they are of, and why methods refused."""
+
+    errors: dict[Key, float]
+    refusals: dict[str, str]
+
+
+def with_verification(
+    result: Rehearsal,
+    asked: Request,
+    runs: int,
+    progress: Progress = lambda done: None,
+    workers: int | None = None,
+) -> Rehearsal:
+    """The rehearsal with `runs` runs of the stand beside its predictions.
+
+    Parameters
+    ----------
+    result : Rehearsal
+        Of `asked`.
+    asked : Request
+        The runs' seeds begin with its own.
+    runs : int
+    progress : callable
+        Told the part done, 0 to 1.
+    workers : int, optional
+        Processes; if not given, as many as there are cores and as pay.
+
+    Returns
+    -------
+    Rehearsal
+        A procedure that cannot run is not verified. An interruption ends the runs, and what they
+        came to is told. Predictions that the runs contradict are warned of.
+
+    Raises
+    ------
+    StandError
+        Fewer than one run; a run that failed.
+    """
+    if runs < 1:
+        raise StandError(f"--verify {runs}: must be 1 or more")
+    if not result.feasible:
+        return _warned(result, "verify", "not verified: it cannot run as it is")
+    if not result.predictions:
+        return _warned(result, "verify", "not verified: no method is named in [estimate]")
+    verification = _verified(result, asked, runs, progress, workers)
+    result = replace(result, verification=verification)
+    for a in verification.disagreeing:
+        result = _warned(result, "prediction", _contradicted(a), a.label)
+    return result
+
+
+def _warned(result: Rehearsal, kind: str, text: str, step: str = "") -> Rehearsal:
+    finding = Finding(Severity.WARNING, kind, step, text)
+    return replace(result, findings=(*result.findings, finding))
+
+
+def _contradicted(a: Achieved) -> str:
+    assert a.ratio is not None
+    ratio, low, high = a.ratio
+    where = f"{a.method} {a.window}".strip()
+    return (
+        f"{where} at {a.label}: {a.quantity} was predicted {ratio:.2f} ({low:.2f} to {high:.2f}) "
+        f"of what {a.runs} runs came to"
+    )
+
+
+def _verified(
+    result: Rehearsal, asked: Request, runs: int, progress: Progress, workers: int | None
+) -> Verification:
+    methods = tuple(dict.fromkeys(p.method for p in result.predictions))
+    settings = Settings(
+        asked.procedure,
+        asked.imu,
+        asked.table,
+        asked.site,
+        replace(asked.options, rule=SequenceRule.REGULAR),  # as predictions read the angles
+        asked.rate_hz,
+        seed=asked.seed,
+    )
+    sums = Sums()
+    begin = time.perf_counter()
+    seeds = range(asked.seed, asked.seed + runs)
+    with closing(campaign(partial(_ready, settings, methods), seeds, workers)) as trials:
+        try:
+            for found in trials:
+                sums.add(found)
+                progress(sums.runs / runs)
+        except KeyboardInterrupt:
+            if not sums.runs:
+                raise
+    seconds = time.perf_counter() - begin
+    return Verification(
+        runs, sums.runs, asked.seed, seconds, tuple(_achieved(result, sums)), sums.refused()
+    )
+
+
+def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
+    for p in result.predictions:
+        key = (p.method, p.window, p.label, p.quantity)
+        if key in sums:
+            n, sizes = sums.sigma(key)
+            yield Achieved(*key, p.unit, p.per, p.sigma, n, *sizes)
+
+
+# --- one run -------------------------------------------------------------------------------------
+
+
+def _ready(settings: Settings, methods: Sequence[str]) -> Callable[[int], Found]:
+    return partial(_trial, Trials(settings), methods)
+
+
+def _trial(trials: Trials, methods: Sequence[str], seed: int) -> Found:
+    settings = trials.settings
+    dwells, attitudes = trials.readings(seed)
+    truths = {d.label: Truths(C) for d, C in zip(dwells, attitudes, strict=True)}
+    biases = trials.biases(seed)
+    found = Found({}, {})
+    for method in methods:
+        try:
+            own = suited(method, dwells)
+            estimates = ESTIMATORS[method].estimate(own, settings.site, settings.options)
+        except AlignmentError as error:
+            found.refusals[method] = str(error)
+            continue
+        for e in estimates:
+            if e.label in truths:
+                for key, error in errors_of(e, truths[e.label], biases).items():
+                    found.errors.setdefault(key, error)  # biases by the first of several fits
+    return found
+
+
+def errors_of(e: AttitudeEstimate, truth: Truths, biases: Array) -> dict[Key, float]:
+    """Errors [SI] of an estimate by what they are of; those of `biases` (6,) for all stretches."""
+    scored = score(e, truth)
+    errors: dict[str, float] = {}
+    if scored.heading_error is not None:
+        errors["heading"] = scored.heading_error
+    if scored.error is not None:
+        errors |= dict(zip(ANGLES, scored.error.tolist(), strict=True))
+    found = {(e.method, e.window, e.label, name): x for name, x in errors.items()}
+    if e.biases is not None:
+        off = zip(BIASES, (e.biases - biases).tolist(), strict=True)
+        found |= {(e.method, e.window, "all", name): x for name, x in off}
+    return found
+
+
+# --- all of them ---------------------------------------------------------------------------------
+
+
+class Sums:
+    """What is kept of all runs: numbers, sums of squares and of fourth powers of each error."""
+
+    def __init__(self) -> None:
+        self.runs = 0
+        self._of: dict[Key, Array] = {}
+        self._refused: dict[str, tuple[int, str]] = {}
+
+    def __contains__(self, key: Key) -> bool:
+        return key in self._of
+
+    def add(self, found: Found) -> None:
+        """One run."""
+        self.runs += 1
+        for key, error in found.errors.items():
+            if np.isfinite(error):
+                self._of.setdefault(key, np.zeros(3))[:] += (1.0, error**2, error**4)
+        for method, reason in found.refusals.items():
+            often, first = self._refused.get(method, (0, reason))
+            self._refused[method] = often + 1, first
+
+    def refused(self) -> tuple[Refused, ...]:
+        """Methods that refused, with how often."""
+        return tuple(Refused(m, n, reason) for m, (n, reason) in self._refused.items())
+
+    def sigma(self, key: Key) -> tuple[int, tuple[float, float, float]]:
+        """How many runs gave a number; root mean square of the errors with its 95 % interval.
+
+        Chi-square, with as many degrees of freedom as runs if errors are normal; where there are
+        `FEW` runs or more, with as many as their fourth moment says.
+        """
+        n, squares, fourths = self._of[key]
+        mean = squares / n
+        freedom = n
+        spread = fourths / n - mean**2
+        if n >= FEW and spread > 0:
+            freedom = 2 * n * mean**2 / spread
+        sigma, (low, high) = np.sqrt(mean), np.sqrt(freedom / chdtri(freedom, [TAIL, 1 - TAIL]))
+        return int(n), (float(sigma), float(sigma * low), float(sigma * high))
