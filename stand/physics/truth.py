@@ -33,12 +33,12 @@ from stand.motion import Motion
 from stand.physics.description import JOINTS
 from stand.physics.kinematics import C_NW
 from stand.physics.mjcf import SITE
+from stand.physics.quadrature import SHORT, Steps, is_long, longest_steps
 from stand.samples import Sensed, TruthBlock
 
 ARMATURE = 1e15  # kg m^2: dwarfs every real inertia by 1e12, so q'' comes back to rounding
 ROWS = 1000  # evaluations per call: the state rows stay in cache
-LONGEST_NODE = 5e-3  # s between the ends of a Simpson step
-WIDEST_NODE = 0.02  # rad turned between them: Simpson's error is then below 1e-9 m/s^2
+WIDEST_NODE = 0.02  # rad turned in a Simpson step: its error is then below 1e-9 m/s^2
 SAME_TIME = 1e-9  # s: a knot nearer to an edge is on it
 HINGES = 6  # at most on one body of MuJoCo's
 NANOSECOND = 1_000_000_000
@@ -311,40 +311,55 @@ class Truth:
 
         Notes
         -----
-        Simpson's rule on the union of the edges and the motion's knots. Each piece between these
-        is parted for itself, so that its neighbours leave no trace: no part exceeds
-        `LONGEST_NODE`, nor `WIDEST_NODE` at the motion's fastest. Aligned with the knots, the
-        rule is exact for the accelerations of cubic and quintic pieces; in what else there is of
-        force, the error is ``h^4/2880`` times the fourth derivative, some ``g (w h)^4 / 2880`` at
-        the turning rate w. (On a servo's steps of 1 ms a closed six-point rule over five of them
-        takes half the evaluations, but is no longer exact for the accelerations.)
+        On the union of the edges and the motion's knots. Each piece between these is parted for
+        itself, so that its neighbours leave no trace.
+
+        Pieces of up to `SHORT` take Simpson's rule, no step wider than `WIDEST_NODE` at the
+        motion's fastest. Aligned with the knots, it is exact for the accelerations of cubic and
+        quintic pieces; in what else there is of force, the error is ``h^4/2880`` times the fourth
+        derivative, some ``g (w h)^4 / 2880`` at the turning rate w. (On a servo's steps of 1 ms a
+        closed six-point rule over five of them takes half the evaluations, but is no longer exact
+        for the accelerations.) Longer pieces, as slow sampling makes them, take steps by the law
+        of `stand.physics.quadrature`.
         """
-        ends = self._ends(motion, edges)
-        nodes = np.empty(2 * len(ends) - 1)
-        nodes[::2] = ends
-        nodes[1::2] = (ends[:-1] + ends[1:]) / 2
-        at = self.instants(*motion.joints(nodes))
-        starts = np.searchsorted(ends, edges)
-        f_b = _simpson(at.f_b, ends, starts)
+        steps = self._steps(motion, edges)
+        at = self.instants(*motion.joints(steps.nodes))
+        starts = np.searchsorted(steps.ends, edges)
+        f_b = steps.means(at.f_b, starts)
         own = self._places is not None
         return Instants(
-            _simpson(at.w_ib_b, ends, starts),
+            steps.means(at.w_ib_b, starts),
             f_b,
-            at.q_wb[2 * starts[1:]],
-            _simpson(at.f_places, ends, starts) if own else f_b,
+            at.q_wb[steps.ends_at(starts[1:])],
+            steps.means(at.f_places, starts) if own else f_b,
         )
 
-    def _ends(self, motion: Motion, edges: Array) -> Array:
-        """Where the Simpson steps between the `edges` meet: each of these to the bit, and more."""
+    def _steps(self, motion: Motion, edges: Array) -> Steps:
+        """Steps that meet at the `edges`, at each of these to the bit, at knots and between."""
         first, last = np.searchsorted(motion.knots, edges[[0, -1]], side="right")
         knots = motion.knots[first:last]
         after = np.clip(np.searchsorted(edges, knots), 1, len(edges) - 1)
         near = np.minimum(np.abs(edges[after] - knots), np.abs(knots - edges[after - 1]))
         ends = np.sort(np.concatenate([edges, knots[near > SAME_TIME]]))
+        lengths = np.diff(ends)
+        parts = np.ceil(lengths / self._longest(motion, ends) - 1e-6).astype(np.int64)
+        parts = np.maximum(1, parts)
+        between = _parted(ends, parts)
+        whole = np.sort(np.concatenate([ends, between])) if len(between) else ends
+        return Steps(whole, np.repeat(is_long(lengths), parts))
+
+    def _longest(self, motion: Motion, ends: Array) -> Array:
+        """The longest step (n,) [s] allowed between each two of the `ends` (n + 1,)."""
         if self._node is None or self._node[0] is not motion:
             self._node = motion, self._longest_node(motion)
-        between = _parted(ends, self._node[1])
-        return np.sort(np.concatenate([ends, between])) if len(between) else ends
+        longest = np.full(len(ends) - 1, self._node[1])
+        long = np.flatnonzero(is_long(np.diff(ends)))
+        if len(long):
+            middle = (ends[long] + ends[long + 1]) / 2
+            piece = np.searchsorted(motion.knots[1:-1], middle, side="right")
+            pieces, own = np.unique(piece, return_inverse=True)
+            longest[long] = longest_steps(motion, pieces, self._errors.waves)[own]
+        return longest
 
     def _longest_node(self, motion: Motion) -> float:
         """Simpson steps [s] for which no turn and no wave costs 1e-9 m/s^2.
@@ -353,7 +368,7 @@ class Truth:
         may turn through `WIDEST_NODE` when that is g: by the fourth root further when it is less.
         """
         rates = fastest(motion)
-        node = min(LONGEST_NODE, WIDEST_NODE / max(rates.sum(), 1e-9))
+        node = min(SHORT, WIDEST_NODE / max(rates.sum(), 1e-9))
         for axes, order, cosine, sine in self._errors.waves:
             pulse = np.maximum(order * rates[axes], 1e-9)
             shaken = np.hypot(cosine, sine) * (1 + pulse**2 / STANDARD_GRAVITY)
@@ -370,13 +385,11 @@ def _order(errors: TableErrors) -> IntArray:
     return np.array(order)
 
 
-def _parted(edges: Array, longest: float) -> Array:
-    """Times that part each interval of `edges` evenly, into pieces of at most `longest`."""
-    lengths = np.diff(edges)
-    parts = np.maximum(1, np.ceil(lengths / longest - 1e-6)).astype(np.int64)
-    own = np.repeat(np.arange(len(lengths)), parts - 1)  # of each inner time: its interval
+def _parted(edges: Array, parts: IntArray) -> Array:
+    """Times that part each interval of `edges` (n + 1,) evenly, into `parts` (n,) of them."""
+    own = np.repeat(np.arange(len(parts)), parts - 1)  # of each inner time: its interval
     number = np.arange(1, len(own) + 1) - (np.cumsum(parts - 1) - (parts - 1))[own]
-    return edges[own] + lengths[own] * number / parts[own]
+    return edges[own] + np.diff(edges)[own] * number / parts[own]
 
 
 def fastest(motion: Motion) -> Array:
@@ -401,15 +414,6 @@ def _not_finite(joints: Array, rates: Array, accelerations: Array) -> ValueError
             row, axis = np.argwhere(~np.isfinite(values))[0]
             return ValueError(f"{name} of joint {JOINTS[axis]}: not finite at row {row}")
     return ValueError("joint motion: too large")
-
-
-def _simpson(values: Array, ends: Array, starts: IntArray) -> Array:
-    """Means between the `ends` numbered `starts`, of values at ends and midpoints."""
-    h = np.diff(ends)
-    parts = h[:, None] / 6 * (values[:-2:2] + 4 * values[1::2] + values[2::2])
-    sums = np.add.reduceat(parts, starts[:-1], axis=0)
-    lengths = np.add.reduceat(h, starts[:-1])
-    return sums / lengths[:, None]
 
 
 def rest_of(motion: Motion, edges: Array) -> np.ndarray:
