@@ -95,6 +95,10 @@ RuleOption = Annotated[
 ]
 
 
+class _Stopped(Exception):
+    """Ctrl-C ended the work early, and what was done is told."""
+
+
 def main() -> None:
     """Entry point: known faults become one line and exit code 2."""
     set_driver_aside()
@@ -116,6 +120,8 @@ def guarded(command: Callable[[], Any]) -> int:
         code = INTERRUPTED
     except typer.Exit as stop:
         return stop.exit_code
+    except _Stopped as stopped:
+        return _complain(str(stopped), INTERRUPTED)
     except StandError as error:
         return _complain(str(error))
     except OSError as error:  # a full disk, a folder without permission
@@ -638,6 +644,14 @@ def rehearse(
     terms: Annotated[
         str, typer.Option(metavar="N,B,K,Q,R", help="Allan terms that the rests are to show.")
     ] = "",
+    verify: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Simulate N runs, each with a unit, table and sway of its own, and set what they "
+            "come to beside the predictions. Ctrl-C ends it with the runs made so far.",
+        ),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write a page, JSON and JUnit XML there.")
     ] = None,
@@ -646,9 +660,12 @@ def rehearse(
 ) -> None:
     """Before the table is booked: can it run, how long, how accurate, why, and what would help.
 
-    No sensor is simulated. Exit code 0: feasible, and what [require] asks is predicted; 1: not.
+    No sensor is simulated but for --verify. Exit code 0: feasible, and what [require] asks is
+    predicted; 1: not.
 
     Example: stand rehearse two-position --imu hg9900 --table precision --latitude 60
+
+    On all cores, prediction beside simulation: stand rehearse two-position --verify 200 --rate 50
     """
     with _quick_imports():
         from dataclasses import replace
@@ -671,14 +688,27 @@ def rehearse(
     chosen = load_table(table) if table else table_of(loaded)
     asked = request(loaded, unit, chosen, _site(loaded.entry.site, latitude, height), rate)
     asked = replace(asked, revision=revision, allan_terms=asked_terms)
+    if verify is not None and verify < 1:
+        raise StandError(f"--verify {verify}: must be 1 or more")
+    if report is not None and not force:
+        from stand.report.page import refuse_existing
+        from stand.report.rehearsal import JSON, JUNIT, PAGE
+
+        refuse_existing([report / name for name in (PAGE, JSON, JUNIT)], "--report")
     with _working("rehearsing", as_json):
         result = with_advice(asked)
+    if verify is not None:
+        from stand.rehearsal.verify import with_verification
+
+        with _progress(f"{loaded.id}, {unit.id}, {verify} runs", as_json) as done:
+            result = with_verification(result, asked, verify, done)
     written: list[Path] = []
     if report is not None:
         from stand.report.rehearsal import write_report
 
         with _working("writing the report", as_json):
             written = write_report(result, report, force=force)
+    runs = result.verification
     if as_json:
         _print_json(rehearsal_json(result))
     else:
@@ -690,6 +720,8 @@ def rehearse(
         show(out, tables(result))
         for path in written:
             print(path)
+    if runs is not None and runs.interrupted:
+        raise _Stopped(f"interrupted: {runs.done} of {runs.asked} runs were made")
     if result.verdict is not Verdict.PASS:
         raise typer.Exit(1)
 

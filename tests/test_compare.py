@@ -11,6 +11,7 @@ from math import nan, pi, radians, sqrt
 
 import numpy as np
 import pytest
+from processes import members
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -319,21 +320,6 @@ def test_interrupted_it_leaves_nothing_behind(tmp_path):
     assert told.strip() == "stand: interrupted: nothing was written"
     time.sleep(0.5)
     assert members(process.pid) == []
-
-
-def members(group):
-    """Processes of a group, by /proc."""
-    found = []
-    for entry in os.listdir("/proc"):
-        if entry.isdigit():
-            try:
-                with open(f"/proc/{entry}/stat", encoding="utf-8") as file:
-                    state, _, pgrp = file.read().rpartition(")")[2].split()[:3]
-            except OSError:
-                continue
-            if int(pgrp) == group and state != "Z":
-                found.append(int(entry))
-    return found
 
 
 # --- statistics

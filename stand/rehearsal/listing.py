@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from alignment.units import DEG
-from stand.rehearsal.result import Prediction, Rehearsal, Verdict
+from stand.rehearsal.result import AGREES, Prediction, Rehearsal, Verdict, Verification
 from stand.report.document import TableData
 
 _NAMED = 4  # contributions of a prediction that are told
@@ -28,6 +28,7 @@ def tables(result: Rehearsal) -> list[TableData]:
         *_lines(result),
         _steps(result),
         _accuracy(result),
+        _verified(result.verification),
         _observed(result),
     ]
     return [table for table in every if table.rows]
@@ -99,6 +100,37 @@ def _made_of(p: Prediction) -> str:
     parts = [f"{c.source} {c.sigma / p.per:.2g}" for c in p.contributions[:_NAMED]]
     more = len(p.contributions) - _NAMED
     return ", ".join(parts) + (f" and {more} more" if more > 0 else "")
+
+
+def _verified(v: Verification | None) -> TableData:
+    columns = ("method", "place", "kind", "predicted", "achieved (95 %)", "ratio (95 %)", "finding")
+    if v is None:
+        return TableData("", columns, ())
+    rows = tuple(
+        (
+            f"{a.method} {a.window}".strip(),
+            a.label,
+            a.quantity,
+            "" if a.predicted is None else f"{a.predicted / a.per:.3g} {a.unit}",
+            _with_ends(a.sigma / a.per, a.low / a.per, a.high / a.per, a.unit),
+            "" if a.ratio is None else "{:.2f} ({:.2f}-{:.2f})".format(*a.ratio),
+            "contradicted" if a.agrees is False else "",
+        )
+        for a in v.achieved
+    )
+    notes = [
+        "ratio: predicted over achieved; contradicted where its interval misses "
+        f"{AGREES[0]:g} to {AGREES[1]:g}",
+        *(f"no answer in {r.runs} of {v.done} runs from {r.method}: {r.reason}" for r in v.refused),
+    ]
+    title = f"Verified by {v.done} runs from seed {v.seed} in {v.seconds:.0f} s"
+    if v.interrupted:
+        title += f" (interrupted: {v.asked} were asked for)"
+    return TableData(title, columns, rows, notes=tuple(notes))
+
+
+def _with_ends(value: float, low: float, high: float, unit: str) -> str:
+    return f"{value:.3g} ({low:.3g}-{high:.3g}) {unit}"
 
 
 def _observed(result: Rehearsal) -> TableData:

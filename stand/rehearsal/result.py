@@ -295,9 +295,9 @@ class Achieved:
         [SI]; None where it is not determined.
     runs : int
         How many runs gave a number.
-    sigma, low, high : float or None
+    sigma, low, high : float
         Root mean square of the errors against the truth [SI], and the 95 % interval of what it
-        estimates; None where no run gave a number.
+        estimates.
     """
 
     method: str
@@ -308,14 +308,14 @@ class Achieved:
     per: float
     predicted: float | None
     runs: int
-    sigma: float | None
-    low: float | None
-    high: float | None
+    sigma: float
+    low: float
+    high: float
 
     @property
     def ratio(self) -> tuple[float, float, float] | None:
         """Predicted over achieved sigma, with the ends of its 95 % interval."""
-        if self.predicted is None or not self.sigma or not self.low or not self.high:
+        if self.predicted is None or not self.low > 0:
             return None
         return self.predicted / self.sigma, self.predicted / self.high, self.predicted / self.low
 
@@ -560,7 +560,7 @@ def _verification(v: Verification) -> dict[str, Any]:
 
 def _achieved(a: Achieved) -> dict[str, Any]:
     """Sigmas in `unit`; ratio is predicted over achieved."""
-    sizes = {"predicted": a.predicted, "sigma": a.sigma, "low": a.low, "high": a.high}
+    sizes = {"sigma": a.sigma, "low": a.low, "high": a.high}
     ratio, low, high = a.ratio or (None, None, None)
     return {
         "method": a.method,
@@ -569,7 +569,8 @@ def _achieved(a: Achieved) -> dict[str, Any]:
         "quantity": a.quantity,
         "unit": a.unit,
         "runs": a.runs,
-        **{name: None if size is None else size / a.per for name, size in sizes.items()},
+        "predicted": None if a.predicted is None else a.predicted / a.per,
+        **{name: size / a.per for name, size in sizes.items()},
         "ratio": ratio,
         "ratio_low": low,
         "ratio_high": high,
