@@ -1,4 +1,4 @@
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint bench proof clean
 
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -17,6 +17,9 @@ lint: $(READY)
 
 bench: $(READY)
 	$(PY) tests/benchmarks/bench.py
+
+proof: $(READY)
+	$(PY) tests/benchmarks/proof.py
 
 $(READY): pyproject.toml
 	python3 -m venv $(VENV)
