@@ -80,7 +80,7 @@ def row(result, *key):
 
 
 def test_white_noise_alone_comes_to_the_floor(half_turn):
-    """0.003/60 deg/rt-s over 9.96651 deg/h in 24 s: 3.686 deg; neither side had a say in it."""
+    """0.003/60 deg/rt-s over 9.96651 deg/h in 24 s: 3.686 mrad; neither side had a say in it."""
     unit = load_imu("ring-laser")
     unit = without(unit, [t for t in NOISE_ALONE if t in terms_of(unit)])
     asked = asked_of(half_turn, unit)
@@ -172,6 +172,17 @@ def test_true_biases_are_those_of_the_run(half_turn):
     forces = dwells[0].readings.f_b.mean(axis=0) - [0, 9.8093587, 0]
     assert forces == pytest.approx(trials.biases(7)[3:], abs=2e-7)
     assert not np.allclose(trials.biases(7), trials.biases(8))
+
+
+def test_a_method_without_prediction_is_told_all_the_same(half_turn):
+    half_turn.write_text(HALF_TURN.replace('"two-position"', '"two-gyro"'), encoding="utf-8")
+    asked = asked_of(half_turn)
+    result = with_verification(rehearse(asked), asked, 3, workers=1)
+    for label in ("first", "second"):
+        found = row(result, "two-gyro", label, "heading")
+        assert (found.predicted, found.agrees, found.runs) == (None, None, 3)
+        # 3 runs; the floor of 24 s is 0.21 deg
+        assert 0.02 * DEG < found.sigma < 2 * DEG
 
 
 # --- statistics

@@ -18,10 +18,12 @@ from alignment import ESTIMATORS, AttitudeEstimate
 from alignment.angles import SequenceRule
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
+from alignment.units import DEG
 from stand.campaign import campaign
 from stand.errors import StandError
 from stand.rehearsal.rehearse import Request
 from stand.rehearsal.result import (
+    QUANTITIES,
     Achieved,
     Finding,
     Refused,
@@ -139,11 +141,17 @@ def _verified(
 
 
 def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
+    """What was predicted; then attitudes by methods of which nothing is predicted."""
     for p in result.predictions:
         key = (p.method, p.window, p.label, p.quantity)
         if key in sums:
             n, sizes = sums.sigma(key)
             yield Achieved(*key, p.unit, p.per, p.sigma, n, *sizes)
+    untold = {p.method for p in result.predictions if not p.label}
+    for key in sums:
+        if key[0] in untold and key[3] in QUANTITIES:
+            n, sizes = sums.sigma(key)
+            yield Achieved(*key, "deg", DEG, None, n, *sizes)
 
 
 # --- one run -------------------------------------------------------------------------------------
@@ -201,6 +209,9 @@ class Sums:
 
     def __contains__(self, key: Key) -> bool:
         return key in self._of
+
+    def __iter__(self) -> Iterator[Key]:
+        return iter(self._of)
 
     def add(self, found: Found) -> None:
         """One run."""
