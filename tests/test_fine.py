@@ -13,7 +13,17 @@ from test_inertial import CAROUSEL, QUIET, SLOW, STILL, campaign, dwell, exact, 
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
-from alignment.fine import METHOD, filtered, fine, fine_tracks, innovations
+from alignment.fine import (
+    _ERRORS,
+    METHOD,
+    _inverse,
+    _Pass,
+    _updates,
+    filtered,
+    fine,
+    fine_tracks,
+    innovations,
+)
 from alignment.inertial import inertial
 
 W = 7.292115e-5  # rad/s
@@ -182,6 +192,82 @@ def test_the_reference_is_only_a_point_of_linearisation(monkeypatch):
     # Linearised within 0.01 rad: the second order of that, and of a prior of 10 rad (1e-4).
     assert (np.abs(between) < 0.02 * sigmas).all()
     np.testing.assert_allclose(moved.covariance, plain.covariance, rtol=0.02, atol=1e-12)
+
+
+def test_a_reference_far_off_is_found_by_passes_of_fewer_updates(monkeypatch):
+    """Five updates in one while the correction exceeds 0.01 rad; then all of them once."""
+    module = sys.modules["alignment.fine"]
+    original, counts = module._filter, []
+
+    def counted(model, reference, variance):
+        counts.append(len(reference.carried.t))
+        return original(model, reference, variance)
+
+    monkeypatch.setattr(module, "_filter", counted)
+    rng = np.random.default_rng(5)
+    t, w, f, _ = SLOW_CENTRED.readings(T, 20.0, 100.0)
+    rate, force = 2e-5, 1e-4  # 24 deg of heading by the bias alone, until it is told
+    w = w + rate + 1e-6 * rng.normal(size=w.shape)
+    priors = Priors(gyro_bias=rate, gyro_walk=1e-6 / sqrt(20), accel_walk=force)
+    filtered(dwell(t, w, f), site(SLOW_CENTRED), Options(priors=priors))
+    assert counts.count(601) == 1  # 60 s of 0.1 s
+    assert set(counts) == {121, 601}
+    assert counts[-1] == 601
+    counts.clear()
+    exactly = replace(priors, gyro_bias=0.0, gyro_walk=1e-9)
+    t, w, f, _ = STILL.readings(T, 20.0, 100.0)
+    filtered(dwell(t, w, f), site(STILL), Options(priors=replace(exactly, accel_walk=1e-6)))
+    assert counts == [601]
+
+
+# --- the recursion ----------------------------------------------------------------------------
+
+
+def test_inverse_of_a_covariance_by_hand():
+    """(4 2 0; 2 5 2; 0 2 2): determinant 4 (10 - 4) - 2 (4 - 0) = 16, cofactors by hand."""
+    expected = np.array([[6, -4, 4], [-4, 8, -8], [4, -8, 16]]) / 16
+    found = _inverse(np.array([[4.0, 2, 0], [2, 5, 2], [0, 2, 2]]))
+    np.testing.assert_allclose(found, expected, rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize("drifting", [False, True])
+def test_updates_are_those_of_the_textbook(drifting):
+    """Against the filter as it is printed (Groves 3.2.2), on random matrices whose constants stay.
+
+    Rounding of matrices of size 10, over 40 updates: 1e-10.
+    """
+    rng = np.random.default_rng(8)
+    m, size, free = 40, _ERRORS + 6, _ERRORS
+    F = np.tile(np.eye(size), (m - 1, 1, 1))
+    F[:, :free] += 0.1 * rng.normal(size=(m - 1, free, size))
+    Q = np.zeros((m - 1, size, size))
+    root = rng.normal(size=(m - 1, free, free))
+    Q[:, :free, :free] = 0.01 * root @ root.transpose(0, 2, 1)
+    if drifting:
+        own = np.arange(free, size)
+        Q[:, own, own] = rng.uniform(0.01, 0.1, (m - 1, len(own)))
+    H, z = rng.normal(size=(m, 3, size)), rng.normal(size=(m, 3))
+    root = rng.normal(size=(size, size))
+    x, P = rng.normal(size=size), root @ root.T
+    state = np.column_stack([P, x])
+    shapes = (m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,)
+    out = _Pass(*(np.empty(shape) for shape in shapes))
+    for part in (slice(0, 25), slice(25, m)):  # as chunks: each but the last propagates to the next
+        steps = slice(part.start, min(part.stop, m - 1))
+        _updates(state, (F[steps], Q[steps], H[part], z[part], 0.2), part, out)
+    for k in range(m):
+        S = H[k] @ P @ H[k].T + 0.2 * np.eye(3)
+        K, innovation = P @ H[k].T @ np.linalg.inv(S), z[k] - H[k] @ x
+        x, P = x + K @ innovation, (np.eye(size) - K @ H[k]) @ P
+        np.testing.assert_allclose(out.x[k], x, atol=1e-10)
+        np.testing.assert_allclose(out.variances[k], P.diagonal(), atol=1e-10)
+        np.testing.assert_allclose(out.attitude[k], P[:3, :3], atol=1e-10)
+        np.testing.assert_allclose(out.values[k], innovation, atol=1e-10)
+        np.testing.assert_allclose(out.expected[k], S.diagonal(), atol=1e-10)
+        misfit = innovation @ np.linalg.solve(S, innovation)
+        assert out.misfit[k] == pytest.approx(misfit, abs=1e-10)
+        if k < m - 1:
+            x, P = F[k] @ x, F[k] @ P @ F[k].T + Q[k]
 
 
 # --- Monte Carlo ------------------------------------------------------------------------------
