@@ -362,6 +362,14 @@ def align(
         str | None, typer.Option(help="Which IMU topic, where there are several.")
     ] = None,
     sequences: RuleOption = None,
+    imu: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ID",
+            help="Unit (stand list imus) or a TOML file: its data sheet's biases and scale errors "
+            "enter every sigma.",
+        ),
+    ] = None,
     turn_joint: Annotated[
         str | None,
         typer.Option(
@@ -399,6 +407,8 @@ def align(
 
     Example: stand align up.mcap down.mcap --method triad
 
+    Readings alone tell noise; a data sheet tells the rest: stand align log.mcap --imu stim300
+
     A turning table's log: stand align log.mcap --method carousel --turn-joint yaw --latitude 48.5
     """
     from alignment import ESTIMATORS
@@ -418,7 +428,7 @@ def align(
     first = logs[0]
     methods = [method] if method else first.methods
     site = _with(first.site, latitude, height)
-    options = _options(first.options, sequences)
+    options = _stated(_options(first.options, sequences), imu)
     dwells = [d for log in logs for d in log.dwells]
     truths = [t for log in logs for t in log.truths]
     _check_labels([d.label for d in dwells])
@@ -1043,6 +1053,26 @@ def _options(options: Options, sequences: RuleChoice | None) -> Options:
     from alignment.angles import SequenceRule
 
     return options if sequences is None else replace(options, rule=SequenceRule(sequences.value))
+
+
+def _stated(options: Options, imu: str | None) -> Options:
+    """The options with what a unit's data sheet says; of the table what the recording says."""
+    if imu is None:
+        return options
+    from dataclasses import replace
+
+    from stand.imu import load_imu
+    from stand.priors import priors_of
+
+    known = options.priors
+    priors = replace(
+        priors_of(load_imu(imu), None),
+        turn=known.turn,
+        seat=known.seat,
+        nominal=known.nominal,
+        lever_arm=known.lever_arm,
+    )
+    return replace(options, priors=priors)
 
 
 def _print_json(value: Any) -> None:

@@ -356,3 +356,26 @@ def test_faults_of_turns_on_the_command_line(tmp_path, stand_command, options, l
     said = stand_command("align", path, "--method", "carousel", "--latitude", "48.5", *options)
     assert said.code == 2
     assert line in said.err
+
+
+def test_a_data_sheet_enters_the_sigmas_of_a_real_log(tmp_path, stand_command):
+    """hg9900 at rest: 0.0035 deg/h over 9.96651 deg/h, 25 ug of levelling, tan(lat) of it."""
+    n = 1200
+    t, noise = np.arange(1, n + 1) / 20, np.random.default_rng(1)
+    w = np.tile(np.array([9.96651, 11.26509, 0.0]) * DEG / 3600, (n, 1))
+    f = np.tile([0.0, 9.8093587, 0.0], (n, 1))
+    w, f = w + 1e-9 * noise.standard_normal((n, 3)), f + 1e-6 * noise.standard_normal((n, 3))
+    path = logged(tmp_path / "still.mcap", t, w, f, t, 0 * t)
+    plain = stand_command("align", path, "--latitude", 48.5, "--json").json["estimates"][0]
+    told = stand_command("align", path, "--latitude", 48.5, "--imu", "hg9900", "--json").json
+    (stated,) = told["estimates"]
+    assert plain["sigma_heading_deg"] < 1e-4  # of the noise alone
+    tilt = 0.025 * 9.80665e-3 / 9.8093587 / DEG
+    heading = np.hypot(0.0035 / 9.96651 / DEG, 1.1303 * tilt)
+    # drift that outlasts a dwell is a bias, too: below 1 % of it
+    assert stated["sigma_pitch_deg"] == pytest.approx(tilt, rel=0.01)
+    assert stated["sigma_heading_deg"] == pytest.approx(heading, rel=0.01)
+    assert stated["heading_deg"] == pytest.approx(plain["heading_deg"], abs=1e-9)
+    said = stand_command("align", path, "--imu", "hg9901")
+    assert (said.code, said.err.count("\n")) == (2, 1)
+    assert "hg9900" in said.err
