@@ -97,7 +97,8 @@ class Simulation:
         procedure, table = settings.procedure, settings.table
         self.plan: Plan = plan(procedure, self.stand, table, settings.seed)
         load = payload_of(procedure)
-        check(procedure, self.plan, table, _torque(model, table, load))
+        self._torque = _torque(model, table, load)
+        check(procedure, self.plan, table, self._torque)
         if any(ESTIMATORS[m].needs_latitude for m in methods_of(settings)):
             settings.site.horizontal_rate()  # refuses poles before the work, not after
         _check_samples(settings, self.plan)
@@ -120,6 +121,19 @@ class Simulation:
         if servo:
             spans = [Span(s.t_from, s.t_to, s.kind == "dwell") for s in self.plan.steps]
             self._drive = Servo(model, table, self.plan.motion, load, spans=spans)
+
+    def replanned(self, seed: int) -> Plan:
+        """The plan with the random motions of another seed, checked against the table as its own.
+
+        Raises
+        ------
+        StandError
+            This seed's motion is beyond the table.
+        """
+        procedure, table = self.settings.procedure, self.settings.table
+        planned = plan(procedure, self.stand, table, seed)
+        check(procedure, planned, table, self._torque)
+        return planned
 
     @property
     def total(self) -> int:

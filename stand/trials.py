@@ -61,7 +61,7 @@ class Trials:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        first = Simulation(settings)
+        self._first = first = Simulation(settings)
         entry = settings.procedure.entry
         self.plan: Plan = first.plan
         self._drawn = any(isinstance(part, RANDOM) for part in (*entry.step, *entry.background))
@@ -110,7 +110,7 @@ class Trials:
     # --- ideal motion
 
     def _made(self, settings: Settings) -> Readings:
-        planned = Simulation(settings).plan if self._drawn else self.plan
+        planned = self._first.replanned(settings.seed) if self._drawn else self.plan
         imu = self._imu(settings)
         collector = DwellCollector(planned.stretches, settings.rate_hz)
         for felt in self._of(settings, planned):

@@ -32,7 +32,7 @@ from stand.published import (
     sway_figures,
 )
 from stand.report.compare import PNG, picture, published_text, table, write_picture
-from stand.simulation import Settings
+from stand.simulation import Settings, Simulation
 from stand.tally import Found, Outcome, nees_bounds, rms_interval, tally, worth
 from stand.trials import Trials, spans, watch
 
@@ -240,6 +240,24 @@ def test_runs_are_those_of_the_stand(tmp_path, text, true_table):
     trials = Trials(made)
     for seed in (3, 4, 3):
         equal_readings(trials, replace(made, seed=seed))
+
+
+def test_a_sway_drawn_beyond_the_table_is_refused(tmp_path):
+    """Each seed's own motion is checked: 3 deg in a second's fade are too much for all but a few.
+
+    What is said, and of which step, is what a run by `Simulation` says.
+    """
+    made = settings_of(
+        procedure_of(tmp_path, SHORT_REST + ROCKING.replace("rms_deg = 1", "rms_deg = 3"))
+    )
+    trials = Trials(made)
+    trials.readings(0)
+    for seed, label in ((1, "first"), (6, "second")):
+        with pytest.raises(StandError, match=f'"{label}", base_roll: jerk') as refused:
+            trials.readings(seed)
+        with pytest.raises(StandError) as whole:
+            Simulation(replace(made, seed=seed))
+        assert str(refused.value) == str(whole.value)
 
 
 def test_a_filter_remembers_the_moves(tmp_path):

@@ -106,8 +106,11 @@ def _joint_series(motion: Motion, pieces: IntArray) -> Array:
 
 def _chain(joints: Array, waves: Waves) -> Array:
     total = joints.sum(axis=2)
+    moving = np.any(joints, axis=(0, 1))
     for axes, order, cosine, sine in waves:
-        wave = _exponential(joints[:, :, axes] * order) * np.hypot(cosine, sine)
+        own = moving[axes]
+        size = np.hypot(cosine, sine)[own]
+        wave = _exponential(joints[:, :, axes[own]] * order[own]) * size
         total[1:] += wave[1:].sum(axis=2)
     return total
 
