@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import pi, sqrt
 
 from stand.rehearsal.result import (
+    Achieved,
     Advice,
     Change,
     Contribution,
@@ -14,11 +15,13 @@ from stand.rehearsal.result import (
     Margin,
     Observability,
     Prediction,
+    Refused,
     Rehearsal,
     Severity,
     StepDuration,
     StepFeasibility,
     Verdict,
+    Verification,
 )
 
 DEG = pi / 180
@@ -150,3 +153,44 @@ def infeasible() -> Rehearsal:
     made = answer(Verdict.PASS)
     broken = replace(made.feasibility[1], margins=margins(True))
     return replace(made, feasibility=(made.feasibility[0], broken, made.feasibility[2]))
+
+
+RUNS = 400
+
+
+def achieved(p: Prediction, ratio: float, wide: float = 0.07, label: str = "") -> Achieved:
+    """What runs came to where `ratio` was predicted of it, known to the part `wide`.
+
+    Where nothing was predicted, `ratio` is the number itself.
+    """
+    sigma = ratio * p.per if p.sigma is None else p.sigma / ratio
+    return Achieved(
+        p.method, p.window, label or p.label, p.quantity, p.unit, p.per, p.sigma, RUNS, sigma,
+        sigma / (1 + wide), sigma / (1 - wide),
+    )  # fmt: skip
+
+
+def runs(heading: float = 0.96, done: int = RUNS, wide: float = 0.07) -> Verification:
+    """Runs beside the answer; `heading` of two-position: predicted over achieved."""
+    made = answer()
+    *_, level, bias, roll = made.predictions
+    compared = (
+        achieved(made.predictions[0], 1.04, wide),
+        achieved(made.predictions[0], 0.98, wide, "second"),
+        achieved(made.predictions[2], heading, wide),
+        achieved(level, 1.01, wide),
+        achieved(bias, 1.05, wide, "all"),
+        achieved(roll, 25.0),
+    )
+    refused = (Refused("two-position", 3, "not at rest: it turns at 0.2 deg/s"),)
+    return Verification(RUNS, done, 7, 16.0, compared, refused)
+
+
+def verified(verdict: Verdict = Verdict.PASS, heading: float = 0.96, done: int = RUNS) -> Rehearsal:
+    """The answer with `runs` beside it, and the findings that come of them."""
+    made, beside = answer(verdict), runs(heading, done)
+    off = tuple(
+        Finding(Severity.WARNING, "prediction", a.label, f"{a.quantity} was predicted otherwise")
+        for a in beside.disagreeing
+    )
+    return replace(made, findings=(*made.findings, *off), verification=beside)

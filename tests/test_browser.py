@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from pages import Page
-from rehearsed import answer
+from rehearsed import answer, verified
 
 from stand.physics.picture import NoDriver
 from stand.rehearsal.result import Verdict
@@ -26,6 +26,7 @@ pytestmark = [
 ]
 WIDTH, HEIGHT = 1280, 4000
 PAPER = {"light": (255, 255, 255), "dark": (21, 24, 29)}  # #ffffff, #15181d
+BAND = {"light": (204, 231, 224), "dark": (25, 55, 51)}  # a fifth of #008562, #2bb58c on paper
 BARS = {"light": (0, 114, 178), "dark": (58, 155, 217)}  # #0072b2, #3a9bd9: the first hue
 ACCENT = {"FAIL": (166, 58, 0), "PASS": (0, 109, 75), "INDETERMINATE": (122, 91, 0)}  # by day
 
@@ -39,12 +40,14 @@ class Seen:
     screen: np.ndarray
     pdf: bytes
 
-    def share(self, colour: tuple[int, int, int]) -> float:
-        """Part of the screen that is of one colour."""
-        return float(np.mean(np.all(self.screen == colour, axis=2)))
+    def share(self, colour: tuple[int, int, int], within: int = 0) -> float:
+        """Part of the screen that is of one colour, up to so much in each of red, green, blue."""
+        return float(np.mean(np.all(np.abs(self.screen - colour) <= within, axis=2)))
 
 
-def seen(text: str, folder: Path, theme: str = "light", width: int = WIDTH) -> Seen:
+def seen(
+    text: str, folder: Path, theme: str = "light", width: int = WIDTH, flags: tuple[str, ...] = ()
+) -> Seen:
     """Open a page once, without a network to ask."""
     assert CHROMIUM is not None
     folder.mkdir(exist_ok=True)
@@ -57,7 +60,7 @@ def seen(text: str, folder: Path, theme: str = "light", width: int = WIDTH) -> S
             f"--user-data-dir={folder / 'profile'}", "--enable-logging=stderr",
             "--force-device-scale-factor=1", f"--window-size={width},{HEIGHT}",
             f"--blink-settings=preferredColorScheme={'0' if theme == 'dark' else '1'}",
-            f"--screenshot={screen}", f"--print-to-pdf={pdf}", "--dump-dom", html.as_uri(),
+            f"--screenshot={screen}", f"--print-to-pdf={pdf}", "--dump-dom", *flags, html.as_uri(),
         ],
         capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
@@ -79,7 +82,7 @@ def undrawn(monkeypatch):
 @pytest.fixture(scope="module")
 def by_theme(tmp_path_factory):
     root = tmp_path_factory.mktemp("browser")
-    text = page(answer(Verdict.FAIL))
+    text = page(verified(Verdict.FAIL, heading=0.7))
     return {theme: seen(text, root / theme, theme) for theme in ("light", "dark")}
 
 
@@ -89,7 +92,9 @@ def test_a_rehearsal_opens_without_complaint(by_theme, theme):
     assert opened.console == []
     assert "✗ FAIL" in opened.dom.said
     assert "Will not be met: heading within 0.05°." in opened.dom.said
-    assert len(opened.dom.of("svg")) == 3
+    assert "Verified by 400 runs 4 of 5 predictions agree with the runs" in opened.dom.said
+    assert "0.70 (0.65 to 0.75) contradicted" in opened.dom.said
+    assert len(opened.dom.of("svg")) == 4
     assert len(opened.dom.of("img")) == 2
     corner = tuple(opened.screen[2, 2])
     assert corner == PAPER[theme]
@@ -97,6 +102,9 @@ def test_a_rehearsal_opens_without_complaint(by_theme, theme):
     # more, of 4000. Without them letters alone would have that colour nowhere.
     assert opened.share(BARS[theme]) > 0.005
     assert opened.share(PAPER[theme]) > 0.5
+    # The band of the ratios is 4 rows of 30 pixels high and a tenth of the width; the mix of two
+    # colours may be rounded either way.
+    assert opened.share(BAND[theme], within=1) > 0.001
 
 
 def test_figures_and_letters_change_with_the_theme(by_theme):
@@ -132,6 +140,26 @@ def test_a_narrow_screen_scrolls_tables_and_not_the_page(tmp_path, undrawn):
     # anything wider than the screen, it would lie outside. Round corners blur two pixels.
     accent = np.all(opened.screen == ACCENT["FAIL"], axis=2).any(axis=0)
     assert accent.nonzero()[0].max() == pytest.approx(500 - 22.5, abs=4)
+
+
+def test_on_a_telephone_nothing_is_wider_than_the_screen(tmp_path, undrawn):
+    # The browser's own windows are 500 wide at least: a frame may be narrower.
+    folder = tmp_path / "page"
+    folder.mkdir()
+    inner = folder / "inner.html"
+    inner.write_text(page(verified(Verdict.FAIL, heading=0.7)), encoding="utf-8")
+    measure = (
+        "const root = document.querySelector('iframe').contentDocument.documentElement;"
+        "document.querySelector('p').textContent = `${root.clientWidth} ${root.scrollWidth}`"
+    )
+    opened = seen(
+        f'<iframe src="{inner.name}" style="width: 400px; height: 3000px; border: 0" '
+        f'onload="{measure}"></iframe><p>not measured</p>',
+        folder,
+        flags=("--allow-file-access-from-files",),
+    )
+    assert opened.dom.said == "400 400"
+    assert opened.console == []
 
 
 def test_a_recorded_run_opens_without_complaint(recorded, tmp_path, undrawn):

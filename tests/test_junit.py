@@ -6,7 +6,7 @@ from xml.etree.ElementTree import fromstring
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rehearsed import answer, infeasible
+from rehearsed import answer, infeasible, verified
 
 from stand.rehearsal.result import Finding, Severity, Verdict
 from stand.report.junit import junit
@@ -73,6 +73,41 @@ def test_the_inputs_are_properties():
     known = {p.get("name"): p.get("value") for p in root.find("testsuite").iter("property")}
     assert known["imu"] == "stim300"
     assert known["sha256 procedure"] == "ab" * 32
+
+
+def test_a_case_per_prediction_that_runs_were_set_beside():
+    root, found = cases(verified())
+    suite = root.findall("testsuite")[-1]
+    assert suite.get("name") == "two-position.verification"
+    assert [case.get("name") for case in suite.iter("testcase")] == [
+        "triad heading first",
+        "triad heading second",
+        "two-position heading first",
+        "two-position pitch first",
+        "two-position gyro bias X1 all",
+    ]  # of roll nothing is predicted
+    assert (suite.get("tests"), suite.get("failures"), suite.get("time")) == ("5", "0", "16.000")
+    # with two requirements and three steps
+    assert (root.get("tests"), root.get("failures"), root.get("time")) == ("10", "0", "16.000")
+    # 0.04593 / 0.96 = 0.04784, over 1.07 and 0.93
+    assert found["two-position heading first"].findtext("system-out") == (
+        "predicted 0.0459 deg, achieved 0.0478 (0.0447 to 0.0514) deg in 400 runs; "
+        "ratio 0.96 (0.89 to 1.03) agrees"
+    )
+    assert suite.findtext("system-out") == (
+        "two-position gave no answer in 3 of 400 runs: not at rest: it turns at 0.2 deg/s"
+    )
+    known = {p.get("name"): p.get("value") for p in suite.iter("property")}
+    assert (known["runs"], known["runs asked"], known["seed"]) == ("400", "400", "7")
+    assert known["imu"] == "stim300"
+
+
+def test_a_prediction_that_runs_contradict_is_a_failure():
+    root, found = cases(verified(heading=0.7))
+    failure = found["two-position heading first"].find("failure")
+    assert failure.get("type") == "contradicted"
+    assert "ratio 0.70 (0.65 to 0.75) misses 0.9 to 1.1" in failure.get("message")
+    assert (root.get("failures"), root.findall("testsuite")[-1].get("failures")) == ("1", "1")
 
 
 @given(st.text())

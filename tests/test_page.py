@@ -10,18 +10,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pages import checked
-from rehearsed import DEG, PROCEDURE, answer, infeasible
+from rehearsed import DEG, PROCEDURE, achieved, answer, infeasible, runs, verified
 
 from stand.errors import StandError
 from stand.physics.picture import NoDriver, pictures, png
-from stand.rehearsal.result import Duration, Finding, Rehearsal, Severity, Verdict
+from stand.rehearsal.result import Duration, Finding, Rehearsal, Severity, Verdict, Verification
 from stand.report import gallery as gallery_module
 from stand.report.document import TableData
-from stand.report.figures import Against, Bar, Budget, budget, requirements, timeline
+from stand.report.figures import (
+    Against,
+    Bar,
+    Budget,
+    RatioRow,
+    budget,
+    ratios,
+    requirements,
+    timeline,
+)
 from stand.report.gallery import MOST, Position, angles_text, gallery
 from stand.report.page import _numeric, refuse_existing, span_text, write_whole
 from stand.report.rehearsal import JSON, JUNIT, PAGE, page, write_report
 from stand.report.run_page import write_run_page
+from stand.report.verified import MOST_ROWS, outcome, section
 
 HOSTILE = "<script>alert(1)</script> \"'&amp; $x_{$ </svg> --> 日本 \u202e"
 
@@ -112,6 +122,17 @@ def test_a_plan_that_cannot_be_made_says_why_at_once(quick_pictures):
     assert "no position in which anything is measured" in said
 
 
+def hostile_runs() -> Verification:
+    v = runs(heading=0.7)
+    return replace(
+        v,
+        achieved=tuple(
+            replace(a, method=HOSTILE, window=HOSTILE, label=HOSTILE) for a in v.achieved
+        ),
+        refused=tuple(replace(r, method=HOSTILE, reason=HOSTILE) for r in v.refused),
+    )
+
+
 def test_hostile_text_stays_text(quick_pictures):
     evil = answer(Verdict.FAIL, HOSTILE)
     evil = replace(
@@ -123,6 +144,7 @@ def test_hostile_text_stays_text(quick_pictures):
         judgements=tuple(replace(j, reason=HOSTILE, label=HOSTILE) for j in evil.judgements),
         findings=tuple(replace(f, text=HOSTILE, step=HOSTILE) for f in evil.findings),
         advice=tuple(replace(a, text=HOSTILE, toml=HOSTILE) for a in evil.advice),
+        verification=hostile_runs(),
     )
     text = page(evil)
     shown = checked(text)
@@ -166,6 +188,144 @@ def test_the_tables_certificate_fills_the_record(quick_pictures):
     assert "Valid until 2027-03" in shown.said
     blanks = [a for _, a in shown.tags if a.get("class") == "blank"]
     assert len(blanks) == 6  # of eight fields
+
+
+# Runs beside the predictions ---------------------------------------------------------------------
+
+
+def test_without_runs_nothing_is_said_of_them(quick_pictures):
+    assert "Verified" not in checked(page(answer())).said
+
+
+def test_runs_that_agree_are_told_at_the_top_and_in_their_section(quick_pictures):
+    shown = checked(page(verified()))
+    head, _, rest = shown.said.partition("Verified by 400 runs")
+    # 7 % either way is less than the 10 % that is asked for: nothing is held back
+    assert "400 runs of the whole stand agree with all 5 predictions within 10 %." in head
+    assert "agree with 400 runs 5 of 5" in head
+    for words in (
+        "5 of 5 predictions agree with the runs",
+        "400 runs, seeds 7 to 406, in 16 s, 25 runs/s",  # 400 in 16 s
+        "two-position gave no answer in 3 of 400 runs: not at rest: it turns at 0.2 deg/s",
+        # 0.04593 / 0.96 = 0.04784, over 1.07 and 0.93; 0.96 times 0.93 and 1.07
+        "0.0459 deg 0.0478 (0.0447 to 0.0514) deg 0.96 (0.89 to 1.03) 400 yes",
+        # no number was predicted: what came out, without a ratio
+        "two-position roll first not determined 25 (23.4 to 26.9) deg 400",
+    ):
+        assert words in rest, words
+    assert "Contradicted" not in shown.said
+    assert "interrupted" not in shown.said
+    assert len(shown.of("svg")) == 4
+    labels = " ".join(a.get("aria-label") or "" for _, a in shown.tags)
+    assert "triad: heading: 1.04 (0.97 to 1.11); two-position: heading: 0.96" in labels
+    assert "roll: 25" not in labels
+
+
+def test_contradicted_predictions_are_named_once_at_the_top_and_marked_below(quick_pictures):
+    text = page(verified(heading=0.7))
+    shown = checked(text)
+    head, _, rest = shown.said.partition("Verified by 400 runs")
+    told = (
+        "400 runs of the whole stand contradict 1 of 5 predictions: two-position: heading (first)."
+    )
+    assert told in head
+    assert "was predicted otherwise" not in shown.said  # that finding stands in the section
+    assert "the class states no settling time" in head
+    assert "Contradicted: two-position: heading (first)." in rest
+    assert "can miss by chance" not in rest  # one of five is more than one in twenty
+    # 0.7 times 0.93 and 1.07; by a word, and in bold, not by colour alone
+    assert "0.70 (0.65 to 0.75) contradicted" in rest
+    assert re.search(r"font-weight: 700;[^>]*>0\.70 ", text)
+    assert '<td class="short bad">no</td>' in text
+
+
+def test_few_runs_do_not_claim_ten_percent():
+    told = outcome(runs(wide=0.2))
+    assert told == (
+        "400 runs of the whole stand agree with all 5 predictions within 10 %, as far as so few "
+        "can tell: ratios are known to ± 20 %."
+    )
+
+
+def test_an_interruption_is_told(quick_pictures):
+    said = checked(page(verified(done=312))).said
+    assert "Verified by 312 runs" in said
+    assert "Interrupted: 312 of 400 runs, seeds 7 to 318" in said
+
+
+def test_runs_that_nothing_can_be_compared_with(quick_pictures):
+    roll = runs().achieved[-1]
+    for achieved_then in ((roll,), ()):
+        v = replace(runs(), achieved=achieved_then, done=1)
+        shown = checked(page(replace(answer(), verification=v)))
+        assert "1 run of the whole stand leaves nothing to compare with a prediction." in shown.said
+        assert "Verified by 1 run No prediction could be compared with the runs." in shown.said
+        assert len(shown.of("svg")) == 3
+
+
+def test_one_of_many_may_miss_by_chance():
+    p = answer().predictions[2]
+    many = tuple(achieved(replace(p, label=str(k)), 1.0) for k in range(39))
+    v = replace(runs(), achieved=(*many, achieved(p, 0.8)))
+    # 5 % of 40 are 2
+    assert "Of 40 intervals of 95 % so few can miss by chance" in section(v).told[1]
+    twice = replace(v, achieved=(*v.achieved[2:], achieved(p, 0.8), achieved(p, 0.81)))
+    assert len(twice.disagreeing) == 3
+    assert "by chance" not in section(twice).told[1]
+
+
+def test_the_table_has_all_stretches_and_those_alike_share_a_row():
+    p = answer().predictions[2]
+    three = tuple(
+        achieved(p, ratio, label=name) for ratio, name in ((1, "a"), (1.1, "b"), (1, "c"))
+    )
+    made = section(replace(runs(), achieved=three))
+    assert made.table is not None
+    assert made.chart is not None
+    assert [row[:3] for row in made.table.rows] == [
+        ("two-position", "heading", "a, c"),
+        ("two-position", "heading", "b"),
+    ]
+    assert made.chart.alt.count("two-position: heading") == 1
+
+
+def test_a_chart_of_very_many_quantities_keeps_those_farthest_off():
+    p = answer().predictions[2]
+    rows = [achieved(replace(p, quantity=f"q{k}"), 1 + 0.001 * k) for k in range(MOST_ROWS + 5)]
+    made = section(replace(runs(), achieved=(achieved(p, 0.5), *rows)))
+    assert made.table is not None
+    assert made.chart is not None
+    assert (
+        made.chart_note == f"The {MOST_ROWS} of {MOST_ROWS + 6} quantities that are farthest off."
+    )
+    assert "two-position: heading: 0.50" in made.chart.alt
+    assert "q0:" not in made.chart.alt
+    assert f"q{MOST_ROWS + 4}: 1.03" in made.chart.alt
+    assert len(made.table.rows) == MOST_ROWS + 6
+
+
+def test_many_contradicted_are_counted_at_the_top():
+    p = answer().predictions[2]
+    off = tuple(achieved(replace(p, quantity=f"q{k}"), 0.5) for k in range(5))
+    told = outcome(replace(runs(), achieved=off))
+    assert (
+        "5 of 5 predictions: two-position: q0 (first), q1 (first), q2 (first) and 2 more." in told
+    )
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 0.0, 40.0])
+def test_a_ratio_far_beyond_stays_in_the_chart(ratio):
+    row = RatioRow("a", "far", (ratio, 0.9 * ratio, 1.1 * ratio), False, ((1.0, True),))
+    shown = ratios([row], (0.9, 1.1))
+    assert "arrow: beyond the edge" in shown.caption
+    assert "nan" not in shown.svg
+    assert "inf" not in shown.svg
+    assert "var(--hue1)" in shown.svg
+
+
+def test_the_caption_tells_only_what_is_drawn():
+    plain = ratios([RatioRow("a", "1", (1.0, 0.95, 1.05), True)], (0.9, 1.1)).caption
+    assert plain == "Dot and bar: the ratio and its 95 % interval; shaded: 0.9 to 1.1."
 
 
 # Figures -----------------------------------------------------------------------------------------

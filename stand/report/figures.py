@@ -265,6 +265,114 @@ def _in_words(item: Budget) -> str:
     return ", ".join(f"{s} {100 * v / whole:.0f} %" for s, v in parts if v / whole >= 0.005)
 
 
+@dataclass(frozen=True, slots=True)
+class RatioRow:
+    """Predicted over achieved sigma of a quantity.
+
+    `ratio` is (value, low, high) of the stretch that is farthest off, `text` the same as it is to
+    be read, `agrees` whether the runs bear it out; `others` are (value, agrees) of other stretches.
+    """
+
+    label: str
+    text: str
+    ratio: tuple[float, float, float]
+    agrees: bool
+    others: tuple[tuple[float, bool], ...] = ()
+
+
+LEAST_REACH, MOST_REACH = 1.35, 10.0  # of the axis, as a factor either way: beyond, at its edge
+EDGE = 1.04  # room for marks there
+_FINE_TICKS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1, 1.1, 1.2, 1.4, 1.6, 1.8, 2, 2.5)
+_COARSE_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10)
+_COARSE_BEYOND = 2.6  # of a reach: fine ticks would touch
+
+
+def ratios(rows: Sequence[RatioRow], band: tuple[float, float]) -> Drawing:
+    """Predicted over achieved, a row per quantity, with the `band` in which they agree.
+
+    Equal factors either way are equally far from 1.
+    """
+    every = [x for row in rows for x in (*row.ratio, *(x for x, _ in row.others))]
+    least = max(min(every), 1 / MOST_REACH)
+    reach = min(max(LEAST_REACH, max(every), 1 / least), MOST_REACH)
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        axes.axvspan(*band, color=HUES[2], alpha=0.2, linewidth=0)
+        axes.axvline(1, color=INK, linewidth=1.0)
+        for number, row in enumerate(rows):
+            _ratio_row(axes, number, row, reach)
+        _ratio_axis(axes, reach)
+        axes.set_xlabel("predicted over achieved standard deviation")
+        _row_labels(axes, [_short(row.label) for row in rows])
+
+    words = "; ".join(f"{row.label}: {row.text}" for row in rows)
+    size = (WIDTH, 0.65 + 0.3 * len(rows))
+    alt = f"Predicted over achieved standard deviation. {words}"
+    return drawing("ratios", size, alt, draw, _ratio_caption(rows, band))
+
+
+def _ratio_caption(rows: Sequence[RatioRow], band: tuple[float, float]) -> str:
+    """What is drawn, without what is not."""
+    parts = ["Dot and bar: the ratio and its 95 % interval"]
+    if any(row.others for row in rows):
+        parts[0] += ", of the stretch that is farthest off; rings: the other stretches"
+    if not all(row.agrees for row in rows):
+        parts.append("crosses and broken bars: contradicted, the interval misses the shaded band")
+    parts.append(f"shaded: {band[0]:g} to {band[1]:g}")
+    if any(_within(row.ratio[0], MOST_REACH) != row.ratio[0] for row in rows):
+        parts.append("arrow: beyond the edge")
+    return "; ".join(parts) + "."
+
+
+def _ratio_axis(axes: Axes, reach: float) -> None:
+    axes.set_xscale("log")
+    axes.set_xlim(1 / (reach * EDGE), reach * EDGE)
+    every = _FINE_TICKS if reach < _COARSE_BEYOND else _COARSE_TICKS
+    ticks = [tick for tick in every if 1 / reach <= tick <= reach]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.set_xticks([], minor=True)
+    frame(axes, grid="x")
+
+
+def _ratio_row(axes: Axes, number: int, row: RatioRow, reach: float) -> None:
+    value, low, high = row.ratio
+    axes.plot(
+        [_within(low, reach), _within(high, reach)], [number] * 2, color=_ratio_hue(row.agrees),
+        linewidth=2.4, linestyle="-" if row.agrees else (0, (2.2, 1.1)), zorder=2,
+    )  # fmt: skip
+    for other, agrees in row.others:
+        axes.plot(
+            [_within(other, reach)], [number], marker="o" if agrees else "x",
+            markersize=5 if agrees else 6, markerfacecolor=PAPER,
+            markeredgecolor=_ratio_hue(agrees), markeredgewidth=1.2, zorder=3,
+        )  # fmt: skip
+    axes.plot(
+        [_within(value, reach)], [number], marker=_ratio_marker(row, reach),
+        markersize=7 if row.agrees else 10, color=_ratio_hue(row.agrees), markeredgecolor=PAPER,
+        markeredgewidth=0.8, zorder=4,
+    )  # fmt: skip
+    axes.text(
+        1.015, number, row.text, transform=axes.get_yaxis_transform(), ha="left", va="center",
+        fontsize=9, color=INK, weight="normal" if row.agrees else "bold",
+    )  # fmt: skip
+
+
+def _within(ratio: float, reach: float) -> float:
+    return min(max(ratio, 1 / reach), reach)
+
+
+def _ratio_hue(agrees: bool) -> str:
+    return HUES[0] if agrees else HUES[1]
+
+
+def _ratio_marker(row: RatioRow, reach: float) -> str:
+    """A dot, a cross where contradicted, an arrow at the edge for what lies beyond it."""
+    if _within(row.ratio[0], reach) != row.ratio[0]:
+        return ">" if row.ratio[0] > 1 else "<"
+    return "o" if row.agrees else "X"
+
+
 def errors(method: str, number: int, tracks: Sequence[AngleCurves], total: float) -> Drawing:
     """Errors of a method's angles over the run, with one predicted sigma about zero."""
     greatest = max((float(np.abs(c.errors).max()) for c in tracks if len(c.t_ns)), default=0.0)

@@ -1,23 +1,36 @@
 """A rehearsal as JUnit XML: build servers show it beside unit tests.
 
-One test case per requirement and one per step. A requirement that fails, and one of which nobody
-can say whether it holds, are failures: `stand rehearse` ends with 1 for both, and a build must
-not go on without knowing. They are told apart by the failure's type, FAIL or INDETERMINATE.
+One test case per requirement, one per step, and one per prediction that runs were set beside. A
+requirement that fails, and one of which nobody can say whether it holds, are failures: `stand
+rehearse` ends with 1 for both, and a build must not go on without knowing. They are told apart by
+the failure's type, FAIL or INDETERMINATE. A prediction that the runs contradict is a failure of
+the type `contradicted`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from stand.rehearsal.result import (
+    Achieved,
     Finding,
     Judgement,
     Rehearsal,
     Severity,
     StepFeasibility,
     Verdict,
+    Verification,
 )
-from stand.report.wording import deg_text, judged_in_words, margin_in_words
+from stand.report.wording import (
+    achieved_in_words,
+    deg_text,
+    judged_in_words,
+    margin_in_words,
+    method_text,
+    refused_in_words,
+)
 
 
 def junit(result: Rehearsal) -> str:
@@ -31,8 +44,11 @@ def junit(result: Rehearsal) -> str:
     ):
         if cases:
             suites.append(_suite(result, f"{name}.{title}", cases))
+    if result.verification is not None:
+        suites.append(_verified(result, result.verification))
     for key in ("tests", "failures"):
         suites.set(key, str(sum(int(suite.get(key, "0")) for suite in suites)))
+    suites.set("time", f"{sum(float(suite.get('time', '0')) for suite in suites):.3f}")
     indent(suites)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(suites, "unicode") + "\n"
 
@@ -41,7 +57,25 @@ def _errors(result: Rehearsal) -> list[Finding]:
     return [f for f in result.findings if f.severity is Severity.ERROR]
 
 
-def _suite(result: Rehearsal, name: str, cases: list[Element]) -> Element:
+def _verified(result: Rehearsal, v: Verification) -> Element:
+    """What the runs were compared with; how many there were, and who gave no answer in them."""
+    name = f"{result.inputs.procedure}.verification"
+    cases = [_compared(name, a) for a in v.achieved if a.ratio is not None]
+    known = {"runs": str(v.done), "runs asked": str(v.asked), "seed": str(v.seed)}
+    suite = _suite(result, name, cases, v.seconds, known)
+    if v.refused:
+        refusals = "\n".join(refused_in_words(r, v.done) for r in v.refused)
+        SubElement(suite, "system-out").text = _clean(refusals)
+    return suite
+
+
+def _suite(
+    result: Rehearsal,
+    name: str,
+    cases: list[Element],
+    seconds: float = 0.0,
+    more: Mapping[str, str] = MappingProxyType({}),
+) -> Element:
     failures = sum(case.find("failure") is not None for case in cases)
     suite = Element(
         "testsuite",
@@ -50,13 +84,14 @@ def _suite(result: Rehearsal, name: str, cases: list[Element]) -> Element:
         failures=str(failures),
         errors="0",
         skipped="0",
-        time="0",
+        time=f"{seconds:.3f}",
     )
     properties = SubElement(suite, "properties")
     i = result.inputs
-    known = {"procedure": i.procedure, "imu": i.imu, "table": i.table} | {
+    known: dict[str, str] = {"procedure": i.procedure, "imu": i.imu, "table": i.table} | {
         f"sha256 {key}": value for key, value in i.sha256.items()
     }
+    known |= more
     for key, value in known.items():
         SubElement(properties, "property", name=_clean(key), value=_clean(value))
     suite.extend(cases)
@@ -91,6 +126,12 @@ def _step(procedure: str, step: StepFeasibility) -> Element:
 def _finding(procedure: str, number: int, found: Finding) -> Element:
     name = f"{number} {found.kind}" + (f" {found.step}" if found.step else "")
     return _case(f"{procedure}.findings", name, (found.kind, found.text), found.text)
+
+
+def _compared(group: str, a: Achieved) -> Element:
+    told = achieved_in_words(a)
+    failure = ("contradicted", told) if a.agrees is False else None
+    return _case(group, f"{method_text(a.method, a.window)} {a.quantity} {a.label}", failure, told)
 
 
 def _clean(text: str) -> str:

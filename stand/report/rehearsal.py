@@ -14,6 +14,7 @@ import numpy as np
 
 from stand.rehearsal.result import (
     Advice,
+    Finding,
     Judgement,
     Prediction,
     Rehearsal,
@@ -23,16 +24,18 @@ from stand.rehearsal.result import (
     Verdict,
     rehearsal_json,
 )
-from stand.report.document import WINDOWS, TableData
+from stand.report.document import TableData
 from stand.report.figures import Against, Bar, Budget, budget, requirements, timeline
 from stand.report.gallery import Position, gallery
 from stand.report.junit import junit
 from stand.report.page import refuse_existing, render, span_text, write_whole
 from stand.report.provenance import provenance
+from stand.report.verified import fact, outcome, section
 from stand.report.wording import (
     deg_text,
     digits,
     margin_in_words,
+    method_text,
     percent,
     sigma_text,
 )
@@ -41,6 +44,7 @@ PAGE, JSON, JUNIT = "rehearsal.html", "rehearsal.json", "junit.xml"
 GRADES = {Verdict.PASS: "good", Verdict.FAIL: "bad", Verdict.INDETERMINATE: "open"}
 LEAST_USED = 1e-3  # of a limit: less is told as less
 LEAST_SHARE = 1e-3  # of a variance, to be named in the table
+CONTRADICTED = "prediction"  # the kind of finding that runs make
 MOST_BUDGETS = 24  # rows of the chart; the table has them all
 
 
@@ -93,7 +97,7 @@ def page(result: Rehearsal) -> str:
         "requirements": _requirements(result.judgements),
         "against": requirements([_against(j) for j in result.judgements]),
         "reasons": [(j.quantity, j.reason) for j in result.judgements if j.reason],
-        "findings": [_found(f.severity, f.step, f.text) for f in result.findings],
+        "findings": [_found(f.severity, f.step, f.text) for f in _before(result)],
         "advice": [_advised(a) for a in result.advice],
         "duration": _duration(result),
         "timeline": timeline(bars, result.duration.total) if bars else None,
@@ -104,6 +108,7 @@ def page(result: Rehearsal) -> str:
         "undetermined": _undetermined(result.predictions),
         "observability": _observability(result),
         "unseen": [(o.method, o.unseen) for o in result.observability if o.unseen],
+        "verified": None if result.verification is None else section(result.verification),
         "gallery": gallery(_positions(result)),
         "provenance": provenance(files, i.sha256, i.versions),
     }
@@ -134,6 +139,8 @@ def _summary(result: Rehearsal) -> str:
             told.append(f"{words}: {', '.join(those)}.")
     if result.duration.steps and not result.judgements:
         told.append("It states no required accuracy.")
+    if result.verification is not None:
+        told.append(outcome(result.verification))
     return " ".join([*told, *_first_reason(result)])
 
 
@@ -153,6 +160,7 @@ def _facts(result: Rehearsal) -> list[tuple[str, str]]:
     d = result.duration
     if not d.steps:
         return []
+    verified = [] if result.verification is None else [fact(result.verification)]
     used = [s.worst.ratio for s in result.feasibility if s.worst is not None]
     return [
         ("takes", span_text(d.total)),
@@ -160,6 +168,7 @@ def _facts(result: Rehearsal) -> list[tuple[str, str]]:
         ("steps", str(len(d.steps))),
         ("limits used to", percent(max(used)) if used else "unknown"),
         ("readings", f"{result.inputs.rate_hz} Hz"),
+        *verified,
     ]
 
 
@@ -194,6 +203,11 @@ def _requirements(judgements: Sequence[Judgement]) -> TableData | None:
         f"{' or '.join(percent(g) for g in guards)}, or not determined.",
     )
     return TableData("Required accuracy", columns, rows, notes=notes)
+
+
+def _before(result: Rehearsal) -> list[Finding]:
+    """What to know before the run; contradicted predictions stand with those that are verified."""
+    return [f for f in result.findings if result.verification is None or f.kind != CONTRADICTED]
 
 
 def _found(severity: Severity, step: str, text: str) -> dict[str, str]:
@@ -307,7 +321,7 @@ def _used(step: StepFeasibility, quantity: str) -> str:
 
 
 def _name(p: Prediction) -> str:
-    return f"{p.method}{WINDOWS.get(p.window, f', {p.window}')}"
+    return method_text(p.method, p.window)
 
 
 def _budget(result: Rehearsal) -> Any:
@@ -324,7 +338,7 @@ def _budget(result: Rehearsal) -> Any:
     rows = [
         Budget(
             f"{_name(p)}: {p.quantity}",
-            sigma_text(p),
+            sigma_text(p.sigma, p.per, p.unit),
             {c.source: (c.sigma / p.per) ** 2 for c in p.contributions},
         )
         for p in order[:MOST_BUDGETS]
@@ -337,7 +351,9 @@ def _predictions(predictions: Sequence[Prediction]) -> TableData | None:
     rows: dict[tuple[str, str, str, str], list[str]] = {}
     for p in predictions:
         if p.determined:
-            rows.setdefault((_name(p), p.quantity, sigma_text(p), _made_of(p)), []).append(p.label)
+            rows.setdefault(
+                (_name(p), p.quantity, sigma_text(p.sigma, p.per, p.unit), _made_of(p)), []
+            ).append(p.label)
     columns = ("method", "quantity", "sigma", "stretch", "made of, in the same unit")
     notes = (
         "Parts add up in quadrature: sigma is the root of the sum of their squares. Those below "

@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import isfinite
 
 from alignment.units import ARC_SECOND, DEG
-from stand.rehearsal.result import Judgement, Margin, Prediction
+from stand.rehearsal.result import AGREES, Achieved, Judgement, Margin, Refused
+from stand.report.document import WINDOWS
 
 _ARC_SECONDS_BELOW = 0.01 * DEG
 
@@ -24,9 +25,46 @@ def deg_text(angle: float) -> str:
     return f"{digits(angle / DEG)}° ({digits(angle / ARC_SECOND)}″)"
 
 
-def sigma_text(p: Prediction) -> str:
-    """A predicted sigma in the unit it is told in."""
-    return "not determined" if p.sigma is None else f"{digits(p.sigma / p.per)} {p.unit}"
+def sigma_text(sigma: float | None, per: float, unit: str) -> str:
+    """A predicted sigma [SI] in the unit it is told in."""
+    return "not determined" if sigma is None else f"{digits(sigma / per)} {unit}"
+
+
+def method_text(method: str, window: str) -> str:
+    """A method and which of its forms: 'six-position, fresh window'."""
+    return f"{method}{WINDOWS.get(window, f', {window}')}"
+
+
+def ratio_text(ratio: tuple[float, float, float]) -> str:
+    """A ratio with the ends of its interval: '0.98 (0.84 to 1.12)'."""
+    value, low, high = (f"{x:.2f}" if 0.1 <= x < 10 else digits(x) for x in ratio)
+    return f"{value} ({low} to {high})"
+
+
+def achieved_text(a: Achieved) -> str:
+    """An achieved sigma with its interval, in the unit it is told in."""
+    sigma, low, high = (digits(x / a.per) for x in (a.sigma, a.low, a.high))
+    return f"{sigma} ({low} to {high}) {a.unit}"
+
+
+def achieved_in_words(a: Achieved) -> str:
+    """One sentence of a prediction beside what runs came to."""
+    predicted = sigma_text(a.predicted, a.per, a.unit)
+    told = f"predicted {predicted}, achieved {achieved_text(a)} in {runs_text(a.runs)}"
+    if a.ratio is None:
+        return told
+    verdict = "agrees" if a.agrees else f"misses {AGREES[0]:g} to {AGREES[1]:g}"
+    return f"{told}; ratio {ratio_text(a.ratio)} {verdict}"
+
+
+def refused_in_words(r: Refused, done: int) -> str:
+    """One sentence of a method that gave no answer in some of the runs that were done."""
+    return f"{r.method} gave no answer in {r.runs} of {runs_text(done)}: {r.reason}"
+
+
+def runs_text(n: int) -> str:
+    """'1 run', '60 runs'."""
+    return "1 run" if n == 1 else f"{n} runs"
 
 
 def judged_in_words(j: Judgement) -> str:
