@@ -49,7 +49,7 @@ def section(v: Verification) -> Section:
     note = f"The {len(shown)} of {len(rows)} quantities that are farthest off." if left_out else ""
     return Section(
         f"Verified by {runs_text(v.done)}",
-        (_agreement(v), _contradicted(v), _how(v)),
+        (_agreement(v), _contradicted(v), _chance(v), _how(v)),
         ratios(shown, AGREES) if shown else None,
         note,
         _table(v.achieved),
@@ -147,13 +147,15 @@ def _agreement(v: Verification) -> str:
 
 
 def _contradicted(v: Verification) -> str:
-    if not v.disagreeing:
-        return ""
-    told = f"Contradicted: {_named(v.disagreeing)}."
+    return f"Contradicted: {_named(v.disagreeing)}." if v.disagreeing else ""
+
+
+def _chance(v: Verification) -> str:
+    """Whether so few may be chance: of intervals of 95 % one in twenty misses."""
     compared, off = len(_compared(v)), len(v.disagreeing)
-    if off <= BY_CHANCE * compared:
-        told += f" Of {compared} intervals of 95 % so few can miss by chance: more runs would tell."
-    return told
+    if not 0 < off <= BY_CHANCE * compared:
+        return ""
+    return f"Of {compared} intervals of 95 %, so few can miss by chance: more runs would tell."
 
 
 def _how(v: Verification) -> str:
