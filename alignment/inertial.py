@@ -343,7 +343,7 @@ def covariances(
     """
     C_ni = matched.C_ni.as_matrix()
     spans, reference = carried.spans, matched.reference
-    fit = _fit_matrix(spans, reference)
+    fit = fit_matrix(spans, reference)
     basis = _legendre(carried)[:, _WANDER_ORDERS] * spans[:, None]
     m = len(spans)
     weights = np.empty((m, 12, 3))
@@ -424,7 +424,7 @@ def _after(rows: Array) -> Array:
     return np.asarray(total)
 
 
-def _fit_matrix(spans: Array, reference: Array) -> Array:
+def fit_matrix(spans: Array, reference: Array) -> Array:
     """Inverse of the normal matrix of a small rotation of the reference curve."""
     square = np.einsum("m,mi,mj->ij", spans, reference, reference)
     return np.asarray(np.linalg.inv(np.trace(square) * np.eye(3) - square))

@@ -1,22 +1,29 @@
 """Predicted sigmas: table errors against the stand itself, rows one by one, closed forms."""
 
-from dataclasses import replace
+import re
+from dataclasses import fields, replace
+from functools import cache
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import norm
 
 from alignment import Site
 from alignment.earth import EARTH_RATE
+from alignment.information import Triad
 from alignment.units import DEG, DEG_PER_HOUR, DEG_PER_RT_HOUR, MILLI_G, STANDARD_GRAVITY
+from stand import catalogue
 from stand.imperfection import TableErrors
 from stand.imu import load_imu, without
 from stand.physics.description import JOINTS
 from stand.physics.geometry import with_errors
 from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Truth
-from stand.procedure import load_procedure, table_of
-from stand.rehearsal.instrument import leanings
+from stand.plan import plan
+from stand.procedure import load_procedure, procedure_from, table_of
+from stand.rehearsal.accuracy import Scene, predict
+from stand.rehearsal.instrument import Rounding, leanings, roundings_of
 from stand.rehearsal.rehearse import rehearse, request
 from stand.table import load_table
 
@@ -135,35 +142,249 @@ def test_offsets_cancel_what_is_constant():
     assert drift.sigma == pytest.approx(walk, rel=1e-3)
 
 
-TERMS = {
+# --- rows, one by one
+
+
+def everything_wrong():
+    """A unit with every error there is, all small enough for first order."""
+    unit = load_imu("hg9900")
+    gyro = replace(
+        unit.gyro,
+        instability=0.001 * DEG_PER_HOUR,
+        random_walk=0.003 * DEG_PER_HOUR / 60,
+        ramp=0.01 * DEG_PER_HOUR / 3600,
+        asymmetry=5e-6,
+        nonlinearity=1e-4,
+        full_scale=10 * DEG,
+        misalignment=1e-4,
+        non_orthogonality=1e-4,
+        g_sensitivity=0.001 * DEG_PER_HOUR / STANDARD_GRAVITY,
+        g2_sensitivity=0.001 * DEG_PER_HOUR / STANDARD_GRAVITY**2,
+        resolution=unit.gyro.noise * np.sqrt(200),  # all of its rounding is noise
+    )
+    accel = replace(
+        unit.accel,
+        instability=3e-6 * STANDARD_GRAVITY,
+        random_walk=1e-6 * STANDARD_GRAVITY / 60,
+        ramp=10e-6 * STANDARD_GRAVITY / 3600,
+        asymmetry=1e-5,
+        nonlinearity=1e-5,
+        full_scale=2 * STANDARD_GRAVITY,
+        misalignment=1e-4,
+        non_orthogonality=1e-4,
+        second_order=1e-5 * STANDARD_GRAVITY / STANDARD_GRAVITY**2,
+        resolution=unit.accel.noise * np.sqrt(200),
+    )
+    return replace(unit, gyro=gyro, accel=accel, clock=replace(unit.clock, latency=2e-3))
+
+
+# rows of each term of a unit that can be switched off
+OF_UNIT = {
     "white-noise": ("white noise",),
+    "quantisation": ("rounding",),
     "turn-on-bias": ("turn-on bias",),
+    "ramp": ("ramp",),
     "bias-instability": ("bias instability",),
+    "random-walk": ("random walk",),
     "scale-factor": ("scale",),
+    "asymmetry": ("asymmetry",),
+    "non-linearity": ("cubic",),
+    "second-order": ("quadratic",),
     "misalignment": ("case misalignment",),
+    "non-orthogonality": ("non-orthogonality",),
     "g-sensitivity": ("g-sensitivity",),
+    "g2-sensitivity": ("g^2-sensitivity",),
+    "latency": ("lag",),
 }
+# and of what a table class states, by key
+OF_TABLE = {
+    "base_tilt_arc_s": "table tilt",
+    "base_azimuth_arc_s": "table azimuth",
+    "mounting_arc_s": "mounting",
+    "placement_arc_s": "placement",
+    "encoder_arc_s": "encoder",
+    "non_orthogonality_arc_s": "non-orthogonality",
+    "wobble_arc_s": "wobble",
+}
+OF_MOTION = "motion"
+SENSORS = ("gyro", "accelerometer")
 
 
-@pytest.mark.parametrize("term", TERMS)
-def test_a_source_switched_off_takes_its_row_away(term):
-    """Gains frozen: the estimators go on being told what the whole unit's sheet says."""
-    unit = load_imu("stim300")
-    asked, whole = predictions("two-position", unit)
-    less = rehearse(replace(asked, imu=without(unit, [term])))
-    changed = 0
-    for p in less.predictions:
-        before = whole.get((p.method, p.label, p.quantity))
-        if before is None or p.sigma is None:
-            continue
-        gone = sum(
-            c.sigma**2 for c in before.contributions if c.source.split(" ", 1)[-1] in TERMS[term]
+@cache
+def in_every_way():
+    """Scenes of procedures between which every row appears, their methods, and predictions."""
+    unit = everything_wrong()
+    found = []
+    for name in ("six-position", "two-position", "carousel", "random-sway"):
+        source = catalogue.find("procedures", "procedure", name)
+        text = re.sub('directions = "both"', 'directions = "one"', source.text)  # the lag shows
+        procedure = procedure_from(catalogue.Source(name, source.name, text))
+        table = load_table("mid-class") if name == "six-position" else table_of(procedure)
+        found.append(scene_of(procedure, unit, table))
+    return found
+
+
+def scene_of(procedure, unit, table):
+    """What `rehearse` predicts from."""
+    asked = request(procedure, unit, table, procedure.entry.site.site())
+    planned, truth = plan(procedure, STAND, table, 0), Truth(MODEL, asked.site, unit.places)
+    scene = Scene(planned, STAND, table, unit, asked.site, asked.options, 200, lambda: truth)
+    methods = procedure.entry.estimate.methods
+    return scene, methods, predict(scene, methods)[0]
+
+
+def change_as_rows_say(changed, rows):
+    """Gains frozen (estimators go on being told what the whole sheets say): every prediction of
+    `changed` scenes is less by what these rows were of it."""
+    told = 0
+    for (_, methods, whole), scene in zip(in_every_way(), changed, strict=True):
+        less = {(p.method, p.label, p.quantity): p for p in predict(scene, methods)[0]}
+        for before in whole:
+            after = less[before.method, before.label, before.quantity]
+            if before.sigma is None or after.sigma is None:
+                continue
+            gone = sum(c.sigma**2 for c in before.contributions if c.source in rows)
+            told += gone > 1e-6 * before.sigma**2
+            # rows below a millionth are not told: 1e-12 of the square
+            assert after.sigma**2 == pytest.approx(
+                before.sigma**2 - gone, rel=1e-6, abs=1e-9 * before.sigma**2
+            ), before
+    assert told
+
+
+@pytest.mark.parametrize("term", OF_UNIT)
+def test_a_source_of_the_unit_switched_off_takes_its_row_away(term):
+    rows = {f"{sensor} {row}" for sensor in SENSORS for row in OF_UNIT[term]} | {*OF_UNIT[term]}
+    rows -= {"non-orthogonality"}  # without a sensor it is the table's
+    whole = [scene for scene, *_ in in_every_way()]
+    if term == "white-noise":  # it is what makes noise of rounding: here there is none to make
+        rows |= {f"{sensor} rounding" for sensor in SENSORS}
+        less = [replace(a, imu=without(a.imu, ["quantisation", term])) for a in whole]
+    else:
+        less = [replace(a, imu=without(a.imu, [term])) for a in whole]
+    change_as_rows_say(less, rows)
+
+
+@pytest.mark.parametrize("key", OF_TABLE)
+def test_a_source_of_the_table_switched_off_takes_its_row_away(key, tmp_path):
+    less = []
+    for number, (scene, *_) in enumerate(in_every_way()):
+        path = tmp_path / f"{number}.toml"
+        text = re.sub(rf"(?m)^{key} = .*$", f"{key} = 0.0", scene.table.text)
+        path.write_text(text, encoding="utf-8")
+        less.append(replace(scene, table=load_table(str(path))))
+    change_as_rows_say(less, {OF_TABLE[key]})
+
+
+def test_a_base_that_rests_takes_the_row_of_its_motion_away():
+    """And leaves what does not come from moving, within the cosines of 2 deg of rocking."""
+    scene, _, whole = in_every_way()[-1]
+    procedure = load_procedure("random-sway")
+    text = re.sub(r"(?s)\[\[background\]\].*", "", procedure.text)
+    still = procedure_from(catalogue.Source("still", "still.toml", text))
+    rested = predict(replace(scene, plan=plan(still, STAND, scene.table, 0)), ["inertial"])[0]
+    less = {p.quantity: parts(p) for p in rested}
+    for before in whole:
+        if before.method == "inertial":
+            rows, after = parts(before), less[before.quantity]
+            assert OF_MOTION in rows
+            assert OF_MOTION not in after
+            for source in ("gyro white noise", "gyro turn-on bias", "accelerometer white noise"):
+                if rows[source] > 0.1 * before.sigma:
+                    assert after[source] == pytest.approx(rows[source], rel=0.05), source
+
+
+def test_every_row_has_a_case():
+    """A row that none of the cases above switches off would be one that nobody has looked at."""
+    told = {c.source for *_, found in in_every_way() for p in found for c in p.contributions}
+    of_unit = {row for rows in OF_UNIT.values() for row in rows}
+    covered = {f"{sensor} {row}" for sensor in SENSORS for row in of_unit}
+    covered |= {"lag", OF_MOTION, *OF_TABLE.values()}
+    assert told <= covered
+    # and every error that the models have is in this unit and these tables
+    sheets = {f.name for f in fields(Triad)} - {"drift", "random_walk", "noise", "bias"}
+    named = {row.split(" ", 1)[1] for row in told if row.startswith(SENSORS)}
+    assert {name.replace("_", "-").replace("g2", "g^2") for name in sheets} <= named | {
+        "misalignment"
+    }
+    assert set(OF_TABLE.values()) <= told
+
+
+# --- rounding
+
+
+def test_rounding_is_noise_as_far_as_noise_blurs_it():
+    """Against the exact means and variances of a rounded normal number, over all of a step."""
+    step, x = 1.0, (np.arange(400) + 0.5) / 400
+    k = np.arange(-12, 14)[:, None]
+    for sigma in (0.02, 0.1, 0.2, 0.3, 0.5):
+        one = Rounding(step, sigma)
+        share = np.diff(norm.cdf(np.append(k - 0.5, [[13.5]], axis=0), x, sigma), axis=0)
+        mean = np.sum(k * share, axis=0)
+        spread = np.sum(k**2 * share, axis=0) - mean**2
+        off = mean - x
+        # 200 waves hold all but 0.3 % of a bare staircase
+        assert one.shared(np.zeros(1), np.zeros(1))[0] == pytest.approx(
+            np.mean(off**2), rel=4e-3, abs=1e-9
         )
-        changed += gone > 1e-6 * before.sigma**2
-        # rows below a millionth are not told: 1e-12 of the square
-        expected = before.sigma**2 - gone
-        assert p.sigma**2 == pytest.approx(expected, rel=1e-6, abs=1e-9 * before.sigma**2)
-    assert changed
+        assert one.noise**2 + sigma**2 == pytest.approx(np.mean(spread), rel=4e-3)
+        for apart in (40, 133):  # of 400: a tenth, a third of a step
+            assert one.shared(np.array([apart / 400]), np.zeros(1))[0] == pytest.approx(
+                np.mean(off * np.roll(off, apart)), rel=1e-2, abs=1e-6
+            )
+        # nobody knows how far apart they are: nothing is shared
+        assert one.shared(np.zeros(1), np.full(1, 3.0))[0] == pytest.approx(0.0, abs=1e-12)
+        if sigma >= 0.1:  # a staircase has no slope
+            slope = np.gradient(off, x)
+            assert one.steepness == pytest.approx(np.sqrt(np.mean(slope[5:-5] ** 2)), rel=0.03)
+
+
+def test_what_rounding_leaves_is_in_the_bias_that_is_told():
+    """First wave, by hand: q/(sqrt2 pi) exp(-2 (pi sigma/q)^2) of 219.5 deg/h steps."""
+    procedure = load_procedure("two-position")
+    unit = without(load_imu("icm42688p"), ["bandwidth"])
+    step, walk = 0.06098 * 3600, 0.0028 * 3600  # deg/h, deg/h per root hertz: the data sheet
+    for rate in (50, 100):
+        asked = request(procedure, unit, table_of(procedure), procedure.entry.site.site(), rate)
+        found = {(p.method, p.quantity): p for p in rehearse(asked).predictions}
+        left = step / (np.sqrt(2) * np.pi) * np.exp(-2 * (np.pi * walk * np.sqrt(rate) / step) ** 2)
+        rows = parts(found["two-position", "gyro bias Z1"])
+        # Z1 looks east in both positions: nothing of Earth rate moves it on its step. Beside what
+        # is left there is its noise, 0.3 deg/h at 50 Hz
+        anew = step / np.sqrt(12 * 592 * rate)
+        assert rows["gyro rounding"] / DEG_PER_HOUR == pytest.approx(np.hypot(left, anew), rel=0.02)
+        heading = found["two-position", "heading"]
+        assert heading.determined == (rate == 100)
+        assert rate == 100 or "rounded to 0.061 deg/s" in heading.reason
+
+
+def test_increments_lose_nothing_to_rounding():
+    unit = load_imu("hg9900")
+    coarse = replace(unit, gyro=replace(unit.gyro, resolution=1e-3), increments=True)
+    gyro, _ = roundings_of(coarse, 200)
+    assert (gyro.noise, gyro.steepness) == (0.0, 0.0)
+
+
+def test_a_low_pass_takes_noise_that_would_blur():
+    """Butterworth of second order: 1.11 times its bandwidth on either side, of half the rate."""
+    unit = load_imu("stim300")
+    gyro, _ = roundings_of(replace(unit, gyro=replace(unit.gyro, bandwidth=20.0)), 2000)
+    sample = unit.gyro.noise * np.sqrt(2000)
+    # interval means of a 50th of a period: 1e-3
+    assert gyro.dither / sample == pytest.approx(np.sqrt(20 * np.pi / np.sqrt(8) / 1000), rel=3e-3)
+
+
+# --- what has no number
+
+
+def test_tilt_that_turns_with_an_unknown_heading_is_no_number():
+    """Of a gyro triad of 1800 deg/h, ten minutes of sway tell nothing; of 4 deg/h, some angles."""
+    _, found = predictions("random-sway", load_imu("icm42688p"))
+    assert not found
+    _, found = predictions("random-sway", load_imu("stim300"))
+    assert {(method, quantity) for method, _, quantity in found} == {
+        ("inertial", "roll"), ("fine", "pitch"), ("fine", "roll"),
+    }  # fmt: skip
 
 
 def test_more_than_ten_degrees_is_no_number():

@@ -126,7 +126,7 @@ class Triad:
     random_walk: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in (*_BY_AXIS, "noise"):
+        for name in (*BY_AXIS, "noise"):
             object.__setattr__(self, name, _sigmas(getattr(self, name), name))
         if not self.random_walk >= 0:
             raise ValueError(f"random_walk: {self.random_walk}, must not be negative")
@@ -246,7 +246,7 @@ def _by_force(f: Array) -> Array:
 
 
 # field of `Triad`: columns (..., 3, k) of readings by the true value x and the force f
-_BY_AXIS: dict[str, Callable[[Array, Array], Array]] = {
+BY_AXIS: dict[str, Callable[[Array, Array], Array]] = {
     "bias": lambda x, f: _diagonal(np.ones_like(x)),
     "ramp": lambda x, f: _diagonal(np.zeros_like(x)),  # by time, not by what is felt
     "scale": lambda x, f: _diagonal(x),
@@ -283,7 +283,7 @@ _UNITS = {
 
 def _triad_parameters(triad: Triad, sensor: str) -> list[Parameter]:
     found = []
-    for name in _BY_AXIS:
+    for name in BY_AXIS:
         unit, per, usual = _UNITS[name][sensor != "gyro"]
         source = f"{sensor} {name.replace('_', '-').replace('g2', 'g^2')}"
         if name in _BY_SENSOR:
@@ -373,7 +373,7 @@ def sensitivities(
     J[:, 3:, :3] = C_bn @ cross_matrix(site.f_n)
     at = 3
     for rows, x in ((slice(0, 3), w), (slice(3, 6), f)):
-        for columns_of in _BY_AXIS.values():
+        for columns_of in BY_AXIS.values():
             part = columns_of(x, f)
             J[:, rows, at : at + part.shape[-1]] = part
             at += part.shape[-1]
@@ -391,7 +391,7 @@ def sensitivities(
     J[:, 3:, columns.placement[number]] = to_0 @ d[3:]
     result = np.einsum("hk,kij->hij", project, J)
     ramp = ramp_coefficients(stretch.span)[:, None, None] * np.eye(3)
-    first = 3 + 3 * list(_BY_AXIS).index("ramp")
+    first = 3 + 3 * list(BY_AXIS).index("ramp")
     second = first + (at - 3) // 2
     result[:, :3, first : first + 3] = ramp
     result[:, 3:, second : second + 3] = ramp

@@ -1,11 +1,12 @@
 """Predicted sigma of everything the methods of a procedure estimate, split by its sources."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from math import sqrt
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, Options, Site
@@ -19,26 +20,34 @@ from alignment.angles import (
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.information import GaussMarkov, Information, Setting, Unit, information
-from alignment.information.model import _BY_AXIS, felt
+from alignment.information.model import BY_AXIS, coefficient_weights, felt
 from alignment.information.result import DETERMINED
 from alignment.units import DEG
 from stand.imu import ImuSpec
+from stand.imu.recursion import Recursion
 from stand.physics.description import StandModel
 from stand.physics.truth import Truth
 from stand.plan import Plan, PlannedStep
 from stand.rehearsal.gains import AT_REST, TURNING, Answer, Case, known_of
-from stand.rehearsal.instrument import leanings, unit_of
+from stand.rehearsal.instrument import leanings, roundings_of, unit_of
+from stand.rehearsal.requirement import TOLD
 from stand.rehearsal.result import Contribution, Observability, Prediction
 from stand.rehearsal.rocking import ROCKING, Functional, readings_of
 from stand.table import Table
 
 _NORTH = Rotation.identity()
+# root mean square scale error by rounding, above which heading is none of first order: fits that
+# know the size of Earth rate are 25 % worse at 0.18 (and it goes with the square)
+STEEPEST = 0.07
+TURNED = 0.3
+SENSORS = ("gyro", "accelerometer")
 _ANGLES = ("roll", "yaw", "pitch")
 # how sources of `alignment.information` and of this package are told
 _NAMES = {
     "bias": "turn-on bias",
     "noise": "white noise",
     "bias-instability": "bias instability",
+    "random-walk": "random walk",
     "misalignment": "case misalignment",
 }
 
@@ -68,7 +77,7 @@ def predict(scene: Scene, methods: Sequence[str]) -> tuple[list[Prediction], lis
     """All methods' predictions, and what their readings can tell."""
     predictions: list[Prediction] = []
     observed: list[Observability] = []
-    unit = unit_of(scene.imu, scene.rate_hz)
+    unit = unit_of(scene.imu)
     case = Case(scene.site, scene.options)
     for method in methods:
         try:
@@ -110,7 +119,8 @@ def _method(
         response = _Response(answer, known[id(answer.stretches)])
         C_nb = answer.stretches[answer.own].C_pb
         why = partial(_why, answer)
-        found += _angles(method, answer.window, answer.label, C_nb, response.attitude(), why)
+        angles = _angles(method, answer.window, answer.label, C_nb, response.attitude(), why)
+        found += _withheld(angles, ("heading", "yaw"), "" if method in TOLD else _coarse(scene))
         if number == 0:
             found += response.biases(method)
     return found, [_observed(method, answers[0].known())]
@@ -143,6 +153,13 @@ def _angles(
     method: str, window: str, label: str, C_nb: Rotation, parts: Parts, why: Callable[[], str]
 ) -> Iterator[Prediction]:
     """Heading (or the yaw of a vertical X1), pitch and roll."""
+    for quantity, j in _rows(C_nb).items():
+        sizes = {name: float(np.sqrt(max(j @ P @ j, 0.0))) for name, P in parts.items()}
+        yield _told(method, window, label, quantity, ("deg", DEG), sizes, DETERMINED, why)
+
+
+def _rows(C_nb: Rotation) -> dict[str, Array]:
+    """What each angle (3,) is of a small rotation about n."""
     order = SequenceRule.REGULAR.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0]))
     rows: dict[str, Array] = dict(
         zip(_ANGLES, angle_jacobian(order, *angles_from_C_nb(order, C_nb)), strict=True)
@@ -151,11 +168,7 @@ def _angles(
     if not near_singular(Order.YAW_PITCH_ROLL, level):
         rows["heading"] = -angle_jacobian(Order.YAW_PITCH_ROLL, *level)[1]
         del rows["yaw"]
-    for quantity in ("heading", "yaw", "pitch", "roll"):
-        if quantity in rows:
-            j = rows[quantity]
-            sizes = {name: float(np.sqrt(max(j @ P @ j, 0.0))) for name, P in parts.items()}
-            yield _told(method, window, label, quantity, ("deg", DEG), sizes, DETERMINED, why)
+    return {name: rows[name] for name in ("heading", "yaw", "pitch", "roll") if name in rows}
 
 
 def _told(
@@ -178,6 +191,16 @@ def _told(
     return Prediction(method, window, label, quantity, *unit, total, contributions)
 
 
+def _withheld(
+    found: Iterable[Prediction], quantities: Sequence[str], reason: str
+) -> Iterator[Prediction]:
+    """The predictions, without a number for these quantities if there is a reason."""
+    for p in found:
+        if reason and p.determined and p.quantity in quantities:
+            p = replace(p, sigma=None, contributions=(), reason=f"not determined: {reason}")
+        yield p
+
+
 def _name(source: str) -> str:
     sensor, _, rest = source.partition(" ")
     return f"{sensor} {_NAMES.get(rest, rest)}" if rest else source
@@ -191,7 +214,8 @@ class _Errors:
 
     `true` has the unit's. Of the table's l errors: `sources`, `sigmas` (l,), `readings` (m, l),
     and the turn (s, 3, l) in b that each gives the attitude of every stretch where it is judged:
-    at its end, of a turning one taken back to encoder angle zero.
+    at its end, of a turning one taken back to encoder angle zero. `noises` by name: covariances
+    (m, m) of the coefficients.
     """
 
     def __init__(self, answer: Answer, scene: Scene, unit: Unit) -> None:
@@ -218,6 +242,57 @@ class _Errors:
                 for k, (step, stretch) in enumerate(zip(steps, stretches, strict=True))
             ]
         )
+        self.noises = dict(zip(self.true.noise_names, self.true.noises, strict=True))
+        self.noises |= self._rounded(seen, scene)
+
+    def _rounded(self, seen: Sequence[tuple[Array, ...]], scene: Scene) -> dict[str, Array]:
+        """Covariances (m, m) of the coefficients by rounding of each triad's samples."""
+        doubt = self._doubt()
+        nodes = np.concatenate([np.concatenate([w, f], axis=1) for w, f, *_ in seen])
+        project: Array = np.asarray(block_diag(*(p for *_, p in seen)))
+        told: Array = np.asarray(block_diag(*(_waves(p) for *_, p in seen)))
+        anew = np.concatenate(
+            [coefficient_weights(s) / (s.span.length * scene.rate_hz) for s in self.true.stretches]
+        )
+        found = {}
+        for k, one in enumerate(roundings_of(scene.imu, scene.rate_hz)):
+            total = np.zeros_like(doubt)
+            for channel in range(3 * k, 3 * k + 3):
+                x, own = nodes[:, channel], slice(channel, None, 6)
+                known = told @ doubt[own, own] @ told.T
+                size = known.diagonal()
+                s2 = np.maximum(size[:, None] + size - 2 * known, 0.0)
+                left = one.shared(x[:, None] - x, np.sqrt(s2))
+                total[own, own] = project @ left @ project.T + np.diag(anew) * one.noise**2
+            found[f"{SENSORS[k]} rounding"] = total
+        return found
+
+    def _doubt(self) -> Array:
+        """Covariance (m, m) of what the coefficients really are, about what is planned."""
+        stated = np.where(np.isfinite(self.true.prior), self.true.prior, 0.0)
+        roots = np.concatenate([self.true.J * stated, self.readings * self.sigmas], axis=1)
+        drifts = [
+            self.noises[f"{s} {d}"] for s in SENSORS for d in ("bias-instability", "random-walk")
+        ]
+        return np.asarray(roots @ roots.T + np.sum(drifts, axis=0))
+
+
+def _waves(project: Array) -> Array:
+    """Values (k, h) of 1, cosine and sine at the k angles that `project` (h, k) looks at."""
+    h, k = project.shape
+    return project.T * k / np.array([1.0, 2.0, 2.0])[:h]
+
+
+def _coarse(scene: Scene) -> str:
+    """Why rounding forbids a number for a heading from Earth rate; '' where it does not."""
+    gyro, _ = roundings_of(scene.imu, scene.rate_hz)
+    if gyro.steepness <= STEEPEST:
+        return ""
+    return (
+        f"rates are rounded to {gyro.step / DEG:.3g} deg/s, which the noise of a sample, "
+        f"{gyro.dither / DEG:.2g} deg/s at {scene.rate_hz} Hz, does not blur: how much of Earth "
+        "rate is read depends on where in a step the bias lies"
+    )
 
 
 class _Response:
@@ -252,7 +327,7 @@ class _Response:
             name = _name(source)
             parts[name] = parts.get(name, 0.0) + P
 
-        for name, N in zip(self.true.noise_names, self.true.noises, strict=True):
+        for name, N in self.errors.noises.items():
             add(name, gain @ N @ gain.T)
         prior = self.true.prior
         left = (gain @ self.true.J - row) * np.where(np.isfinite(prior), prior, 0.0)
@@ -301,27 +376,59 @@ def _rocking(method: str, scene: Scene, unit: Unit) -> tuple[list[Prediction], l
     for step in steps:
         readings = readings_of(truth, scene.plan.motion, step.steady_from, step.steady_to)
         run = ROCKING[method](readings, scene.site, scene.options)
-        parts = _over_time(run, unit)
-        found += _angles(method, "", step.label, run.C_nb, parts, str)
+        parts = _over_time(run, unit, _steps(scene))
+        angles = list(_angles(method, "", step.label, run.C_nb, parts, str))
+        turned, reason = _turned_along(run.C_nb, parts)
+        found += _withheld(angles, turned, reason)
     return found, [_observed(method, known_of(steps[:1], Case(scene.site, scene.options)))]
 
 
-def _over_time(run: Functional, unit: Unit) -> Parts:
+def _turned_along(C_nb: Rotation, parts: Parts) -> tuple[list[str], str]:
+    """Quantities that an error of heading makes worse than first order says, and why.
+
+    To first order the gyros' errors tilt the carried attitude by t about n. Found together with an
+    error h of heading, that tilt is one about axes turned by h: ``t + h (0, 0, 1) x t``. (What
+    accelerometers make of tilt stays in b, whatever the heading.) With `TURNED` of the sigma it
+    would have, a quantity's root mean square is 4 % more.
+    """
+    gyros = sum((P for name, P in parts.items() if name.startswith("gyro")), np.zeros((3, 3)))
+    total = sum(parts.values(), np.zeros((3, 3)))
+    h = sqrt(total[2, 2])
+    found = []
+    for quantity, j in _rows(C_nb).items():
+        across = np.cross(j, [0.0, 0.0, 1.0])
+        if h * sqrt(across @ gyros @ across) > TURNED * sqrt(j @ total @ j):
+            found.append(quantity)
+    return found, (
+        f"an error of heading, whose sigma is {h / DEG:.3g} deg, turns the tilt that the gyros "
+        "make: beyond first order"
+    )
+
+
+def _steps(scene: Scene) -> tuple[float, float]:
+    """White noise of gyros and accelerometers [u/sqrt(Hz)] by rounding: a rocking base carries
+    readings over many steps, so each sample's is anew."""
+    gyro, accel = roundings_of(scene.imu, scene.rate_hz)
+    return gyro.step / sqrt(12 * scene.rate_hz), accel.step / sqrt(12 * scene.rate_hz)
+
+
+def _over_time(run: Functional, unit: Unit, rounding: tuple[float, float]) -> Parts:
     spans = np.diff(run.t)
     middle = (run.t[1:] + run.t[:-1]) / 2
     parts: Parts = {}
     force = run.force
-    for name, triad, gain, x in (
-        ("gyro", unit.gyro, run.gyro, run.rate),
-        ("accelerometer", unit.accel, run.accel, force),
+    for name, triad, gain, x, step in (
+        ("gyro", unit.gyro, run.gyro, run.rate, rounding[0]),
+        ("accelerometer", unit.accel, run.accel, force, rounding[1]),
     ):
-        white = gain * np.asarray(triad.noise) / np.sqrt(spans)[:, None, None]
-        parts[f"{name} white noise"] = np.einsum("mij,mkj->ik", white, white)
-        drift = _drifted(gain, middle, triad.drift)
+        each = gain / np.sqrt(spans)[:, None, None]
+        for source, size in (("white noise", triad.noise), ("rounding", step)):
+            white = each * np.asarray(size)
+            parts[f"{name} {source}"] = np.einsum("mij,mkj->ik", white, white)
+        parts[f"{name} bias instability"] = _drifted(gain, middle, triad.drift)
         if triad.random_walk:
-            drift = drift + _walked(gain, middle, triad.random_walk)
-        parts[f"{name} bias instability"] = drift
-        for field, columns_of in _BY_AXIS.items():
+            parts[f"{name} random walk"] = _walked(gain, middle, triad.random_walk)
+        for field, columns_of in BY_AXIS.items():
             sigma = np.asarray(getattr(triad, field))
             if not sigma.any():
                 continue
@@ -338,8 +445,10 @@ def _drifted(gain: Array, t: Array, processes: tuple[GaussMarkov, ...]) -> Array
     P: Array = np.einsum("mij,mkj->ik", gain, gain) * sum(p.sigma**2 for p in processes)
     for process in processes:
         keep = np.exp(-np.median(np.diff(t)) / process.time)
+        memory = Recursion([1.0], [1.0, -keep])
+        memory.settle(np.zeros(9), np.zeros(9))
         # what the process's memory carries into each block from those before it
-        carried = lfilter([1.0], [1.0, -keep], gain, axis=0) - gain
+        carried = memory.apply(gain.reshape(-1, 9).T).T.reshape(gain.shape) - gain
         both = np.einsum("mij,mkj->ik", carried, gain)
         P = P + process.sigma**2 * (both + both.T)
     return P

@@ -15,38 +15,31 @@ from alignment.arrays import Array, set_owned
 from alignment.information import GaussMarkov, Triad, Unit
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
+from stand.imu.filter import LowPass
 from stand.imu.preset import TriadSpec
 from stand.imu.processes import plateau
 from stand.physics.description import JOINTS, StandModel
 from stand.table import Table
 
 FILTER_LAG = sqrt(2) / (2 * np.pi)  # of a Butterworth low-pass of second order, times bandwidth
-_DITHERED = 0.3  # of a step: less noise than this does not take rounding's constant part away
+_NOTHING = 1e-15  # of a step squared: waves below it are none
+_SETTLED = 3.0  # times a low-pass's period: its answer to one sample is over by exp(-13)
+_WAVES = 200  # harmonics of a staircase: those beyond hold 0.3 % of what rounding does
 # the axis toward which each one leans, as `stand.physics.geometry` builds it
 _TOWARD = {"base_pitch": 0, "base_yaw": 1, "outer": 1, "middle": 3, "inner": 4}
 
 
-def unit_of(imu: ImuSpec, rate_hz: int) -> Unit:
-    """The instrument's errors as standard deviations; rounding counts as noise, or as bias.
-
-    A sample's rounding is noise of a step over sqrt(12) where white noise dithers it; where it
-    does not, it stays as it is and is one more bias.
-    """
+def unit_of(imu: ImuSpec) -> Unit:
+    """The instrument's errors as standard deviations, but for `roundings_of` its samples."""
     delay = FILTER_LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
-    return Unit(
-        _triad(imu.gyro, imu, rate_hz),
-        _triad(imu.accel, imu, rate_hz),
-        float(delay + imu.clock.latency),
-    )
+    return Unit(_triad(imu.gyro, imu), _triad(imu.accel, imu), float(delay + imu.clock.latency))
 
 
-def _triad(spec: TriadSpec, imu: ImuSpec, rate_hz: int) -> Triad:
+def _triad(spec: TriadSpec, imu: ImuSpec) -> Triad:
     height = spec.instability / plateau(imu.corners)
-    rounding = 0.0 if imu.increments else spec.resolution / sqrt(12)
-    dithered = spec.noise * sqrt(rate_hz) > _DITHERED * spec.resolution
     return Triad(
-        noise=np.hypot(spec.noise, rounding / sqrt(rate_hz) if dithered else 0.0),
-        bias=np.hypot(spec.bias, 0.0 if dithered else rounding),
+        noise=spec.noise,
+        bias=spec.bias,
         ramp=spec.ramp,
         scale=spec.scale,
         asymmetry=spec.asymmetry,
@@ -59,6 +52,74 @@ def _triad(spec: TriadSpec, imu: ImuSpec, rate_hz: int) -> Triad:
         drift=tuple(GaussMarkov(height, corner) for corner in imu.corners) if height else (),
         random_walk=spec.random_walk,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Rounding:
+    """Samples rounded to a `step`, by what noise of `dither` (standard deviation) leaves of it.
+
+    Notes
+    -----
+    Rounding of x takes away ``sum_n (-1)^n q/(pi n) sin(2 pi n x / q)``. The mean over normal noise
+    of sigma multiplies each wave by ``exp(-2 (pi n sigma / q)^2)``: what is left depends on where
+    in a step x lies, and no time averages it out. All else is noise anew in each sample, the rest
+    of ``q^2/12``. Where x lies nobody knows, for a bias is many steps: two readings that are apart
+    by d share ``cos(2 pi n d / q)`` of each wave, and as d is known to s only, that times
+    ``exp(-2 (pi n s / q)^2)``. Source: B. Widrow and I. Kollar, Quantization Noise (2008), ch. 9.
+    """
+
+    step: float
+    dither: float
+
+    def _waves(self) -> tuple[Array, Array]:
+        """Wave numbers (n,) per unit of a reading, and mean squares of each wave that is left."""
+        n = np.arange(1, _WAVES + 1)
+        turns = 2 * np.pi * n / self.step
+        return turns, 2 / turns**2 * np.exp(-((turns * self.dither) ** 2))
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of what is anew in each sample."""
+        if not self.step:
+            return 0.0
+        return float(np.sqrt(max(self.step**2 / 12 - self._waves()[1].sum(), 0.0)))
+
+    @property
+    def steepness(self) -> float:
+        """Root mean square of the scale factor error that is left for less than a step."""
+        if not self.step:
+            return 0.0
+        turns, squares = self._waves()
+        return float(np.sqrt(np.sum(squares * turns**2)))
+
+    def shared(self, apart: Array, doubt: Array) -> Array:
+        """Covariance (...) of what is left in two readings that are `apart`, known to `doubt`."""
+        result = np.zeros_like(apart)
+        if self.step:
+            for turn, square in zip(*self._waves(), strict=True):
+                if square < _NOTHING * self.step**2:
+                    break
+                result += square * np.cos(turn * apart) * np.exp(-((turn * doubt) ** 2) / 2)
+        return result
+
+
+def roundings_of(imu: ImuSpec, rate_hz: int) -> tuple[Rounding, Rounding]:
+    """Of gyros and of accelerometers; increments carry their remainders on, and lose nothing."""
+    gyro, accel = (
+        Rounding(0.0 if imu.increments else spec.resolution, _sample_noise(spec, rate_hz))
+        for spec in (imu.gyro, imu.accel)
+    )
+    return gyro, accel
+
+
+def _sample_noise(spec: TriadSpec, rate_hz: int) -> float:
+    """Standard deviation of one sample's white noise behind the low-pass."""
+    sigma = spec.noise * sqrt(rate_hz)
+    if not np.isfinite(spec.bandwidth):
+        return sigma
+    once = np.zeros((1, 2 + int(_SETTLED * max(rate_hz / spec.bandwidth, 1.0))))
+    once[0, 1] = 1.0
+    return sigma * float(np.linalg.norm(LowPass(spec.bandwidth, rate_hz).apply(once)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,6 +16,7 @@ from alignment.inertial import (
     EVERY,
     block_of,
     drive,
+    fit_matrix,
     gravity_velocity,
     match,
     noise_of,
@@ -23,7 +24,6 @@ from alignment.inertial import (
     skew,
     sway_covariance,
 )
-from alignment.inertial import _fit_matrix as fit_matrix
 from alignment.strapdown import Carried, carry
 from stand.motion import Motion
 from stand.physics.truth import Truth
