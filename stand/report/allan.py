@@ -277,8 +277,8 @@ def _sheet_lines(
             continue
         unit = UNITS[sensor, term]
         # Measured curves run above their asymptotes: names go left of where a line falls or
-        # climbs, and below a level one.
-        place = visible[int(len(visible) * {-1: 0.62, 0: 0.02, 1: 0.3}[int(np.sign(slope))])]
+        # climbs, and below a level one, right of the key of slopes.
+        place = visible[int(len(visible) * {-1: 0.62, 0: 0.26, 1: 0.3}[int(np.sign(slope))])]
         axes.annotate(
             f"{term} {stated / unit.si:.3g} {unit.name}, slope {SLOPES[slope]}",
             (place, float(_law(term, stated, np.array([place]))[0]) / si),
