@@ -17,6 +17,8 @@ from stand.errors import StandError
 LEAST_SHARE = 8  # runs below which a process of its own does not pay
 _LARGEST_CHUNK = 8  # runs handed to a process at once
 _AHEAD = 4  # chunks per process that are asked for before they are fetched
+# of linear algebra: with a process per core, threads of its own would only wait for one another
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 T = TypeVar("T")
 Trial = Callable[[int], Any]
@@ -60,7 +62,7 @@ def campaign(
     with ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(ready,)) as pool:
         try:
             coming: deque[Future[list[T]]] = deque()
-            with _interrupts_wait():
+            with _interrupts_wait(), _one_thread_each():
                 for chunk in islice(chunks, _AHEAD * workers):
                     coming.append(pool.submit(_share, chunk))
             while coming:
@@ -99,6 +101,18 @@ def _interrupts_wait() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started meanwhile have one thread for linear algebra, if nobody asked for more."""
+    unset = [name for name in _THREADS if name not in os.environ]
+    os.environ.update(dict.fromkeys(unset, "1"))
+    try:
+        yield
+    finally:
+        for name in unset:
+            del os.environ[name]
 
 
 _trial: Trial | None = None  # of a process that makes runs
