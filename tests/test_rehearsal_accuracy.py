@@ -377,6 +377,27 @@ def test_a_low_pass_takes_noise_that_would_blur():
 # --- what has no number
 
 
+def test_a_method_that_would_refuse_most_units_has_no_number():
+    """Biases of 60 mg and axes leaning by 20 mrad; tilts beyond 5 deg are taken for a mistake."""
+    procedure, unit = load_procedure("six-position"), load_imu("mpu9250")
+    asked = request(procedure, unit, table_of(procedure), procedure.entry.site.site())
+    by_method = {p.method: p for p in rehearse(asked).predictions if p.method != "triad"}
+    rng, n = np.random.default_rng(1), 4000
+    bias = rng.normal(0, 60e-3 * STANDARD_GRAVITY / 9.8093587, (n, 3))
+    turn = rng.normal(0, 20e-3, (n, 3))
+    refused = np.zeros(n, bool)
+    for up in np.concatenate([np.eye(3), -np.eye(3)]):
+        across = np.cross(up, bias - np.cross(turn, up))
+        refused |= np.linalg.norm(across, axis=1) > np.tan(5 * DEG)
+    for method in ("six-position", "rk4"):
+        told = re.match(r"would refuse (\d+) % of such units", by_method[method].reason)
+        # of 1000 units and of 4000: three times 1.6 %; the arc tangent is 0.3 % of 5 deg
+        assert int(told[1]) / 100 == pytest.approx(refused.mean(), abs=0.05)
+    # 0.3 % of units of 20 mg: no reason to say nothing of the others
+    _, found = predictions("six-position", load_imu("icm42688p"))
+    assert ("six-position", "Y1 up", "pitch") in found
+
+
 def test_tilt_that_turns_with_an_unknown_heading_is_no_number():
     """Of a gyro triad of 1800 deg/h, ten minutes of sway tell nothing; of 4 deg/h, some angles."""
     _, found = predictions("random-sway", load_imu("icm42688p"))

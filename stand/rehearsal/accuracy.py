@@ -22,6 +22,7 @@ from alignment.errors import AlignmentError
 from alignment.information import GaussMarkov, Information, Setting, Unit, information
 from alignment.information.model import BY_AXIS, coefficient_weights, felt
 from alignment.information.result import DETERMINED
+from alignment.static import WRONG_POSITION
 from alignment.units import DEG
 from stand.imu import ImuSpec
 from stand.imu.recursion import Recursion
@@ -40,6 +41,7 @@ _NORTH = Rotation.identity()
 # know the size of Earth rate are 25 % worse at 0.18 (and it goes with the square)
 STEEPEST = 0.07
 TURNED = 0.3
+UNITS, MOSTLY = 1000, 0.5  # of which a method must answer for the other half
 SENSORS = ("gyro", "accelerometer")
 _ANGLES = ("roll", "yaw", "pitch")
 # how sources of `alignment.information` and of this package are told
@@ -113,10 +115,12 @@ def _method(
         raise AlignmentError("every dwell ends with its offset window: nothing is left to estimate")
     found: list[Prediction] = []
     known: dict[int, _Errors] = {}  # answers of one fit share their stretches
-    for number, answer in enumerate(answers):
+    for answer in answers:
         if id(answer.stretches) not in known:
             known[id(answer.stretches)] = _Errors(answer, scene, unit)
-        response = _Response(answer, known[id(answer.stretches)])
+    responses = [_Response(answer, known[id(answer.stretches)]) for answer in answers]
+    _check_vertical([r for r in responses if r.answer.window_gain is not None])
+    for number, (answer, response) in enumerate(zip(answers, responses, strict=True)):
         C_nb = answer.stretches[answer.own].C_pb
         why = partial(_why, answer)
         angles = _angles(method, answer.window, answer.label, C_nb, response.attitude(), why)
@@ -124,6 +128,24 @@ def _method(
         if number == 0:
             found += response.biases(method)
     return found, [_observed(method, answers[0].known())]
+
+
+def _check_vertical(responses: Sequence["_Response"]) -> None:
+    """Raise where a method that checks the vertical of each position would refuse most units.
+
+    One unit goes through all positions: `UNITS` of them are drawn, always the same ones.
+    """
+    if not responses:
+        return
+    drawn = np.random.default_rng(0).standard_normal((UNITS, len(responses[0].true.parameters)))
+    tilts = np.array([np.linalg.norm(drawn @ r.feigned_tilt().T, axis=1) for r in responses])
+    refused = np.mean(np.max(tilts, axis=0) > WRONG_POSITION)
+    if refused > MOSTLY:
+        raise AlignmentError(
+            f"would refuse {100 * refused:.0f} % of such units: accelerometers' errors tilt the "
+            f"vertical by {np.sqrt(np.mean(tilts**2) / 2) / DEG:.2g} deg (1 sigma), and "
+            f"{WRONG_POSITION / DEG:.0f} deg are taken for another position"
+        )
 
 
 def _why(answer: Answer) -> str:
@@ -307,6 +329,13 @@ class _Response:
         C = self.answer.stretches[own].C_pb.as_matrix()
         judged = C @ self.errors.turns[own]
         return self._parts(self.answer.gain, self.true.attitude_rows(own), judged)
+
+    def feigned_tilt(self) -> Array:
+        """Tilts (2, p) [rad] of the offset's window by itself, per sigma of the unit's errors."""
+        assert self.answer.window_gain is not None
+        prior = self.true.prior
+        stated = np.where(np.isfinite(prior), prior, 0.0)
+        return np.asarray(self.answer.window_gain[:2] @ self.true.J * stated)
 
     def biases(self, method: str) -> Iterator[Prediction]:
         """Sigmas of the biases that are told."""

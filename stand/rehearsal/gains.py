@@ -54,6 +54,9 @@ class Answer:
         Gain (m,) of each bias that is told, by the label of its parameter.
     known : callable
         Gives what the readings tell when the unit is as the method takes it.
+    window_gain : (3, m) or None
+        To the attitude that the offset's window would tell by itself, of a method that checks its
+        vertical.
     """
 
     window: str
@@ -64,6 +67,7 @@ class Answer:
     gain: Array
     biases: dict[str, Array]
     known: Callable[[], Information]
+    window_gain: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,10 +199,9 @@ def _offset(
     first = stretch_of(step, step.steady_from, middle)
     later = stretch_of(step, middle, step.steady_to)
     known = partial(_known, [_plain(step)], case)
-    both = (first, later)
-    return Answer(
-        window, step.label, both, (step, step), 1, gain(step.C_nb, first, later), {}, known
-    )
+    both, told = (first, later), gain(step.C_nb, first, later)
+    alone = np.concatenate([_in_n(_level(case), step.C_nb), np.zeros((3, 6))], axis=1)
+    return Answer(window, step.label, both, (step, step), 1, told, {}, known, alone)
 
 
 # --- several positions ---------------------------------------------------------------------------
