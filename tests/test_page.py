@@ -232,7 +232,6 @@ def test_contradicted_predictions_are_named_once_at_the_top_and_marked_below(qui
     assert "was predicted otherwise" not in shown.said  # that finding stands in the section
     assert "the class states no settling time" in head
     assert "Contradicted: two-position: heading (first)." in rest
-    assert "can miss by chance" not in rest  # one of five is more than one in twenty
     # 0.7 times 0.93 and 1.07; by a word, and in bold, not by colour alone
     assert "0.70 (0.65 to 0.75) contradicted" in rest
     assert re.search(r"font-weight: 700;[^>]*>0\.70 ", text)
@@ -261,17 +260,6 @@ def test_runs_that_nothing_can_be_compared_with(quick_pictures):
         assert "1 run of the whole stand leaves nothing to compare with a prediction." in shown.said
         assert "Verified by 1 run No prediction could be compared with the runs." in shown.said
         assert len(shown.of("svg")) == 3
-
-
-def test_one_of_many_may_miss_by_chance():
-    p = answer().predictions[2]
-    many = tuple(achieved(replace(p, label=str(k)), 1.0) for k in range(39))
-    v = replace(runs(), achieved=(*many, achieved(p, 0.8)))
-    # 5 % of 40 are 2
-    assert "Of 40 intervals of 95 %, so few can miss by chance" in section(v).told[2]
-    twice = replace(v, achieved=(*v.achieved[2:], achieved(p, 0.8), achieved(p, 0.81)))
-    assert len(twice.disagreeing) == 3
-    assert "by chance" not in " ".join(section(twice).told)
 
 
 def test_the_table_has_all_stretches_and_those_alike_share_a_row():

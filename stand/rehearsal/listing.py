@@ -119,8 +119,8 @@ def _verified(v: Verification | None) -> TableData:
         for a in v.achieved
     )
     notes = [
-        "ratio: predicted over achieved; contradicted where its interval misses "
-        f"{AGREES[0]:g} to {AGREES[1]:g}",
+        f"ratio: predicted over achieved; contradicted where it misses {AGREES[0]:g} to "
+        f"{AGREES[1]:g} by more than chance among so many",
         *(f"no answer in {r.runs} of {v.done} runs from {r.method}: {r.reason}" for r in v.refused),
     ]
     title = f"Verified by {v.done} runs from seed {v.seed} in {v.seconds:.0f} s"

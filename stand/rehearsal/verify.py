@@ -135,9 +135,10 @@ def _verified(
             if not sums.runs:
                 raise
     seconds = time.perf_counter() - begin
-    return Verification(
-        runs, sums.runs, asked.seed, seconds, tuple(_achieved(result, sums)), sums.refused()
-    )
+    achieved = list(_achieved(result, sums))
+    among = sum(a.ratio is not None for a in achieved)
+    together = tuple(replace(a, among=max(1, among)) for a in achieved)
+    return Verification(runs, sums.runs, asked.seed, seconds, together, sums.refused())
 
 
 def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:

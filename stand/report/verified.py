@@ -23,7 +23,6 @@ from stand.report.wording import (
 
 MOST_ROWS = 30  # of the chart; the table has them all
 EVERYWHERE = "all"  # the label of what holds in every stretch, as biases do
-BY_CHANCE = 0.05  # of intervals of 95 % miss what they are of
 MOST_NAMED = 3  # quantities that the summary names
 WITHIN = f"{AGREES[0]:g} to {AGREES[1]:g}"
 
@@ -49,7 +48,7 @@ def section(v: Verification) -> Section:
     note = f"The {len(shown)} of {len(rows)} quantities that are farthest off." if left_out else ""
     return Section(
         f"Verified by {runs_text(v.done)}",
-        (_agreement(v), _contradicted(v), _chance(v), _how(v)),
+        (_agreement(v), _contradicted(v), _how(v)),
         ratios(shown, AGREES) if shown else None,
         note,
         _table(v.achieved),
@@ -141,21 +140,13 @@ def _agreement(v: Verification) -> str:
     agree = len(compared) - len(v.disagreeing)
     count = f"{agree} of {len(compared)} prediction{'s' if len(compared) > 1 else ''}"
     return (
-        f"{count} {_verb(len(compared), 'agree')} with the runs: the 95 % interval of predicted "
-        f"over achieved sigma meets {WITHIN}."
+        f"{count} {_verb(len(compared), 'agree')} with the runs: the interval of predicted over "
+        f"achieved sigma, wide enough for all of them at once, meets {WITHIN}."
     )
 
 
 def _contradicted(v: Verification) -> str:
     return f"Contradicted: {_named(v.disagreeing)}." if v.disagreeing else ""
-
-
-def _chance(v: Verification) -> str:
-    """Whether so few may be chance: of intervals of 95 % one in twenty misses."""
-    compared, off = len(_compared(v)), len(v.disagreeing)
-    if not 0 < off <= BY_CHANCE * compared:
-        return ""
-    return f"Of {compared} intervals of 95 %, so few can miss by chance: more runs would tell."
 
 
 def _how(v: Verification) -> str:
@@ -226,7 +217,8 @@ def _table(achieved: Sequence[Achieved]) -> TableData | None:
     cells = tuple((*key[:2], ", ".join(labels), *key[2:]) for key, labels in rows.items())
     notes = (
         "Achieved: root mean square of the errors against the truth, with its 95 % interval. "
-        f"Ratio: predicted over achieved; it agrees where its interval meets {WITHIN}.",
+        f"Ratio: predicted over achieved; it agrees where its interval meets {WITHIN}, widened so "
+        "that chance alone makes one of all these miss in 5 % of such verifications.",
     )
     return TableData("Predicted and achieved", columns, cells, notes=notes) if rows else None
 

@@ -74,7 +74,7 @@ def case(procedure: str, imu: str, runs: int) -> Verification:
     made = pickle.loads(kept.read_bytes())
     predicted = {(p.method, p.window, p.label, p.quantity): p.sigma for p in result.predictions}
     achieved = [
-        replace(a, predicted=predicted[key])
+        replace(a, predicted=predicted[key], among=1)
         for a in made.achieved
         if (key := (a.method, a.window, a.label, a.quantity)) in predicted
     ]
