@@ -58,6 +58,10 @@ def test_the_rehearsal_in_the_readme_fails_and_its_advice_passes(tmp_path, stand
         assert told.code == code, told.err
         if code:
             assert "0.134" in told.out
+            found = stand_command("rehearse", path, "--imu", "ring-laser", "--json").json
+            heading = found["predictions"][0]
+            assert heading["sigma"] == pytest.approx(0.0670, abs=5e-5)
+            assert heading["contributions"]["gyro white noise"] == pytest.approx(0.0668, abs=5e-5)
             assert "270 instead of 120" in told.out
 
 
