@@ -38,9 +38,9 @@ from stand.table import Table
 
 _NORTH = Rotation.identity()
 # root mean square scale error by rounding, above which heading is none of first order: fits that
-# know the size of Earth rate are 25 % worse at 0.18 (and it goes with the square)
+# know the size of Earth rate are 20 % worse at 0.18 (and it goes with the square)
 STEEPEST = 0.07
-TURNED = 0.3
+TURNED = 0.2
 UNITS, MOSTLY = 1000, 0.5  # of which a method must answer for the other half
 SENSORS = ("gyro", "accelerometer")
 _ANGLES = ("roll", "yaw", "pitch")
@@ -413,12 +413,13 @@ def _rocking(method: str, scene: Scene, unit: Unit) -> tuple[list[Prediction], l
 
 
 def _turned_along(C_nb: Rotation, parts: Parts) -> tuple[list[str], str]:
-    """Quantities that an error of heading makes worse than first order says, and why.
+    """Quantities that an error of heading makes other than first order says, and why.
 
     To first order the gyros' errors tilt the carried attitude by t about n. Found together with an
-    error h of heading, that tilt is one about axes turned by h: ``t + h (0, 0, 1) x t``. (What
-    accelerometers make of tilt stays in b, whatever the heading.) With `TURNED` of the sigma it
-    would have, a quantity's root mean square is 4 % more.
+    error h of heading, that tilt is one about axes turned by h: ``cos(h) t + sin(h) (0, 0, 1) x t``
+    (what accelerometers make of tilt stays in b, whatever the heading). An angle of variance s^2,
+    of which gyros make G^2, becomes ``s^2 - <h^2> (G^2 - A^2)`` with their A^2 in the tilt across
+    it: less than 2 % of s off where h G and h A are below `TURNED` of it.
     """
     gyros = sum((P for name, P in parts.items() if name.startswith("gyro")), np.zeros((3, 3)))
     total = sum(parts.values(), np.zeros((3, 3)))
@@ -426,7 +427,8 @@ def _turned_along(C_nb: Rotation, parts: Parts) -> tuple[list[str], str]:
     found = []
     for quantity, j in _rows(C_nb).items():
         across = np.cross(j, [0.0, 0.0, 1.0])
-        if h * sqrt(across @ gyros @ across) > TURNED * sqrt(j @ total @ j):
+        most = max(across @ gyros @ across, j @ gyros @ j if quantity in ("pitch", "roll") else 0.0)
+        if h * sqrt(most) > TURNED * sqrt(j @ total @ j):
             found.append(quantity)
     return found, (
         f"an error of heading, whose sigma is {h / DEG:.3g} deg, turns the tilt that the gyros "
