@@ -399,6 +399,18 @@ def test_a_method_that_would_refuse_most_units_has_no_number():
     assert ("six-position", "Y1 up", "pitch") in found
 
 
+def test_noise_that_would_be_taken_for_motion_is_told():
+    """2 deg/rt-h is 0.033 deg/s in a second: of 592 seconds each has 3 % to leave 0.1 deg/s."""
+    for name, told in (("adis16405", False), ("adis16488", True)):
+        procedure = load_procedure("two-position")
+        asked = request(procedure, load_imu(name), table_of(procedure), Site(LAT))
+        found = rehearse(asked).predictions
+        assert any("noise for motion" in p.reason for p in found) != told
+        assert any(p.determined for p in found) == told
+    quiet = replace(load_imu("adis16405"), gyro=load_imu("stim300").gyro)
+    assert any(p.determined for p in rehearse(replace(asked, imu=quiet)).predictions)
+
+
 def test_tilt_that_turns_with_an_unknown_heading_is_no_number():
     """Gyros of 4 deg/h are 0.41 rad of heading: ``4 / (15.04 cos lat)``. Tilt that they make turns
     with it: 200 runs of the stand came to 1.11 +- 0.05 and 0.90 +- 0.05 of two rolls."""

@@ -8,6 +8,7 @@ from math import sqrt
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
+from scipy.special import chdtrc
 
 from alignment import ESTIMATORS, Options, Site
 from alignment.angles import Sequence as Order
@@ -22,6 +23,7 @@ from alignment.errors import AlignmentError
 from alignment.information import GaussMarkov, Information, Setting, Unit, information
 from alignment.information.model import BY_AXIS, coefficient_weights, felt
 from alignment.information.result import DETERMINED
+from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT
 from alignment.static import WRONG_POSITION
 from alignment.units import DEG
 from stand.imu import ImuSpec
@@ -110,6 +112,7 @@ def _method(
     rocked = [s.label for s in steps if not _still(scene.plan, s)]
     if rocked:
         raise AlignmentError(f"{rocked[0]}: the base rocks behind it, which this method refuses")
+    _check_quiet(steps, scene, unit, turning)
     answers = answers_of(steps, case)
     if not answers:
         raise AlignmentError("every dwell ends with its offset window: nothing is left to estimate")
@@ -128,6 +131,35 @@ def _method(
         if number == 0:
             found += response.biases(method)
     return found, [_observed(method, answers[0].known())]
+
+
+def _check_quiet(steps: Sequence[PlannedStep], scene: Scene, unit: Unit, turning: bool) -> None:
+    """Raise where a method that checks for rest would mostly take the unit's noise for motion.
+
+    It looks at means of `REST_BLOCK`: at rates of three axes (two across a turn's axis), and at
+    the tilt of the force. Of m normal numbers of variance one the sum of squares is above x in
+    ``chdtrc(m, x)`` of the cases; drifts within a stretch are left out.
+    """
+    blocks = sum(step.steady_to - step.steady_from for step in steps) / REST_BLOCK
+    gyro, accel = (
+        np.hypot(np.max(triad.noise), one.noise / sqrt(scene.rate_hz)) / sqrt(REST_BLOCK)
+        for triad, one in zip(
+            (unit.gyro, unit.accel), roundings_of(scene.imu, scene.rate_hz), strict=True
+        )
+    )
+    moved = 0.0
+    for sigma, limit, axes in (
+        (gyro, REST_RATE, 2 if turning else 3),
+        (accel / scene.site.gravity, REST_TILT, 2),
+    ):
+        if sigma > 0:
+            moved += blocks * float(chdtrc(axes, (limit / sigma) ** 2))
+    if -np.expm1(-moved) > MOSTLY:
+        raise AlignmentError(
+            f"would take noise for motion: means of {REST_BLOCK:g} s scatter by "
+            f"{gyro / DEG:.2g} deg/s and {accel / scene.site.gravity / DEG:.2g} deg of tilt (1 "
+            f"sigma), and {REST_RATE / DEG:g} deg/s and {REST_TILT / DEG:g} deg are allowed"
+        )
 
 
 def _check_vertical(responses: Sequence["_Response"]) -> None:

@@ -27,7 +27,13 @@ from alignment.errors import AlignmentError
 from alignment.information import Information, Setting, Stretch, assumed, information
 from alignment.information.model import felt
 from alignment.levelling import attitude_sensitivity
-from alignment.multiposition import ANOMALY, LEAST_TURN, drift_variances, local_vectors
+from alignment.multiposition import (
+    ANOMALY,
+    LEAST_TURN,
+    ROUNDING,
+    drift_variances,
+    local_vectors,
+)
 from alignment.single_gyro import single_gyro_sensitivity
 from stand.plan import PlannedStep
 
@@ -108,7 +114,7 @@ def _known(stretches: Sequence[Stretch], case: Case) -> Information:
     unit, setting = assumed(priors)
     anomaly = ANOMALY if case.site.local_gravity is None else 0.0
     setting = Setting(placement=setting.placement, mounting=priors.seat, gravity=anomaly)
-    drift = np.sqrt(drift_variances(priors, len(stretches)))
+    drift = np.sqrt(drift_variances(priors, len(stretches)) + ROUNDING**2)
     drifting = [
         Stretch(s.label, s.start, s.duration, s.C_pb, s.rate, s.axis_b, s.angle, drift)
         for s in stretches
