@@ -23,9 +23,10 @@ from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Truth
 from stand.plan import plan
 from stand.procedure import load_procedure, procedure_from, table_of
-from stand.rehearsal.accuracy import Scene, predict
+from stand.rehearsal.accuracy import predict
 from stand.rehearsal.instrument import Rounding, leanings, roundings_of
 from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.scene import Scene
 from stand.table import load_table
 
 MODEL = load_model()

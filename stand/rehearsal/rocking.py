@@ -5,6 +5,7 @@ method is then a linear functional of the errors of its sensors over time: `Func
 """
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,9 +25,15 @@ from alignment.inertial import (
     skew,
     sway_covariance,
 )
+from alignment.information import GaussMarkov, Unit
+from alignment.information.model import BY_AXIS
 from alignment.strapdown import Carried, carry
+from stand.imu.recursion import Recursion
 from stand.motion import Motion
 from stand.physics.truth import Truth
+from stand.rehearsal.instrument import roundings_of
+from stand.rehearsal.scene import Scene
+from stand.rehearsal.telling import Parts, name_of
 
 RATE_HZ = 20  # of the truth that is carried
 STEP = 0.5  # s between the updates of the frozen filter: its gains vary slowly
@@ -144,3 +151,62 @@ def _functional(
 
 
 ROCKING = {"inertial": inertial, "fine": fine}
+
+
+# --- what errors over time come to ---------------------------------------------------------------
+
+
+def steps_as_noise(scene: Scene) -> tuple[float, float]:
+    """White noise of gyros and accelerometers [u/sqrt(Hz)] by rounding: a rocking base carries
+    readings over many steps, so each sample's is anew."""
+    gyro, accel = roundings_of(scene.imu, scene.rate_hz)
+    return gyro.step / sqrt(12 * scene.rate_hz), accel.step / sqrt(12 * scene.rate_hz)
+
+
+def over_time(run: Functional, unit: Unit, rounding: tuple[float, float]) -> Parts:
+    """Covariances about n at the end of a stretch, by source; `rounding` as `steps_as_noise`."""
+    spans = np.diff(run.t)
+    middle = (run.t[1:] + run.t[:-1]) / 2
+    parts: Parts = {}
+    force = run.force
+    for name, triad, gain, x, step in (
+        ("gyro", unit.gyro, run.gyro, run.rate, rounding[0]),
+        ("accelerometer", unit.accel, run.accel, force, rounding[1]),
+    ):
+        each = gain / np.sqrt(spans)[:, None, None]
+        for source, size in (("white noise", triad.noise), ("rounding", step)):
+            white = each * np.asarray(size)
+            parts[f"{name} {source}"] = np.einsum("mij,mkj->ik", white, white)
+        parts[f"{name} bias instability"] = _drifted(gain, middle, triad.drift)
+        if triad.random_walk:
+            parts[f"{name} random walk"] = _walked(gain, middle, triad.random_walk)
+        for field, columns_of in BY_AXIS.items():
+            sigma = np.asarray(getattr(triad, field))
+            if not sigma.any():
+                continue
+            by_time = middle[:, None, None] * np.eye(3)
+            columns = by_time if field == "ramp" else columns_of(x, force)
+            J = np.einsum("mij,mjk->ik", gain, columns) * np.repeat(sigma, columns.shape[-1] // 3)
+            parts[name_of(f"{name} {field.replace('_', '-').replace('g2', 'g^2')}")] = J @ J.T
+    parts["motion"] = run.motion
+    return parts
+
+
+def _drifted(gain: Array, t: Array, processes: tuple[GaussMarkov, ...]) -> Array:
+    """Covariance (3, 3) by stationary drifts at even times (m,), alike and apart on each axis."""
+    P: Array = np.einsum("mij,mkj->ik", gain, gain) * sum(p.sigma**2 for p in processes)
+    for process in processes:
+        keep = np.exp(-np.median(np.diff(t)) / process.time)
+        memory = Recursion([1.0], [1.0, -keep])
+        memory.settle(np.zeros(9), np.zeros(9))
+        # what the process's memory carries into each block from those before it
+        carried = memory.apply(gain.reshape(-1, 9).T).T.reshape(gain.shape) - gain
+        both = np.einsum("mij,mkj->ik", carried, gain)
+        P = P + process.sigma**2 * (both + both.T)
+    return P
+
+
+def _walked(gain: Array, t: Array, size: float) -> Array:
+    after = np.cumsum(gain[::-1], axis=0)[::-1]
+    steps = np.diff(t, prepend=0.0)
+    return size**2 * np.einsum("m,mij,mkj->ik", steps, after, after)

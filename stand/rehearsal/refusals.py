@@ -1,0 +1,108 @@
+"""What forbids a prediction: methods that would refuse, and what first order does not say."""
+
+from collections.abc import Sequence
+from math import sqrt
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.special import chdtrc
+
+from alignment.errors import AlignmentError
+from alignment.information import Unit
+from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT
+from alignment.static import WRONG_POSITION
+from alignment.units import DEG
+from stand.plan import PlannedStep
+from stand.rehearsal.instrument import roundings_of
+from stand.rehearsal.response import Response
+from stand.rehearsal.scene import Scene
+from stand.rehearsal.telling import Parts, rows_of_angles
+
+# root mean square scale error by rounding, above which heading is none of first order: fits that
+# know the size of Earth rate are 20 % worse at 0.18 (and it goes with the square)
+STEEPEST = 0.07
+TURNED = 0.2
+UNITS, MOSTLY = 1000, 0.5  # of which a method must answer for the other half
+
+
+def check_quiet(steps: Sequence[PlannedStep], scene: Scene, unit: Unit, turning: bool) -> None:
+    """Raise where a method that checks for rest would mostly take the unit's noise for motion.
+
+    It looks at means of `REST_BLOCK`: at rates of three axes (two across a turn's axis), and at
+    the tilt of the force. Of m normal numbers of variance one the sum of squares is above x in
+    ``chdtrc(m, x)`` of the cases; drifts within a stretch are left out.
+    """
+    blocks = sum(step.steady_to - step.steady_from for step in steps) / REST_BLOCK
+    gyro, accel = (
+        np.hypot(np.max(triad.noise), one.noise / sqrt(scene.rate_hz)) / sqrt(REST_BLOCK)
+        for triad, one in zip(
+            (unit.gyro, unit.accel), roundings_of(scene.imu, scene.rate_hz), strict=True
+        )
+    )
+    moved = 0.0
+    for sigma, limit, axes in (
+        (gyro, REST_RATE, 2 if turning else 3),
+        (accel / scene.site.gravity, REST_TILT, 2),
+    ):
+        if sigma > 0:
+            moved += blocks * float(chdtrc(axes, (limit / sigma) ** 2))
+    if -np.expm1(-moved) > MOSTLY:
+        raise AlignmentError(
+            f"would take noise for motion: means of {REST_BLOCK:g} s scatter by "
+            f"{gyro / DEG:.2g} deg/s and {accel / scene.site.gravity / DEG:.2g} deg of tilt (1 "
+            f"sigma), and {REST_RATE / DEG:g} deg/s and {REST_TILT / DEG:g} deg are allowed"
+        )
+
+
+def check_vertical(responses: Sequence[Response]) -> None:
+    """Raise where a method that checks the vertical of each position would refuse most units.
+
+    One unit goes through all positions: `UNITS` of them are drawn, always the same ones.
+    """
+    if not responses:
+        return
+    drawn = np.random.default_rng(0).standard_normal((UNITS, len(responses[0].true.parameters)))
+    tilts = np.array([np.linalg.norm(drawn @ r.feigned_tilt().T, axis=1) for r in responses])
+    refused = np.mean(np.max(tilts, axis=0) > WRONG_POSITION)
+    if refused > MOSTLY:
+        raise AlignmentError(
+            f"would refuse {100 * refused:.0f} % of such units: accelerometers' errors tilt the "
+            f"vertical by {np.sqrt(np.mean(tilts**2) / 2) / DEG:.2g} deg (1 sigma), and "
+            f"{WRONG_POSITION / DEG:.0f} deg are taken for another position"
+        )
+
+
+def coarse(scene: Scene) -> str:
+    """Why rounding forbids a number for a heading from Earth rate; '' where it does not."""
+    gyro, _ = roundings_of(scene.imu, scene.rate_hz)
+    if gyro.steepness <= STEEPEST:
+        return ""
+    return (
+        f"rates are rounded to {gyro.step / DEG:.3g} deg/s, which the noise of a sample, "
+        f"{gyro.dither / DEG:.2g} deg/s at {scene.rate_hz} Hz, does not blur: how much of Earth "
+        "rate is read depends on where in a step the bias lies"
+    )
+
+
+def turned_along(C_nb: Rotation, parts: Parts) -> tuple[list[str], str]:
+    """Quantities that an error of heading makes other than first order says, and why.
+
+    To first order the gyros' errors tilt the carried attitude by t about n. Found together with an
+    error h of heading, that tilt is one about axes turned by h: ``cos(h) t + sin(h) (0, 0, 1) x t``
+    (what accelerometers make of tilt stays in b, whatever the heading). An angle of variance s^2,
+    of which gyros make G^2, becomes ``s^2 - <h^2> (G^2 - A^2)`` with their A^2 in the tilt across
+    it: less than 2 % of s off where h G and h A are below `TURNED` of it.
+    """
+    gyros = sum((P for name, P in parts.items() if name.startswith("gyro")), np.zeros((3, 3)))
+    total = sum(parts.values(), np.zeros((3, 3)))
+    h = sqrt(total[2, 2])
+    found = []
+    for quantity, j in rows_of_angles(C_nb).items():
+        across = np.cross(j, [0.0, 0.0, 1.0])
+        most = max(across @ gyros @ across, j @ gyros @ j if quantity in ("pitch", "roll") else 0.0)
+        if h * sqrt(most) > TURNED * sqrt(j @ total @ j):
+            found.append(quantity)
+    return found, (
+        f"an error of heading, whose sigma is {h / DEG:.3g} deg, turns the tilt that the gyros "
+        "make: beyond first order"
+    )

@@ -1,0 +1,170 @@
+"""How answers of methods at rest and in steady turns respond to errors of unit and table."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array
+from alignment.information import Setting, Unit, information
+from alignment.information.model import coefficient_weights, felt
+from stand.plan import PlannedStep
+from stand.rehearsal.gains import Answer
+from stand.rehearsal.instrument import leanings, roundings_of
+from stand.rehearsal.result import Prediction
+from stand.rehearsal.scene import Scene
+from stand.rehearsal.telling import Parts, name_of, told
+
+SENSORS = ("gyro", "accelerometer")
+_NORTH = Rotation.identity()
+
+
+class Errors:
+    """What errors of unit and table do to the coefficients of some stretches.
+
+    `true` has the unit's. Of the table's l errors: `sources`, `sigmas` (l,), `readings` (m, l),
+    and the turn (s, 3, l) in b that each gives the attitude of every stretch where it is judged:
+    at its end, of a turning one taken back to encoder angle zero. `noises` by name: covariances
+    (m, m) of the coefficients.
+    """
+
+    def __init__(self, answer: Answer, scene: Scene, unit: Unit) -> None:
+        stretches, steps = answer.stretches, answer.steps
+        self.true = information(stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
+        seen = [felt(s, _NORTH, scene.site) for s in stretches]
+        poses = [_poses(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
+        poses.append(np.array([step.joints for step in steps]))
+        found = leanings(scene.table, scene.model, np.concatenate(poses))
+        edges = np.cumsum([0, *(len(p) for p in poses)])
+        self.sources = tuple(one.source for one in found)
+        self.sigmas = np.array([one.sigma for one in found])
+        turns = np.array([one.turns for one in found]).reshape(len(found), edges[-1], 3)
+        readings = []
+        for k, (stretch, (w, f, _, project)) in enumerate(zip(stretches, seen, strict=True)):
+            d = turns[:, edges[k] : edges[k + 1]]
+            rate = np.cross(w, d) + stretch.rate * _slope(d)
+            coefficients = project @ np.concatenate([rate, np.cross(f, d)], axis=2)
+            readings.append(coefficients.reshape(len(found), 6 * len(project)))
+        self.readings = np.concatenate(readings, axis=1).T
+        self.turns = np.array(
+            [
+                _taken_back(step, stretch.axis_b) @ turns[:, edges[-2] + k].T
+                for k, (step, stretch) in enumerate(zip(steps, stretches, strict=True))
+            ]
+        )
+        self.noises = dict(zip(self.true.noise_names, self.true.noises, strict=True))
+        self.noises |= self._rounded(seen, scene)
+
+    def _rounded(self, seen: Sequence[tuple[Array, ...]], scene: Scene) -> dict[str, Array]:
+        """Covariances (m, m) of the coefficients by rounding of each triad's samples."""
+        doubt = self._doubt()
+        nodes = np.concatenate([np.concatenate([w, f], axis=1) for w, f, *_ in seen])
+        project: Array = np.asarray(block_diag(*(p for *_, p in seen)))
+        told: Array = np.asarray(block_diag(*(_waves(p) for *_, p in seen)))
+        anew = np.concatenate(
+            [coefficient_weights(s) / (s.span.length * scene.rate_hz) for s in self.true.stretches]
+        )
+        found = {}
+        for k, one in enumerate(roundings_of(scene.imu, scene.rate_hz)):
+            total = np.zeros_like(doubt)
+            for channel in range(3 * k, 3 * k + 3):
+                x, own = nodes[:, channel], slice(channel, None, 6)
+                known = told @ doubt[own, own] @ told.T
+                size = known.diagonal()
+                s2 = np.maximum(size[:, None] + size - 2 * known, 0.0)
+                left = one.shared(x[:, None] - x, np.sqrt(s2))
+                total[own, own] = project @ left @ project.T + np.diag(anew) * one.noise**2
+            found[f"{SENSORS[k]} rounding"] = total
+        return found
+
+    def _doubt(self) -> Array:
+        """Covariance (m, m) of what the coefficients really are, about what is planned."""
+        stated = np.where(np.isfinite(self.true.prior), self.true.prior, 0.0)
+        roots = np.concatenate([self.true.J * stated, self.readings * self.sigmas], axis=1)
+        drifts = [
+            self.noises[f"{s} {d}"] for s in SENSORS for d in ("bias-instability", "random-walk")
+        ]
+        return np.asarray(roots @ roots.T + np.sum(drifts, axis=0))
+
+
+class Response:
+    """How one answer responds to every error of unit and table."""
+
+    def __init__(self, answer: Answer, errors: Errors) -> None:
+        self.answer, self.true, self.errors = answer, errors.true, errors
+
+    def attitude(self) -> Parts:
+        """Covariances of the rotation about n by source."""
+        own = self.answer.own
+        C = self.answer.stretches[own].C_pb.as_matrix()
+        judged = C @ self.errors.turns[own]
+        return self._parts(self.answer.gain, self.true.attitude_rows(own), judged)
+
+    def feigned_tilt(self) -> Array:
+        """Tilts (2, p) [rad] of the offset's window by itself, per sigma of the unit's errors."""
+        assert self.answer.window_gain is not None
+        prior = self.true.prior
+        stated = np.where(np.isfinite(prior), prior, 0.0)
+        return np.asarray(self.answer.window_gain[:2] @ self.true.J * stated)
+
+    def biases(self, method: str) -> Iterator[Prediction]:
+        """Sigmas of the biases that are told."""
+        parameters = {p.label: p for p in self.true.parameters}
+        labels = list(parameters)
+        for label, gain in self.answer.biases.items():
+            p = parameters[label]
+            row = np.eye(len(labels))[labels.index(label)][None]
+            parts = self._parts(gain[None], row, np.zeros((1, len(self.errors.sigmas))))
+            sizes = {name: float(np.sqrt(max(P[0, 0], 0.0))) for name, P in parts.items()}
+            yield told(method, "", "all", label, (p.unit, p.per), sizes, np.inf, str)
+
+    def _parts(self, gain: Array, row: Array, judged: Array) -> Parts:
+        """Covariances (k, k) of ``gain coefficients - row errors``, less `judged` (k, l)."""
+        parts: Parts = {}
+
+        def add(source: str, P: Array) -> None:
+            name = name_of(source)
+            parts[name] = parts.get(name, 0.0) + P
+
+        for name, N in self.errors.noises.items():
+            add(name, gain @ N @ gain.T)
+        prior = self.true.prior
+        left = (gain @ self.true.J - row) * np.where(np.isfinite(prior), prior, 0.0)
+        table = (gain @ self.errors.readings - judged) * self.errors.sigmas
+        sources = (*(p.source for p in self.true.parameters), *self.errors.sources)
+        for source, v in zip(sources, np.concatenate([left, table], axis=1).T, strict=True):
+            if v.any():
+                add(source, np.outer(v, v))
+        return parts
+
+
+def _waves(project: Array) -> Array:
+    """Values (k, h) of 1, cosine and sine at the k angles that `project` (h, k) looks at."""
+    h, k = project.shape
+    return project.T * k / np.array([1.0, 2.0, 2.0])[:h]
+
+
+def _taken_back(step: PlannedStep, axis_b: Array) -> Array:
+    """What a turn (3,) of b at a step's end is of b at encoder angle zero: (3, 3)."""
+    if step.turning is None:
+        return np.eye(3)
+    return Rotation.from_rotvec(step.joints[step.turning.axis] * axis_b).as_matrix()
+
+
+def _poses(step: PlannedStep, count: int) -> Array:
+    """Joint angles (count, 6) at which a stretch is looked at: encoder 0 on, evenly round."""
+    joints = np.tile(step.joints, (count, 1))
+    if step.turning is not None:
+        joints[:, step.turning.axis] = 2 * np.pi * np.arange(count) / count
+    return joints
+
+
+def _slope(d: Array) -> Array:
+    """Derivative (l, k, 3) by the angle of what goes round with it, by Fourier."""
+    k = d.shape[1]
+    if k == 1:
+        return np.zeros_like(d)
+    orders = np.fft.rfftfreq(k, 1 / k)
+    orders[-1] = 0.0  # the highest has no sign
+    return np.fft.irfft(1j * orders[:, None] * np.fft.rfft(d, axis=1), k, axis=1)

@@ -1,0 +1,28 @@
+"""What is rehearsed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from alignment import Options, Site
+from stand.imu import ImuSpec
+from stand.physics.description import StandModel
+from stand.physics.truth import Truth
+from stand.plan import Plan
+from stand.table import Table
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """What is rehearsed: plan, stand, table, unit, site and what the estimators are told.
+
+    `truth` makes the perfect sensors of a motion, for methods on rocking bases.
+    """
+
+    plan: Plan
+    model: StandModel
+    table: Table
+    imu: ImuSpec
+    site: Site
+    options: Options
+    rate_hz: int
+    truth: Callable[[], Truth]

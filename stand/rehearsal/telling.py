@@ -1,0 +1,90 @@
+"""Covariances of a small rotation about n, told as angles with what each source adds."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment.angles import Sequence as Order
+from alignment.angles import (
+    SequenceRule,
+    angle_jacobian,
+    angles_from_C_nb,
+    near_singular,
+)
+from alignment.arrays import Array
+from alignment.information.result import DETERMINED
+from alignment.units import DEG
+from stand.rehearsal.result import Contribution, Prediction
+
+Parts = dict[str, Array]  # covariance (3, 3) about n [rad^2] by source
+
+_ANGLES = ("roll", "yaw", "pitch")
+# how sources of `alignment.information` and of this package are told
+_NAMES = {
+    "bias": "turn-on bias",
+    "noise": "white noise",
+    "bias-instability": "bias instability",
+    "random-walk": "random walk",
+    "misalignment": "case misalignment",
+}
+
+
+def angles(
+    method: str, window: str, label: str, C_nb: Rotation, parts: Parts, why: Callable[[], str]
+) -> Iterator[Prediction]:
+    """Heading (or the yaw of a vertical X1), pitch and roll."""
+    for quantity, j in rows_of_angles(C_nb).items():
+        sizes = {name: float(np.sqrt(max(j @ P @ j, 0.0))) for name, P in parts.items()}
+        yield told(method, window, label, quantity, ("deg", DEG), sizes, DETERMINED, why)
+
+
+def rows_of_angles(C_nb: Rotation) -> dict[str, Array]:
+    """What each angle (3,) is of a small rotation about n."""
+    order = SequenceRule.REGULAR.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0]))
+    rows: dict[str, Array] = dict(
+        zip(_ANGLES, angle_jacobian(order, *angles_from_C_nb(order, C_nb)), strict=True)
+    )
+    level = angles_from_C_nb(Order.YAW_PITCH_ROLL, C_nb)
+    if not near_singular(Order.YAW_PITCH_ROLL, level):
+        rows["heading"] = -angle_jacobian(Order.YAW_PITCH_ROLL, *level)[1]
+        del rows["yaw"]
+    return {name: rows[name] for name in ("heading", "yaw", "pitch", "roll") if name in rows}
+
+
+def told(
+    method: str,
+    window: str,
+    label: str,
+    quantity: str,
+    unit: tuple[str, float],
+    sizes: dict[str, float],
+    limit: float,
+    why: Callable[[], str],
+) -> Prediction:
+    """A prediction by the sizes of its sources; none where their total is not below `limit`."""
+    total = float(np.linalg.norm(list(sizes.values())))
+    if not total < limit:
+        reason = f"sigma of {total / unit[1]:.3g} {unit[0]} is beyond first order"
+        reason = "; ".join(part for part in (f"not determined: {reason}", why()) if part)
+        return Prediction(method, window, label, quantity, *unit, None, (), reason)
+    named = sorted(sizes.items(), key=lambda item: -item[1])
+    contributions = tuple(Contribution(name, s) for name, s in named if s > 1e-6 * total)
+    return Prediction(method, window, label, quantity, *unit, total, contributions)
+
+
+def withheld(
+    found: Iterable[Prediction], quantities: Sequence[str], reason: str
+) -> Iterator[Prediction]:
+    """The predictions, without a number for these quantities if there is a reason."""
+    for p in found:
+        if reason and p.determined and p.quantity in quantities:
+            p = replace(p, sigma=None, contributions=(), reason=f"not determined: {reason}")
+        yield p
+
+
+def name_of(source: str) -> str:
+    """How a source is told."""
+    sensor, _, rest = source.partition(" ")
+    return f"{sensor} {_NAMES.get(rest, rest)}" if rest else source
