@@ -94,6 +94,10 @@ def test_biases_of_any_size_are_found_with_turns_about_two_axes(site):
         assert np.abs(error(estimate.C_nb.as_matrix(), TILTED @ R)).max() < 2e-8
         assert (estimate.t_from, estimate.t_to) == (0.0, 220.0)
         assert not any("biases not shown" in flag for flag in estimate.flags)
+        # an Earth rate of 8 digits leaves 1e-8 of it; a gravity of 8 digits some 1e-7 m/s^2
+        assert estimate.biases[:3] == pytest.approx(BIAS[:3], abs=1e-11)
+        assert estimate.biases[3:] == pytest.approx(BIAS[3:], abs=3e-7)
+        assert (estimate.bias_sigmas > 0).all()
     assert (found[0].latitude is None) == (site.latitude is not None)
     if found[0].latitude is not None:
         assert found[0].latitude == pytest.approx(radians(48.5), abs=1e-8)

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from alignment import AttitudeEstimate
 from alignment.angles import C_nb_from_angles, Sequence
 from alignment.units import DEG
+from stand.report.document import score_tables
 from stand.score import (
     PUBLISHED,
     Score,
@@ -197,3 +198,26 @@ def test_json_of_a_spread():
         "rms_yaw_deg": pytest.approx(2**0.5),
         "rms_pitch_deg": 0.0,
     }
+
+
+def test_biases_are_told_in_the_units_of_data_sheets():
+    rad_s, m_s2 = DEG / 3600, 9.80665e-3  # 1 deg/h, 1 mg
+    biases = np.array([1.0, -2.0, 3.0, 0.0, 0.0, 0.0]) * rad_s
+    biases[3:] = np.array([4.0, 5.0, -6.0]) * m_s2
+    told = score_to_json(
+        score(estimate(C(0, 0, 0), biases=biases, bias_sigmas=np.abs(biases) / 2), Truths())
+    )
+    assert told["gyro_bias_deg_h"] == pytest.approx([1, -2, 3])
+    assert told["accel_bias_mg"] == pytest.approx([4, 5, -6])
+    assert told["gyro_sigma_bias_deg_h"] == pytest.approx([0.5, 1, 1.5])
+    assert told["accel_sigma_bias_mg"] == pytest.approx([2, 2.5, 3])
+    assert "gyro_bias_deg_h" not in score_to_json(score(estimate(C(0, 0, 0)), Truths()))
+    # one fit of two positions has one row of biases
+    several = [
+        score(estimate(C(0, 0, 0), label=k, biases=biases, bias_sigmas=biases), Truths())
+        for k in ("A", "B")
+    ]
+    table = score_tables(several)[1]
+    assert [row[0] for row in table.rows] == ["A, B"]
+    assert table.rows[0][1].startswith("+1.0000")
+    assert table.rows[0][6].startswith("-6.0000")

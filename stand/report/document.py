@@ -10,7 +10,7 @@ import numpy as np
 
 from alignment import ESTIMATORS
 from alignment.arrays import Array
-from alignment.units import ARC_SECOND, DEG
+from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G
 from stand.physics.description import JOINTS
 from stand.record import StepRecord
 from stand.score import PUBLISHED, Refusal, Score, Spread, by_method, spreads
@@ -27,6 +27,7 @@ WINDOWS = {
     "observing": ", observing form",
     "kalman": ", Kalman filter",
 }
+_BIAS_UNITS = np.repeat([DEG_PER_HOUR, MILLI_G], 3)
 ANGLE_NOTE = (
     "Yaw is positive from north to west. Where X1 is within 45 deg of the vertical, angles are "
     "turns by yaw-roll-pitch (y-r-p), elsewhere by yaw-pitch-roll (y-p-r), where heading = -yaw. "
@@ -104,6 +105,8 @@ def score_tables(scores: Sequence[Score]) -> list[TableData]:
             tables.append(_refused_table(members))
         else:
             tables.append(_table(members, own))
+        if any(s.estimate.biases is not None for s in members):
+            tables.append(_bias_table(members))
     return tables
 
 
@@ -161,6 +164,30 @@ def _pair_table(scores: Sequence[Score]) -> TableData:
     rows = tuple((s.estimate.label, _latitude(s)) for s in scores)
     title = f"{scores[0].estimate.method}{WINDOWS['pair']} [deg]"
     return TableData(title, ("positions", "latitude"), rows, notes=tuple(_notes(scores)))
+
+
+def _bias_table(scores: Sequence[Score]) -> TableData:
+    """Biases that a method found, a row per fit."""
+    fits: dict[bytes, tuple[list[str], tuple[str, ...]]] = {}
+    for s in scores:
+        e = s.estimate
+        if e.biases is None or e.bias_sigmas is None:
+            continue
+        values, sigmas = e.biases / _BIAS_UNITS, e.bias_sigmas / _BIAS_UNITS
+        cells = tuple(
+            f"{number(v)} {sigma_text(sigma)}" for v, sigma in zip(values, sigmas, strict=True)
+        )
+        fits.setdefault(e.biases.tobytes(), ([], cells))[0].append(e.label)
+    first = scores[0].estimate
+    return TableData(
+        f"{first.method}{WINDOWS[first.window]}: biases [gyros deg/h, accelerometers mg]",
+        (
+            "position",
+            *(f"{sensor} {a}" for sensor in ("gyro", "accel") for a in ("X1", "Y1", "Z1")),
+        ),
+        tuple((", ".join(labels), *cells) for labels, cells in fits.values()),
+        notes=("± with the priors that were stated: one near its own prior was not seen",),
+    )
 
 
 def _footers(method: str, deviations: Sequence[Spread], width: int) -> list[tuple[str, ...]]:
