@@ -232,13 +232,13 @@ class Sums:
         """How many runs gave a number; root mean square of the errors with its 95 % interval.
 
         Chi-square, with as many degrees of freedom as runs if errors are normal; where there are
-        `FEW` runs or more, with as many as their fourth moment says.
+        `FEW` runs or more, with as many as their fourth moment says, but never with more.
         """
         n, squares, fourths = self._of[key]
         mean = squares / n
         freedom = n
         spread = fourths / n - mean**2
         if n >= FEW and spread > 0:
-            freedom = 2 * n * mean**2 / spread
+            freedom = min(n, 2 * n * mean**2 / spread)
         sigma, (low, high) = np.sqrt(mean), np.sqrt(freedom / chdtri(freedom, [TAIL, 1 - TAIL]))
         return int(n), (float(sigma), float(sigma * low), float(sigma * high))
