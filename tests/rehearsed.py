@@ -122,7 +122,8 @@ def answer(
     advice = (
         Advice("heading", "Rest 418 s instead of 296 s in both positions.",
                (Change('step 1 "first", duration_s', "296", "418"),
-                Change('step 3 "second", duration_s', "296", "418")),
+                Change('step 3 "second", duration_s', "296", "418"),
+                Change('step 4 "back"', "", "kind = move")),
                0.038 * DEG, 844.0, PROCEDURE.replace("296", "418")),
     )  # fmt: skip
     inputs = Inputs(

@@ -73,6 +73,7 @@ def test_the_page_says_what_the_answer_says(quick_pictures):
         "outer rate 320 of 300 deg/s (107 %), first beyond it at 296.750 s",
         "Rest 418 s instead of 296 s in both positions.",
         'step 1 "first", duration_s: 296 becomes 418',
+        'step 4 "back": added, kind = move',
         "With it: sigma 0.038°, takes 14 min 04 s.",
         "sigma above 10 deg: the estimator is no longer linear there",
         "level at rest, accelerometer X bias cannot be told from pitch",
