@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+import chain
 import numpy as np
 import pytest
+from scipy.special import roots_legendre
 
 from alignment import Site
 from stand.imperfection import PERFECT, draw
@@ -11,11 +13,11 @@ from stand.motion import Motion
 from stand.physics.description import JOINTS
 from stand.physics.geometry import with_errors
 from stand.physics.mjcf import describe, load_model
-from stand.physics.quadrature import Steps, longest_steps
+from stand.physics.quadrature import LOBATTO, SIMPSON, Law, Steps, longest_steps
 from stand.physics.truth import Sampling, Truth
 from stand.plan import joined, move_piece, rest_piece
-from stand.steps import ConingMotion, ScorsbyMotion, SineMotion, SwayMotion
-from stand.sway import sway
+from stand.steps import ConingMotion, ScorsbyMotion, SineMotion, SwayMotion, VibrationMotion
+from stand.sway import sway, vibration
 from stand.table import load_table
 from stand.waves import coning, scorsby, sines
 
@@ -70,30 +72,90 @@ def test_several_means_from_steps_of_both_kinds():
 
 
 @pytest.mark.parametrize("rate_deg_s", [0.5, 4.0, 100.0])
-def test_step_of_a_uniform_turn_is_near_that_of_its_gravity(rate_deg_s):
-    """g w^6 h^6/1512000 = 1e-9: w h = (1e-9 1512000/9.80665)^(1/6) = 0.2318 rad.
+@pytest.mark.parametrize(
+    ("rule", "turned"),
+    [
+        (SIMPSON, 0.02328),  # rad: g w^4 h^4/2880 = 1e-9, so w h = (2.88e-6/9.80665)^(1/4)
+        (LOBATTO, 0.23176),  # g w^6 h^6/1512000 = 1e-9: w h = (1.512e-3/9.80665)^(1/6)
+    ],
+)
+def test_step_of_a_uniform_turn_is_that_of_its_gravity(rate_deg_s, rule, turned):
+    """One axis that turns evenly: its rate and centripetal force stand still in b."""
+    (step,) = longest_steps(rule, turning(rate_deg_s, 3.0), np.array([0]), [])
+    assert step * np.radians(rate_deg_s) == pytest.approx(turned, rel=1e-3)
 
-    The law also bounds what a point 1 m off feels, as if all axes turned at once: no matter where
-    its centripetal force is far below g.
-    """
-    motion = turning(rate_deg_s, 3.0)
-    (step,) = longest_steps(motion, np.array([0]), [])
-    turned = step * np.radians(rate_deg_s)
-    assert turned <= 0.2318
-    assert turned > (0.2 if rate_deg_s < 5 else 0.05)
+
+def test_step_of_a_rate_by_hand():
+    """q = 1e4 t^5 for 1 ms: 1.2e6 h^4/2880 = 1e-11, h = (2.4e-14)^(1/4) = 0.3936 ms. Of its
+    force g times the angle's fourth derivative is most, 1.2e4 m/s^6: that would allow 4 ms.
+    Lobatto's rule is exact."""
+    coefficients = np.zeros((6, 1, 6))
+    coefficients[0, 0, OUTER] = 1e4
+    motion = Motion(np.array([0.0, 1e-3]), coefficients)
+    first = np.array([0])
+    assert longest_steps(SIMPSON, motion, first, [])[0] == pytest.approx(0.3936e-3, rel=1e-3)
+    assert longest_steps(LOBATTO, motion, first, [])[0] > 1e-3
+    parts, lobatto = Law(motion, []).choose(first, np.array([1e-3]))
+    assert (list(parts), list(lobatto)) == ([1], [True])
+
+
+def test_an_axis_that_slows_down_is_no_faster_than_at_its_start():
+    """From 90 deg/s to rest in 100 s: of g turned by q, ``g (w^4 + 6 w^2 b + 3 b^2)`` at its start
+    bounds the fourth derivative, b its braking. Centripetal force is a square of time."""
+    w = np.radians(90.0)
+    b = w / 100
+    coefficients = np.zeros((3, 1, 6))
+    coefficients[:2, 0, OUTER] = -b / 2, w
+    motion = Motion(np.array([0.0, 100.0]), coefficients)
+    (step,) = longest_steps(SIMPSON, motion, np.array([0]), [])
+    bound = 9.80665 * (w**4 + 6 * w**2 * b + 3 * b**2)
+    assert step == pytest.approx((2880e-9 / bound) ** 0.25, rel=1e-9)
 
 
 def test_a_motion_at_rest_takes_any_step():
     rest = Motion(np.array([0.0, 1.0]), np.zeros((4, 1, 6)))
-    assert longest_steps(rest, np.array([0]), PERFECT.waves)[0] > 1000
+    for rule in (SIMPSON, LOBATTO):
+        assert longest_steps(rule, rest, np.array([0]), PERFECT.waves)[0] > 1000
+    parts, lobatto = Law(rest, PERFECT.waves).choose(np.array([0]), np.array([1.0]))
+    assert (list(parts), list(lobatto)) == ([1], [False])
 
 
 def test_a_piece_sets_its_own_step_alone():
     slow, fast = (turning(rate, 1.0).coefficients for rate in (1.0, 90.0))
     both = Motion(np.array([0.0, 1.0, 2.0]), np.concatenate([slow, fast], axis=1))
-    each = [longest_steps(turning(rate, 1.0), np.array([0]), [])[0] for rate in (1.0, 90.0)]
-    np.testing.assert_array_equal(longest_steps(both, np.array([0, 1]), []), each)
-    np.testing.assert_array_equal(longest_steps(both, np.array([1]), []), each[1:])
+    for rule in (SIMPSON, LOBATTO):
+        each = [longest_steps(rule, turning(x, 1.0), np.array([0]), [])[0] for x in (1.0, 90.0)]
+        np.testing.assert_array_equal(longest_steps(rule, both, np.array([0, 1]), []), each)
+        np.testing.assert_array_equal(longest_steps(rule, both, np.array([1]), []), each[1:])
+
+
+def test_the_cheapest_rule_by_hand():
+    """At 1 rad/s Simpson's step of two evaluations goes 23.28 ms, Lobatto's of three 231.8 ms."""
+    law = Law(turning(np.degrees(1.0), 3.0), [])
+    lengths = np.array([0.001, 0.0232, 0.0234, 0.231, 0.233, 0.5])
+    parts, lobatto = law.choose(np.zeros(6, np.int64), lengths)
+    assert list(parts) == [1, 1, 1, 1, 2, 3]
+    assert list(lobatto) == [False, False, True, True, True, True]
+
+
+def test_a_choice_does_not_depend_on_what_else_is_asked():
+    """Five hundred pieces of all sizes, with the waves of a drawn table: bounded together or
+    alone."""
+    rng = np.random.default_rng(5)
+    lengths = rng.uniform(1e-3, 5e-3, 500)
+    quiet = np.repeat(rng.uniform(0, 1, 25), 20)[:, None] ** 10  # stretches of them
+    c = rng.normal(size=(6, 500, 6)) * quiet * np.array([1e4, 1e3, 1e2, 3, 1, 1])[:, None, None]
+    motion = Motion(np.append(0.0, np.cumsum(lengths)), c)
+    waves = draw(load_table("mid-class"), 3, None, True).waves
+    numbers = np.arange(500)
+    parts, lobatto = Law(motion, waves).choose(numbers, lengths)
+    assert 50 < np.count_nonzero(lobatto) < 450  # some of each
+    law = Law(motion, waves)
+    for first, last in ((0, 1), (3, 170), (171, 175), (160, 500)):
+        some = slice(first, last)
+        again = law.choose(numbers[some], lengths[some])
+        np.testing.assert_array_equal(again[0], parts[some])
+        np.testing.assert_array_equal(again[1], lobatto[some])
 
 
 # --- the promise, on every kind of motion
@@ -140,6 +202,13 @@ def nutating():
     return coning(entry, 6.0, 2.0, np.zeros(6), describe(load_model()))
 
 
+def shaking(axes=("outer",)):
+    """200 deg/s^2 between 5 and 30 Hz."""
+    jitter = {"rms_deg_s2": 200.0, "low_hz": 5.0, "high_hz": 30.0}
+    entry = VibrationMotion.model_validate({"axes": dict.fromkeys(axes, jitter)})
+    return vibration(entry, 2.0, 1.0, rng_of)
+
+
 MOTIONS = {
     "slow turn": lambda: turning(4.0, 20.0),
     "fast turn": lambda: turning(200.0, 4.0),
@@ -148,15 +217,14 @@ MOTIONS = {
     "sines": waving,
     "scorsby": rolling,
     "coning": nutating,
+    "vibration": lambda: shaking(("base_roll", "outer", "inner")),
 }
 
 
 @pytest.mark.parametrize("errors", ["perfect", "drawn"])
 @pytest.mark.parametrize("name", MOTIONS)
 def test_slow_samples_are_the_means_of_fast_ones(model, name, errors):
-    """Bounds: of force that of the law; of rates ten times it, as the pieces that knots cut off
-    below 5 ms take Simpson's rule, which errs by ``h^4/2880 = 2e-13`` of an angle's fifth
-    derivative: here some 200 rad/s^5. So does the reference, by 1/625 of that."""
+    """Both err by no more than the law's bounds."""
     motion, table = MOTIONS[name](), load_table("mid-class")
     wrong = PERFECT if errors == "perfect" else draw(table, 3, None, True)
     truth = Truth(with_errors(model, wrong), Site(np.radians(48.5)), errors=wrong)
@@ -166,17 +234,64 @@ def test_slow_samples_are_the_means_of_fast_ones(model, name, errors):
         slow = truth.block(motion, hz, Sampling.MEAN, 0, hz * whole)
         force = fast.f_b.reshape(hz * whole, -1, 3).mean(axis=1)
         rate = fast.w_ib_b.reshape(hz * whole, -1, 3).mean(axis=1)
-        assert np.abs(slow.f_b - force).max() < 1e-9
-        assert np.abs(slow.w_ib_b - rate).max() < 1e-10
+        assert np.abs(slow.f_b - force).max() < 2e-9
+        assert np.abs(slow.w_ib_b - rate).max() < 2e-11
 
 
-def test_slow_motion_takes_three_evaluations_a_sample(model, monkeypatch):
+RATES = (20, 100, 200, 1000)
+VERTICAL_RATE = 7.292115e-5 * np.sin(np.radians(48.5))
+
+
+@pytest.mark.parametrize("hz", RATES)
+def test_mean_rate_of_a_sine_by_hand(model, hz):
+    """1 deg, 3 Hz about the vertical for 4 s after 1 s of fade: the difference of the angle over
+    the time, and the Earth's rate up. Y1 is up."""
+    sine = {"outer": {"amplitude_deg": 1.0, "frequency_hz": 3.0}}
+    motion = sines(SineMotion.model_validate({"axes": sine}), 4.0, 1.0)
+    block = Truth(model, Site(np.radians(48.5))).block(motion, hz, Sampling.MEAN, hz, 5 * hz)
+    angle = np.radians(1.0) * np.sin(6 * np.pi * (np.arange(hz, 5 * hz + 1) / hz - 1.0))
+    # beside the bound, 1e-12 for the rounding of angles (1e-17) times hz and of the polynomials
+    assert np.abs(block.w_ib_b[:, 1] - np.diff(angle) * hz - VERTICAL_RATE).max() < 1.1e-11
+
+
+@pytest.mark.parametrize("hz", RATES)
+def test_mean_rate_of_vibration_by_hand(model, hz):
+    """Likewise; one step of Simpson's on each 4 ms of the spline would err by 2e-6 rad/s."""
+    motion = shaking()
+    block = Truth(model, Site(np.radians(48.5))).block(motion, hz, Sampling.MEAN, 0, 4 * hz)
+    angle = motion.joints(np.arange(4 * hz + 1) / hz)[0][:, OUTER]
+    assert np.abs(block.w_ib_b[:, 1] - np.diff(angle) * hz - VERTICAL_RATE).max() < 1.1e-11
+
+
+@pytest.mark.parametrize("hz", RATES)
+@pytest.mark.parametrize("name", ["vibration", "sines", "moves"])
+def test_means_match_a_fine_gauss_rule_of_the_closed_form(model, name, hz):
+    """Eight points between edges and knots, exact to the fifteenth power, of `chain.sensors`."""
+    motion, site = MOTIONS[name](), Site(np.radians(48.5))
+    block = Truth(model, site).block(motion, hz, Sampling.MEAN, hz, 3 * hz)
+    edges = np.arange(hz, 3 * hz + 1) / hz
+    inside = motion.knots[(motion.knots > edges[0]) & (motion.knots < edges[-1])]
+    ends = np.unique(np.concatenate([edges, inside]))
+    points, weights = roots_legendre(8)
+    h = np.diff(ends)
+    t = ends[:-1, None] + h[:, None] * (points + 1) / 2
+    q, v, a = motion.joints(t.ravel())
+    felt = np.hstack(chain.sensors(q, v, a, site.latitude, site.gravity)).reshape(-1, 8, 6)
+    parts = np.einsum("k,nkj->nj", weights / 2, felt) * h[:, None]
+    means = np.add.reduceat(parts, np.searchsorted(ends, edges[:-1]), axis=0) * hz
+    assert np.abs(block.w_ib_b - means[:, :3]).max() < 1e-11
+    assert np.abs(block.f_b - means[:, 3:]).max() < 1e-9
+
+
+def test_evaluations_of_slow_and_fast_turns(model, monkeypatch):
+    """Of 0.0035 and 0.00035 rad a sample: Simpson's rule, two; of 0.05 rad, Lobatto's, three."""
     truth, rows = Truth(model, Site(0.3)), []
     original = truth.instants
     monkeypatch.setattr(truth, "instants", lambda q, v, a: rows.append(len(q)) or original(q, v, a))
     truth.block(turning(4.0, 20.0), 20, Sampling.MEAN, 0, 400)
-    truth.block(turning(4.0, 20.0), 200, Sampling.MEAN, 0, 4000)  # two of Simpson's
-    assert rows == [1201, 8001]
+    truth.block(turning(4.0, 20.0), 200, Sampling.MEAN, 0, 4000)
+    truth.block(turning(60.0, 20.0), 20, Sampling.MEAN, 0, 400)
+    assert rows == [801, 8001, 1201]
 
 
 @pytest.mark.parametrize("hz", [20, 190])

@@ -106,9 +106,9 @@ def test_samples_of_moves_match_the_closed_form(model, latitude):
     assert np.abs(instant.w_ib_b - w).max() < 1e-12
     mean = truth.block(motion, hz, Sampling.MEAN, 0, n)
     w, f = oracle_means(motion, np.arange(n + 1) / hz, perfect_sensors(s))
-    # Simpson at 5 ms: h^4/2880 = 2e-13 s^4 of the fourth derivatives, some 100 m/s^6, rad/s^5
+    # what the quadrature promises
     assert np.abs(mean.f_b - f).max() < 1e-9
-    assert np.abs(mean.w_ib_b - w).max() < 1e-10
+    assert np.abs(mean.w_ib_b - w).max() < 1e-11
 
 
 def perfect_sensors(s):
@@ -587,7 +587,7 @@ def test_means_of_a_rippling_table_match_the_closed_form(model):
 
     w, f = oracle_means(motion, np.arange(n + 1) / hz, sensors)
     assert np.abs(mean.f_b - f).max() < 1e-9  # what the quadrature promises
-    assert np.abs(mean.w_ib_b - w).max() < 1e-9
+    assert np.abs(mean.w_ib_b - w).max() < 1e-11
 
 
 # --- a servo's motion: quintic pieces of 1 ms
@@ -635,24 +635,25 @@ def test_windows_of_a_motion_give_what_the_whole_gives(model):
 
 
 def test_a_window_costs_two_evaluations_a_step(model, monkeypatch):
-    """Knots at 0.001 k s and samples at k / 200 s meet though they differ by rounding."""
+    """Knots at 0.001 k s and samples at k / 200 s meet though they differ by rounding. Clear of
+    the fades, whose jerk may ask for three."""
     truth, rows = Truth(model, site(10.0)), []
     original = truth.instants
     monkeypatch.setattr(truth, "instants", lambda q, v, a: rows.append(len(q)) or original(q, v, a))
-    truth.block(window(servo_like(6.0), 1000, 2000), 200, Sampling.MEAN, 200, 400)
+    truth.block(window(servo_like(8.0), 3000, 4000), 200, Sampling.MEAN, 600, 800)
     assert rows == [2001]
 
 
-@pytest.mark.parametrize("ripple_hz", [5.0, 20.0])
+@pytest.mark.parametrize("ripple_hz", [5.0, 20.0, 97.0])
 def test_means_of_a_servo_s_motion_match_a_finer_quadrature(model, ripple_hz):
-    """0.007 deg/s of ripple on every axis. Simpson's error is (w h)^4/2880 of the part of the
-    force that is no piecewise cubic: here 0.7 m times both rates, twice, 1e-4 at 20 Hz."""
+    """0.007 deg/s of ripple on every axis. At 97 Hz one step of Simpson's on every millisecond
+    would err by ``1.2e-4 rad/s (610/s)^4 (1 ms)^4/2880 = 6e-9 rad/s``."""
     s, hz = site(48.5), 200
     motion = servo_like(8.0, np.radians(0.007), ripple_hz)
     mean = Truth(model, s).block(motion, hz, Sampling.MEAN, 500, 1100)
     w, f = oracle_means(motion, np.arange(500, 1101) / hz, perfect_sensors(s))
     assert np.abs(mean.f_b - f).max() < 1e-9
-    assert np.abs(mean.w_ib_b - w).max() < 1e-10
+    assert np.abs(mean.w_ib_b - w).max() < 1e-11
 
 
 def drift(block, hz, latitude):

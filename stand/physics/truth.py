@@ -27,18 +27,16 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray
 from alignment.earth import Site
-from alignment.units import STANDARD_GRAVITY
 from stand.imperfection import PERFECT, TableErrors
 from stand.motion import Motion
 from stand.physics.description import JOINTS
 from stand.physics.kinematics import C_NW
 from stand.physics.mjcf import SITE
-from stand.physics.quadrature import SHORT, Steps, is_long, longest_steps
+from stand.physics.quadrature import Law, Steps
 from stand.samples import Sensed, TruthBlock
 
 ARMATURE = 1e15  # kg m^2: dwarfs every real inertia by 1e12, so q'' comes back to rounding
 ROWS = 1000  # evaluations per call: the state rows stay in cache
-WIDEST_NODE = 0.02  # rad turned in a Simpson step: its error is then below 1e-9 m/s^2
 SAME_TIME = 1e-9  # s: a knot nearer to an edge is on it
 HINGES = 6  # at most on one body of MuJoCo's
 NANOSECOND = 1_000_000_000
@@ -195,7 +193,7 @@ class Truth:
         self._perfect = self._errors.perfect
         self._lean = lean_model(model, site, self._places, self._errors)
         self._order = _order(self._errors)
-        self._node: tuple[Motion, float] | None = None  # the motion met last and its nodes
+        self._law: Law | None = None  # of the motion met last
         self.batch = Batch(self._lean, ROWS, nthread=threads)
         self._sensors = self.batch.bind("sensordata")
 
@@ -314,13 +312,12 @@ class Truth:
         On the union of the edges and the motion's knots. Each piece between these is parted for
         itself, so that its neighbours leave no trace.
 
-        Pieces of up to `SHORT` take Simpson's rule, no step wider than `WIDEST_NODE` at the
-        motion's fastest. Aligned with the knots, it is exact for the accelerations of cubic and
-        quintic pieces; in what else there is of force, the error is ``h^4/2880`` times the fourth
-        derivative, some ``g (w h)^4 / 2880`` at the turning rate w. (On a servo's steps of 1 ms a
-        closed six-point rule over five of them takes half the evaluations, but is no longer exact
-        for the accelerations.) Longer pieces, as slow sampling makes them, take steps by the law
-        of `stand.physics.quadrature`.
+        Rule and steps of each piece are by the law of `stand.physics.quadrature`: within
+        `FORCE_ERROR` and `RATE_ERROR`, whatever the motion and the rate of the samples. Aligned
+        with the knots, Simpson's rule is exact for the accelerations of cubic and quintic pieces,
+        and Lobatto's for their rates: most of a servo's pieces of 1 ms take one step of either.
+        (A closed six-point rule over five of them takes half the evaluations, but is exact for
+        neither.)
         """
         steps = self._steps(motion, edges)
         at = self.instants(*motion.joints(steps.nodes))
@@ -341,39 +338,18 @@ class Truth:
         after = np.clip(np.searchsorted(edges, knots), 1, len(edges) - 1)
         near = np.minimum(np.abs(edges[after] - knots), np.abs(knots - edges[after - 1]))
         ends = np.sort(np.concatenate([edges, knots[near > SAME_TIME]]))
-        lengths = np.diff(ends)
-        parts = np.ceil(lengths / self._longest(motion, ends) - 1e-6).astype(np.int64)
-        parts = np.maximum(1, parts)
+        parts, long = self._chosen(motion, ends)
         between = _parted(ends, parts)
         whole = np.sort(np.concatenate([ends, between])) if len(between) else ends
-        return Steps(whole, np.repeat(is_long(lengths), parts))
+        return Steps(whole, np.repeat(long, parts))
 
-    def _longest(self, motion: Motion, ends: Array) -> Array:
-        """The longest step (n,) [s] allowed between each two of the `ends` (n + 1,)."""
-        if self._node is None or self._node[0] is not motion:
-            self._node = motion, self._longest_node(motion)
-        longest = np.full(len(ends) - 1, self._node[1])
-        long = np.flatnonzero(is_long(np.diff(ends)))
-        if len(long):
-            middle = (ends[long] + ends[long + 1]) / 2
-            piece = np.searchsorted(motion.knots[1:-1], middle, side="right")
-            pieces, own = np.unique(piece, return_inverse=True)
-            longest[long] = longest_steps(motion, pieces, self._errors.waves)[own]
-        return longest
-
-    def _longest_node(self, motion: Motion) -> float:
-        """Simpson steps [s] for which no turn and no wave costs 1e-9 m/s^2.
-
-        A wave of c rad on an axis, k times round, shakes the force by ``c (g + (k w)^2 1 m)``, and
-        may turn through `WIDEST_NODE` when that is g: by the fourth root further when it is less.
-        """
-        rates = fastest(motion)
-        node = min(SHORT, WIDEST_NODE / max(rates.sum(), 1e-9))
-        for axes, order, cosine, sine in self._errors.waves:
-            pulse = np.maximum(order * rates[axes], 1e-9)
-            shaken = np.hypot(cosine, sine) * (1 + pulse**2 / STANDARD_GRAVITY)
-            node = min(node, float((WIDEST_NODE / pulse / shaken**0.25).min()))
-        return node
+    def _chosen(self, motion: Motion, ends: Array) -> tuple[IntArray, np.ndarray]:
+        """As `Law.choose`, between each two of the `ends` (n + 1,)."""
+        if self._law is None or self._law.motion is not motion:
+            self._law = Law(motion, self._errors.waves)
+        middles = (ends[1:] + ends[:-1]) / 2
+        pieces = np.searchsorted(motion.knots[1:-1], middles, side="right")
+        return self._law.choose(pieces, np.diff(ends))
 
 
 def _order(errors: TableErrors) -> IntArray:
@@ -390,14 +366,6 @@ def _parted(edges: Array, parts: IntArray) -> Array:
     own = np.repeat(np.arange(len(parts)), parts - 1)  # of each inner time: its interval
     number = np.arange(1, len(own) + 1) - (np.cumsum(parts - 1) - (parts - 1))[own]
     return edges[own] + np.diff(edges)[own] * number / parts[own]
-
-
-def fastest(motion: Motion) -> Array:
-    """The greatest rates of the joints (6,) [rad/s], at knots and between them."""
-    middles = (motion.knots[1:] + motion.knots[:-1]) / 2
-    _, rates, _ = motion.joints(np.append(middles, motion.knots[-1]))
-    starts = motion.coefficients[-2:-1].reshape(-1, rates.shape[1])
-    return np.maximum(np.abs(rates).max(axis=0), np.abs(starts).max(axis=0, initial=0.0))
 
 
 def _cross(a: Array, b: Array) -> Array:
