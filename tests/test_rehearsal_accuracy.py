@@ -16,7 +16,7 @@ from alignment.multiposition import fit_positions, predicted_covariance
 from alignment.units import DEG, DEG_PER_HOUR, DEG_PER_RT_HOUR, MILLI_G, STANDARD_GRAVITY
 from stand import catalogue
 from stand.imperfection import TableErrors
-from stand.imu import load_imu, without
+from stand.imu import Temperature, load_imu, without
 from stand.physics.description import JOINTS
 from stand.physics.geometry import with_errors
 from stand.physics.mjcf import describe, load_model
@@ -27,6 +27,7 @@ from stand.rehearsal.accuracy import predict
 from stand.rehearsal.instrument import Rounding, leanings, roundings_of
 from stand.rehearsal.rehearse import rehearse, request
 from stand.rehearsal.scene import Scene
+from stand.rehearsal.verify import with_verification
 from stand.table import load_table
 
 MODEL = load_model()
@@ -162,6 +163,8 @@ def everything_wrong():
         non_orthogonality=1e-4,
         g_sensitivity=0.001 * DEG_PER_HOUR / STANDARD_GRAVITY,
         g2_sensitivity=0.001 * DEG_PER_HOUR / STANDARD_GRAVITY**2,
+        bias_temperature=1e-4 * DEG_PER_HOUR,
+        scale_temperature=1e-6,
         resolution=unit.gyro.noise * np.sqrt(200),  # all of its rounding is noise
     )
     accel = replace(
@@ -175,6 +178,8 @@ def everything_wrong():
         misalignment=1e-4,
         non_orthogonality=1e-4,
         second_order=1e-5 * STANDARD_GRAVITY / STANDARD_GRAVITY**2,
+        bias_temperature=1e-6 * STANDARD_GRAVITY,
+        scale_temperature=1e-6,
         resolution=unit.accel.noise * np.sqrt(200),
     )
     return replace(unit, gyro=gyro, accel=accel, clock=replace(unit.clock, latency=2e-3))
@@ -196,6 +201,7 @@ OF_UNIT = {
     "non-orthogonality": ("non-orthogonality",),
     "g-sensitivity": ("g-sensitivity",),
     "g2-sensitivity": ("g^2-sensitivity",),
+    "temperature": ("temperature",),
     "latency": ("lag",),
 }
 # and of what a table class states, by key
@@ -230,7 +236,10 @@ def scene_of(procedure, unit, table):
     """What `rehearse` predicts from."""
     asked = request(procedure, unit, table, procedure.entry.site.site())
     planned, truth = plan(procedure, STAND, table, 0), Truth(MODEL, asked.site, unit.places)
-    scene = Scene(planned, STAND, table, unit, asked.site, asked.options, 200, lambda: truth)
+    warming = Temperature(np.array([0.0, 600.0]), np.array([20.0, 40.0]))
+    scene = Scene(
+        planned, STAND, table, unit, asked.site, asked.options, 200, lambda: truth, warming
+    )
     methods = procedure.entry.estimate.methods
     return scene, methods, predict(scene, methods)[0]
 
@@ -452,6 +461,75 @@ def test_ten_degrees_are_of_first_order():
         heading = np.arctan2(fit.C_nb[:, 0, 1, 0], fit.C_nb[:, 0, 0, 0])
         # of 1200 runs: 3 / sqrt(2400) is 6 %; second order 3 % at 10 deg
         assert predicted / np.sqrt(np.mean(heading**2)) == pytest.approx(1.0, abs=0.09)
+
+
+WARMING = """
+[temperature]
+time_s = [0, 400]
+temperature_C = [25, 65]
+"""
+
+
+def test_warmth_by_hand():
+    """Six positions at 0.1 K/s: offsets of the first 10 s, angles of the 50 s after: 3 K apart."""
+    unit = load_imu("hg9900")
+    per_kelvin = 1e-3 * DEG_PER_HOUR, 10e-6 * STANDARD_GRAVITY
+    gyro = replace(unit.gyro, bias_temperature=per_kelvin[0])
+    accel = replace(unit.accel, bias_temperature=per_kelvin[1], scale_temperature=2e-6)
+    procedure = load_procedure("six-position")
+    text = procedure.text + WARMING
+    procedure = procedure_from(catalogue.Source("warm", "warm.toml", text))
+    warm = request(procedure, replace(unit, gyro=gyro, accel=accel), table_of(procedure), Site(LAT))
+    found = {(p.method, p.label, p.quantity): parts(p) for p in rehearse(warm).predictions}
+    own = found["six-position", "Y1 up", "heading"]
+    horizontal = EARTH_RATE * np.cos(LAT)
+    assert own["gyro temperature"] == pytest.approx(3 * per_kelvin[0] / horizontal, rel=1e-4)
+    # level, only the biases of two accelerometers tilt; the gravity of a third has no say
+    tilt = 3 * per_kelvin[1] / 9.8093587
+    for angle in ("pitch", "roll"):
+        level = found["six-position", "Y1 up", angle]
+        assert level["accelerometer temperature"] == pytest.approx(tilt, rel=1e-4)
+    # one position by itself: all kelvins above 25 deg C, at the middle of the dwell
+    step = next(s for s in rehearse(warm).feasibility if s.label == "Z1 down")
+    middle = 0.1 * (step.t_to - 30)
+    alone = found["triad", "Z1 down", "heading"]["gyro temperature"]
+    assert alone == pytest.approx(middle * per_kelvin[0] / horizontal, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "per_kelvin"),
+    # deg/h; a carousel's weights follow the scatter, so drift must not be far above the noise there
+    [("carousel", 0.01), ("random-sway", 2e-3), ("two-position", 2e-3)],
+)
+def test_warmth_as_in_the_runs(name, per_kelvin):
+    """A unit of hardly anything else: 40 runs know a sigma to 11 %, four of them 45 %."""
+    unit = without(load_imu("hg9900"), ["turn-on-bias", "bias-instability"])
+    gyro = replace(unit.gyro, bias_temperature=per_kelvin * DEG_PER_HOUR)
+    gyro = replace(gyro, scale_temperature=2e-5)
+    accel = replace(unit.accel, bias_temperature=5e-6 * STANDARD_GRAVITY)
+    unit = replace(unit, gyro=gyro, accel=accel)
+    text = load_procedure(name).text
+    text = re.sub("duration_s = 600|turns = 3", lambda m: m[0].replace("600", "150"), text)
+    procedure = procedure_from(catalogue.Source("warm", "warm.toml", text + WARMING))
+    asked = request(procedure, unit, table_of(procedure), Site(LAT), 20)
+    result = with_verification(rehearse(asked), asked, 40, workers=1)
+    assert result.verification is not None
+    shares = {
+        (p.method, p.quantity): sum(
+            c.sigma**2 for c in p.contributions if "temperature" in c.source
+        )
+        / p.sigma**2
+        for p in result.predictions
+        if p.sigma
+    }
+    mostly = [
+        a for a in result.verification.achieved if shares.get((a.method, a.quantity), 0) > 0.4
+    ]
+    assert mostly
+    for a in mostly:
+        assert a.ratio is not None
+        assert 1 / 1.45 < a.ratio[0] < 1.45, (a.method, a.quantity)
 
 
 def test_more_than_ten_degrees_is_no_number():

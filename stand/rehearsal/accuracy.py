@@ -14,7 +14,7 @@ from stand.rehearsal.refusals import check_quiet, check_vertical, coarse, turned
 from stand.rehearsal.requirement import TOLD
 from stand.rehearsal.response import Errors, Response
 from stand.rehearsal.result import Observability, Prediction
-from stand.rehearsal.rocking import ROCKING, over_time, readings_of, steps_as_noise
+from stand.rehearsal.rocking import ROCKING, over_time, readings_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.telling import angles, withheld
 
@@ -104,7 +104,7 @@ def _rocking(method: str, scene: Scene, unit: Unit) -> tuple[list[Prediction], l
     for step in steps:
         readings = readings_of(truth, scene.plan.motion, step.steady_from, step.steady_to)
         run = ROCKING[method](readings, scene.site, scene.options)
-        parts = over_time(run, unit, steps_as_noise(scene))
+        parts = over_time(run, unit, scene)
         told = angles(method, "", step.label, run.C_nb, parts, str)
         turned, reason = turned_along(run.C_nb, parts)
         found += withheld(told, turned, reason)

@@ -18,7 +18,7 @@ from stand.physics.truth import Truth
 from stand.plan import plan
 from stand.priors import priors_of
 from stand.procedure import Procedure
-from stand.rehearsal.accuracy import Scene, predict
+from stand.rehearsal.accuracy import predict
 from stand.rehearsal.feasibility import Bench, durations, feasibility
 from stand.rehearsal.requirement import judge
 from stand.rehearsal.result import (
@@ -30,8 +30,9 @@ from stand.rehearsal.result import (
     Rehearsal,
     Severity,
 )
+from stand.rehearsal.scene import Scene
 from stand.rehearsal.traps import allan_lengths, doubts, from_margins
-from stand.simulation import payload_of
+from stand.simulation import payload_of, temperature_of
 from stand.table import Table
 
 
@@ -92,7 +93,15 @@ def rehearse(asked: Request) -> Rehearsal:
     )
     steps = feasibility(bench)
     scene = Scene(
-        planned, stand, asked.table, asked.imu, site, asked.options, asked.rate_hz, lambda: truth
+        planned,
+        stand,
+        asked.table,
+        asked.imu,
+        site,
+        asked.options,
+        asked.rate_hz,
+        lambda: truth,
+        temperature_of(asked.procedure),
     )
     methods = entry.estimate.methods
     predictions, observed = predict(scene, methods)

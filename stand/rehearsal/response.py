@@ -15,6 +15,7 @@ from stand.rehearsal.instrument import leanings, roundings_of
 from stand.rehearsal.result import Prediction
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.telling import Parts, name_of, told
+from stand.rehearsal.warmth import warmed
 
 SENSORS = ("gyro", "accelerometer")
 _NORTH = Rotation.identity()
@@ -54,6 +55,9 @@ class Errors:
             ]
         )
         self.noises = dict(zip(self.true.noise_names, self.true.noises, strict=True))
+        perfect = [p @ np.concatenate([w, f], axis=1) for w, f, _, p in seen]
+        for sensor, own in zip(SENSORS, warmed(stretches, perfect, scene), strict=True):
+            self.noises[f"{sensor} temperature"] = own
         self.noises |= self._rounded(seen, scene)
 
     def _rounded(self, seen: Sequence[tuple[Array, ...]], scene: Scene) -> dict[str, Array]:
@@ -83,7 +87,9 @@ class Errors:
         stated = np.where(np.isfinite(self.true.prior), self.true.prior, 0.0)
         roots = np.concatenate([self.true.J * stated, self.readings * self.sigmas], axis=1)
         drifts = [
-            self.noises[f"{s} {d}"] for s in SENSORS for d in ("bias-instability", "random-walk")
+            self.noises[f"{s} {d}"]
+            for s in SENSORS
+            for d in ("bias-instability", "random-walk", "temperature")
         ]
         return np.asarray(roots @ roots.T + np.sum(drifts, axis=0))
 

@@ -34,6 +34,7 @@ from stand.physics.truth import Truth
 from stand.rehearsal.instrument import roundings_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.telling import Parts, name_of
+from stand.rehearsal.warmth import above_reference, triad_of
 
 RATE_HZ = 20  # of the truth that is carried
 STEP = 0.5  # s between the updates of the frozen filter: its gains vary slowly
@@ -163,15 +164,18 @@ def steps_as_noise(scene: Scene) -> tuple[float, float]:
     return gyro.step / sqrt(12 * scene.rate_hz), accel.step / sqrt(12 * scene.rate_hz)
 
 
-def over_time(run: Functional, unit: Unit, rounding: tuple[float, float]) -> Parts:
-    """Covariances about n at the end of a stretch, by source; `rounding` as `steps_as_noise`."""
+def over_time(run: Functional, unit: Unit, scene: Scene) -> Parts:
+    """Covariances about n at the end of a stretch, by source."""
+    rounding = steps_as_noise(scene)
     spans = np.diff(run.t)
     middle = (run.t[1:] + run.t[:-1]) / 2
     parts: Parts = {}
     force = run.force
-    for name, triad, gain, x, step in (
-        ("gyro", unit.gyro, run.gyro, run.rate, rounding[0]),
-        ("accelerometer", unit.accel, run.accel, force, rounding[1]),
+    for k, (name, triad, gain, x, step) in enumerate(
+        (
+            ("gyro", unit.gyro, run.gyro, run.rate, rounding[0]),
+            ("accelerometer", unit.accel, run.accel, force, rounding[1]),
+        )
     ):
         each = gain / np.sqrt(spans)[:, None, None]
         for source, size in (("white noise", triad.noise), ("rounding", step)):
@@ -180,6 +184,12 @@ def over_time(run: Functional, unit: Unit, rounding: tuple[float, float]) -> Par
         parts[f"{name} bias instability"] = _drifted(gain, middle, triad.drift)
         if triad.random_walk:
             parts[f"{name} random walk"] = _walked(gain, middle, triad.random_walk)
+        if scene.temperature is not None:
+            warmth = above_reference(scene.temperature, scene.imu, middle)
+            spec = triad_of(scene.imu, k)
+            bias = np.einsum("mij,m->ij", gain, warmth) * spec.bias_temperature
+            scale = np.einsum("mij,mj,m->ij", gain, x, warmth) * spec.scale_temperature
+            parts[f"{name} temperature"] = bias @ bias.T + scale @ scale.T
         for field, columns_of in BY_AXIS.items():
             sigma = np.asarray(getattr(triad, field))
             if not sigma.any():

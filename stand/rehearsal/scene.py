@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from alignment import Options, Site
-from stand.imu import ImuSpec
+from stand.imu import ImuSpec, Temperature
 from stand.physics.description import StandModel
 from stand.physics.truth import Truth
 from stand.plan import Plan
@@ -15,7 +15,8 @@ from stand.table import Table
 class Scene:
     """What is rehearsed: plan, stand, table, unit, site and what the estimators are told.
 
-    `truth` makes the perfect sensors of a motion, for methods on rocking bases.
+    `truth` makes the perfect sensors of a motion, for methods on rocking bases. `temperature` of
+    the unit over the procedure, None where it stays at the data sheet's.
     """
 
     plan: Plan
@@ -26,3 +27,4 @@ class Scene:
     options: Options
     rate_hz: int
     truth: Callable[[], Truth]
+    temperature: Temperature | None = None
