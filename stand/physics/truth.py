@@ -389,7 +389,7 @@ def rest_of(motion: Motion, edges: Array) -> np.ndarray:
     piece = np.clip(np.searchsorted(motion.knots, edges[:-1], side="right") - 1, 0, None)
     piece = np.minimum(piece, len(motion.knots) - 2)
     first = piece[0]
-    moving = np.any(motion.coefficients[:-1, first : piece[-1] + 1], axis=(0, 2))
+    moving = np.any(motion.coefficients[:-1, first : piece[-1] + 1], axis=0).any(axis=1)
     resting = np.logical_not(moving)[piece - first]
     return resting & (edges[1:] <= motion.knots[piece + 1])
 
