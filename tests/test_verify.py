@@ -242,6 +242,8 @@ def test_a_ratio_meets_the_band_or_not():
     assert replace(one, low=1.12).agrees is False
     assert replace(one, sigma=0.8, low=0.7, high=0.9).agrees is False
     assert replace(one, predicted=None).agrees is None
+    tiny = replace(one, predicted=1e-8, sigma=1e-15, low=1e-15, high=2e-15)
+    assert (tiny.ratio, tiny.agrees) == (None, None)  # 0.002 arc second of a perfect unit
     # 1.12 to 1.35 of a normal logarithm: 1.96 sigmas are log(1.2/1.12); 40 at once need 3.23 of
     # them (0.025/40 of the normal law), so that the end comes to 1.2 (1.12/1.2)^1.65 = 1.071
     off = replace(one, low=1.12)

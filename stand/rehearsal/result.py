@@ -14,6 +14,7 @@ from scipy.special import ndtri
 from alignment.units import DEG
 
 AGREES = (0.9, 1.1)  # predicted over achieved sigma: what the guard band of 10 % stands for
+_NOTHING = 5e-5  # of a deg, deg/h or mg
 _TAIL = 0.025  # at either end of an interval of 95 %
 QUANTITIES = ("heading", "pitch", "roll")  # what a requirement may name
 
@@ -321,8 +322,13 @@ class Achieved:
 
     @property
     def ratio(self) -> tuple[float, float, float] | None:
-        """Predicted over achieved sigma, with the ends of its 95 % interval."""
-        if self.predicted is None or not self.low > 0:
+        """Predicted over achieved sigma, with the ends of its 95 % interval.
+
+        None where nothing was predicted, or where both are below `_NOTHING`: rounding.
+        """
+        if self.predicted is None or max(self.predicted, self.sigma) < _NOTHING * self.per:
+            return None
+        if not self.low > 0:
             return None
         return self.predicted / self.sigma, self.predicted / self.high, self.predicted / self.low
 
