@@ -264,6 +264,20 @@ def test_what_is_advised_passes_in_a_fresh_rehearsal(name, imu, limits):
         assert fresh.judgements[0].sigma == pytest.approx(one.sigma)
 
 
+def test_a_move_may_bear_the_label_of_its_dwell():
+    """What an advice changes is told of the right one."""
+    text = required("two-position", "heading_deg = 3.0").text
+    text = text.replace('label = "half a turn"', 'label = "second"')
+    told = [
+        [(c.where, c.before) for c in one.changes]
+        for one in with_advice(asked(case(text), "stim300")).advice
+    ]
+    lengths = [('step 1 "first", duration_s', "296"), ('step 3 "second", duration_s', "296")]
+    assert any(changes == lengths for changes in told)
+    for changes in told:
+        assert set(lengths) <= set(changes)
+
+
 def test_where_nothing_helps_that_is_said():
     result = with_advice(asked(required("static", "pitch_deg = 0.0001")))
     assert [a.helps for a in result.advice] == [False]

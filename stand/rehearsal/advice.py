@@ -215,7 +215,11 @@ def _turned(data: Data, azimuth: float) -> bool:
     for step in data["step"]:
         if _AXIS in step.get("joints_deg", {}):
             step["joints_deg"][_AXIS] += azimuth
-    first = {"kind": "move", "label": f"to azimuth {azimuth:g}", "joints_deg": {_AXIS: azimuth}}
+    labels = {step["label"] for step in data["step"]}
+    name = f"to azimuth {azimuth:g}"
+    while name in labels:
+        name += " first"
+    first = {"kind": "move", "label": name, "joints_deg": {_AXIS: azimuth}}
     data["step"] = [first, *data["step"]]
     return True
 
@@ -281,11 +285,11 @@ def _changes(before: Data, after: Data) -> Iterator[Change]:
     """What differs, told by step and key; steps that were added as a whole."""
     for part in ("estimate",):
         yield from _differences(part, before[part], after[part])
-    labels = {step["label"]: step for step in before["step"]}
+    labels, known = {step["label"] for step in before["step"]}, iter(before["step"])
     for number, step in enumerate(after["step"], start=1):
         where = f'step {number} "{step["label"]}"'
-        if step["label"] in labels:
-            yield from _differences(where, labels[step["label"]], step)
+        if step["label"] in labels:  # in their order; those that are added have labels of their own
+            yield from _differences(where, next(known), step)
         else:
             what = ", ".join(f"{k} = {_shown(v)}" for k, v in step.items() if k != "label")
             yield Change(where, "", what)
