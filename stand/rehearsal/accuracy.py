@@ -10,11 +10,11 @@ from alignment.units import DEG
 from stand.plan import Plan, PlannedStep
 from stand.rehearsal.gains import AT_REST, TURNING, Answer, Case, known_of
 from stand.rehearsal.instrument import unit_of
-from stand.rehearsal.refusals import check_quiet, check_vertical, coarse, turned_along
+from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse
 from stand.rehearsal.requirement import TOLD
 from stand.rehearsal.response import Errors, Response
 from stand.rehearsal.result import Observability, Prediction
-from stand.rehearsal.rocking import ROCKING, over_time, readings_of
+from stand.rehearsal.rocking import ROCKING, over_time, readings_of, turned_by_heading
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.telling import angles, withheld
 
@@ -103,9 +103,9 @@ def _rocking(method: str, scene: Scene, unit: Unit) -> tuple[list[Prediction], l
         raise AlignmentError("no stretch to estimate from")
     for step in steps:
         readings = readings_of(truth, scene.plan.motion, step.steady_from, step.steady_to)
+        match = over_time(ROCKING["inertial"](readings, scene.site, scene.options), unit, scene)
+        check_carried(step.label, match)
         run = ROCKING[method](readings, scene.site, scene.options)
-        parts = over_time(run, unit, scene)
-        told = angles(method, "", step.label, run.C_nb, parts, str)
-        turned, reason = turned_along(run.C_nb, parts)
-        found += withheld(told, turned, reason)
+        parts = turned_by_heading(over_time(run, unit, scene))
+        found += angles(method, "", step.label, run.C_nb, parts, str)
     return found, [_observed(method, known_of(steps[:1], Case(scene.site, scene.options)))]

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from math import sqrt
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
 
 from alignment.errors import AlignmentError
 from alignment.information import Unit
+from alignment.information.result import DETERMINED
 from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT
 from alignment.static import WRONG_POSITION
 from alignment.units import DEG
@@ -16,12 +16,11 @@ from stand.plan import PlannedStep
 from stand.rehearsal.instrument import roundings_of
 from stand.rehearsal.response import Response
 from stand.rehearsal.scene import Scene
-from stand.rehearsal.telling import Parts, rows_of_angles
+from stand.rehearsal.telling import Parts
 
 # root mean square scale error by rounding, above which heading is none of first order: fits that
 # know the size of Earth rate are 20 % worse at 0.18 (and it goes with the square)
 STEEPEST = 0.07
-TURNED = 0.2
 UNITS, MOSTLY = 1000, 0.5  # of which a method must answer for the other half
 
 
@@ -72,6 +71,20 @@ def check_vertical(responses: Sequence[Response]) -> None:
         )
 
 
+def check_carried(label: str, match: Parts) -> None:
+    """Raise where gravity's curve, carried by such gyros, would be taken for travel.
+
+    `match`: covariances about n of its match by source, by which the velocity's wander is checked.
+    """
+    total = sum(match.values(), np.zeros((3, 3)))
+    tilt = sqrt(max(total[0, 0], total[1, 1]))
+    if tilt > DETERMINED:
+        raise AlignmentError(
+            f"{label}: such gyros carry the attitude so far off that gravity seems to tilt by "
+            f"{tilt / DEG:.2g} deg (1 sigma): the velocity wanders as if the instrument travelled"
+        )
+
+
 def coarse(scene: Scene) -> str:
     """Why rounding forbids a number for a heading from Earth rate; '' where it does not."""
     gyro, _ = roundings_of(scene.imu, scene.rate_hz)
@@ -81,28 +94,4 @@ def coarse(scene: Scene) -> str:
         f"rates are rounded to {gyro.step / DEG:.3g} deg/s, which the noise of a sample, "
         f"{gyro.dither / DEG:.2g} deg/s at {scene.rate_hz} Hz, does not blur: how much of Earth "
         "rate is read depends on where in a step the bias lies"
-    )
-
-
-def turned_along(C_nb: Rotation, parts: Parts) -> tuple[list[str], str]:
-    """Quantities that an error of heading makes other than first order says, and why.
-
-    To first order the gyros' errors tilt the carried attitude by t about n. Found together with an
-    error h of heading, that tilt is one about axes turned by h: ``cos(h) t + sin(h) (0, 0, 1) x t``
-    (what accelerometers make of tilt stays in b, whatever the heading). An angle of variance s^2,
-    of which gyros make G^2, becomes ``s^2 - <h^2> (G^2 - A^2)`` with their A^2 in the tilt across
-    it: less than 2 % of s off where h G and h A are below `TURNED` of it.
-    """
-    gyros = sum((P for name, P in parts.items() if name.startswith("gyro")), np.zeros((3, 3)))
-    total = sum(parts.values(), np.zeros((3, 3)))
-    h = sqrt(total[2, 2])
-    found = []
-    for quantity, j in rows_of_angles(C_nb).items():
-        across = np.cross(j, [0.0, 0.0, 1.0])
-        most = max(across @ gyros @ across, j @ gyros @ j if quantity in ("pitch", "roll") else 0.0)
-        if h * sqrt(most) > TURNED * sqrt(j @ total @ j):
-            found.append(quantity)
-    return found, (
-        f"an error of heading, whose sigma is {h / DEG:.3g} deg, turns the tilt that the gyros "
-        "make: beyond first order"
     )

@@ -202,6 +202,27 @@ def over_time(run: Functional, unit: Unit, scene: Scene) -> Parts:
     return parts
 
 
+def turned_by_heading(parts: Parts) -> Parts:
+    """The same, where an error of heading is not small: it turns the tilt that the gyros make.
+
+    To first order the gyros' errors tilt the carried attitude by t about n. Found together with an
+    error h of heading, that tilt is one about axes turned by h: ``cos(h) t + sin(h) (0,0,1) x t``.
+    What accelerometers make of tilt stays in b, whatever the heading. Of a normal h that is not
+    correlated with t the squares of cosine and sine are ``(1 +- exp(-2 h^2)) / 2`` on average, and
+    their product is nothing.
+    """
+    variance = float(sum(parts.values(), np.zeros((3, 3)))[2, 2])
+    half = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    kept, turned = (1 + np.exp(-2 * variance)) / 2, -np.expm1(-2 * variance) / 2
+
+    def about_north(P: Array) -> Array:
+        both: Array = kept * P + turned * half @ P @ half.T
+        both[:2, 2] = both[2, :2] = np.exp(-variance / 2) * P[:2, 2]
+        return both
+
+    return {n: about_north(P) if n.startswith("gyro") else P for n, P in parts.items()}
+
+
 def _drifted(gain: Array, t: Array, processes: tuple[GaussMarkov, ...]) -> Array:
     """Covariance (3, 3) by stationary drifts at even times (m,), alike and apart on each axis."""
     P: Array = np.einsum("mij,mkj->ik", gain, gain) * sum(p.sigma**2 for p in processes)
