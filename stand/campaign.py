@@ -71,7 +71,8 @@ def campaign(
                 yield from found
         except BrokenProcessPool as error:
             raise StandError(
-                "a process that made runs was ended from outside (out of memory?)"
+                "a process that made runs was ended from outside (out of memory? or a script that "
+                "does not keep its work behind if __name__ == '__main__'?)"
             ) from error
         except BaseException:  # Ctrl-C, or a run that failed: nobody waits for the rest
             for process in set(multiprocessing.active_children()) - before:
