@@ -103,9 +103,10 @@ def _rocking(method: str, scene: Scene, unit: Unit) -> tuple[list[Prediction], l
         raise AlignmentError("no stretch to estimate from")
     for step in steps:
         readings = readings_of(truth, scene.plan.motion, step.steady_from, step.steady_to)
-        match = over_time(ROCKING["inertial"](readings, scene.site, scene.options), unit, scene)
-        check_carried(step.label, match)
-        run = ROCKING[method](readings, scene.site, scene.options)
+        match = ROCKING["inertial"](readings, scene.site, scene.options)
+        check_carried(step.label, over_time(match, unit, scene))
+        carried = ROCKING[method]
+        run = match if method == "inertial" else carried(readings, scene.site, scene.options)
         parts = turned_by_heading(over_time(run, unit, scene))
         found += angles(method, "", step.label, run.C_nb, parts, str)
     return found, [_observed(method, known_of(steps[:1], Case(scene.site, scene.options)))]
