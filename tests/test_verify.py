@@ -27,6 +27,8 @@ from stand.rehearsal.rehearse import rehearse, request
 from stand.rehearsal.result import Achieved, Verification, rehearsal_json
 from stand.rehearsal.verify import Found, Sums, errors_of, with_verification
 from stand.score import Truths
+from stand.simulation import Settings
+from stand.trials import Trials
 
 DEG = pi / 180
 HALF_TURN = """
@@ -154,9 +156,6 @@ def test_errors_of_an_estimate_by_hand():
 
 def test_true_biases_are_those_of_the_run(half_turn):
     """A unit of nothing but turn-on bias, on a perfect table: its readings at rest say them."""
-    from stand.simulation import Settings
-    from stand.trials import Trials
-
     unit = load_imu("ring-laser")
     unit = without(unit, [t for t in terms_of(unit) if t != "turn-on-bias"])
     asked = asked_of(half_turn, unit)
@@ -292,6 +291,24 @@ def test_refusals_are_counted(half_turn, monkeypatch):
     assert told == pytest.approx([0.25, 0.5, 0.75, 1.0])
     (table,) = [t for t in tables(result) if t.title.startswith("Verified by 4 runs")]
     assert "no answer in 2 of 4 runs from triad: not today" in table.notes
+
+
+def test_a_run_that_the_table_cannot_make_is_a_refusal(half_turn, monkeypatch):
+    """One draw of sway in many may be beyond a limit: that costs this run, not the others."""
+    readings = Trials.readings
+
+    def bounded(self, seed):
+        if seed == 2:
+            raise StandError("base_roll: rate 31 deg/s at 12.3 s: limit 30 deg/s")
+        return readings(self, seed)
+
+    monkeypatch.setattr(Trials, "readings", bounded)
+    asked = asked_of(half_turn)
+    found = with_verification(rehearse(asked), asked, 4, workers=1).verification
+    assert found is not None
+    assert {(r.method, r.runs) for r in found.refused} == {("triad", 1), ("two-position", 1)}
+    assert found.refused[0].reason.startswith("seed 2: base_roll: rate 31 deg/s")
+    assert (found.done, {a.runs for a in found.achieved}) == (4, {3})
 
 
 def test_processes_change_nothing_but_the_time(half_turn):

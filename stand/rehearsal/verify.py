@@ -164,7 +164,10 @@ def _ready(settings: Settings, methods: Sequence[str]) -> Callable[[int], Found]
 
 def _trial(trials: Trials, methods: Sequence[str], seed: int) -> Found:
     settings = trials.settings
-    dwells, attitudes = trials.readings(seed)
+    try:
+        dwells, attitudes = trials.readings(seed)
+    except StandError as error:  # a sway drawn anew may be beyond the table
+        return Found({}, dict.fromkeys(methods, f"seed {seed}: {error}"))
     truths = {d.label: Truths(C) for d, C in zip(dwells, attitudes, strict=True)}
     biases = trials.biases(seed)
     found = Found({}, {})
