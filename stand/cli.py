@@ -712,12 +712,6 @@ def rehearse(
 
         with _progress(f"{loaded.id}, {unit.id}, {verify} runs", as_json) as done:
             result = with_verification(result, asked, verify, done)
-    written: list[Path] = []
-    if report is not None:
-        from stand.report.rehearsal import write_report
-
-        with _working("writing the report", as_json):
-            written = write_report(result, report, force=force)
     runs = result.verification
     if as_json:
         _print_json(rehearsal_json(result))
@@ -728,8 +722,14 @@ def rehearse(
         out = console()
         out.print(headline(result), markup=False, soft_wrap=True)
         show(out, tables(result))
-        for path in written:
-            print(path)
+    if report is not None:  # after the answer: a folder that cannot be written costs no runs
+        from stand.report.rehearsal import write_report
+
+        with _working("writing the report", as_json):
+            written = write_report(result, report, force=force)
+        if not as_json:
+            for path in written:
+                print(path)
     if runs is not None and runs.interrupted:
         raise _Stopped(f"interrupted: {runs.done} of {runs.asked} runs were made")
     if result.verdict is not Verdict.PASS:

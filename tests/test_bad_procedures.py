@@ -8,6 +8,7 @@ import tomllib
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from procedures import document
 
 from stand import catalogue
 from stand.errors import StandError
@@ -92,22 +93,10 @@ def at(data, path):
     return data
 
 
-def toml(value):
-    """A value as TOML; tables inline."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(k)} = {toml(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml, value)) + "]"
-    if isinstance(value, float) and not math.isfinite(value):
-        return {math.inf: "inf", -math.inf: "-inf"}.get(value, "nan")
-    return json.dumps(value)
-
-
 def told(data):
     """The line of refusal; '' where it is taken."""
-    text = "".join(f"{json.dumps(k)} = {toml(v)}\n" for k, v in data.items())
     try:
-        procedure_from(catalogue.Source("case", "case.toml", text))
+        procedure_from(catalogue.Source("case", "case.toml", document(data)))
     except StandError as error:
         return str(error)
     return ""

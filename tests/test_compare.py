@@ -11,6 +11,7 @@ from math import nan, pi, radians, sqrt
 
 import numpy as np
 import pytest
+from procedures import HALF_TURN
 from processes import members
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -37,26 +38,6 @@ from stand.tally import Found, Outcome, nees_bounds, rms_interval, tally, worth
 from stand.trials import Trials, spans, watch
 
 DEG = pi / 180
-HALF_TURN = """
-title = "Half a turn"
-table = "mid-class"
-[site]
-latitude_deg = 48.5
-[estimate]
-methods = ["triad"]
-[[step]]
-kind = "dwell"
-label = "first"
-duration_s = 24
-[[step]]
-kind = "move"
-label = "half a turn"
-joints_deg = { outer = 180 }
-[[step]]
-kind = "dwell"
-label = "second"
-duration_s = 24
-"""
 TURNING = """
 title = "A turn each way"
 table = "mid-class"

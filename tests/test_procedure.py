@@ -1,12 +1,11 @@
 """Procedures: units at the door, and every fault told by file, step, key, value, allowed."""
 
 import copy
-import json
-import math
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from procedures import document
 
 from alignment import ESTIMATORS
 from alignment.angles import Sequence, SequenceRule
@@ -252,17 +251,6 @@ VALUES = st.recursive(
 )
 
 
-def toml(value: object) -> str:
-    """A value as TOML; tables inline."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(k)} = {toml(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml, value)) + "]"
-    if isinstance(value, float) and not math.isfinite(value):
-        return {math.inf: "inf", -math.inf: "-inf"}.get(value, "nan")
-    return json.dumps(value, ensure_ascii=False)
-
-
 def places(value: object, path: tuple = ()) -> list[tuple]:
     """Paths to everything inside a nested value."""
     inner = value.items() if isinstance(value, dict) else enumerate(value)
@@ -292,9 +280,8 @@ def edited(path: tuple, change: str, value: object) -> dict:
 
 
 def outcome(data: dict) -> Procedure | str:
-    text = "".join(f"{json.dumps(k)} = {toml(v)}\n" for k, v in data.items())
     try:
-        return checked(text)
+        return checked(document(data))
     except StandError as error:
         return str(error)
 

@@ -11,6 +11,7 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
+from procedures import HALF_TURN as ONE_METHOD
 from processes import members
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -31,26 +32,7 @@ from stand.simulation import Settings
 from stand.trials import Trials
 
 DEG = pi / 180
-HALF_TURN = """
-title = "Half a turn"
-table = "mid-class"
-[site]
-latitude_deg = 48.5
-[estimate]
-methods = ["triad", "two-position"]
-[[step]]
-kind = "dwell"
-label = "first"
-duration_s = 24
-[[step]]
-kind = "move"
-label = "half a turn"
-joints_deg = { outer = 180 }
-[[step]]
-kind = "dwell"
-label = "second"
-duration_s = 24
-"""
+HALF_TURN = ONE_METHOD.replace('["triad"]', '["triad", "two-position"]')
 NOISE_ALONE = (
     "turn-on-bias", "bias-instability", "random-walk", "ramp", "scale-factor", "asymmetry",
     "nonlinearity", "misalignment", "non-orthogonality", "g-sensitivity", "resolution",
@@ -388,6 +370,20 @@ def test_a_report_that_is_there_is_refused_before_the_runs(stand_command, half_t
     assert "exists; --force replaces it" in outcome.err
     assert time.monotonic() - begin < 60  # a million runs take a day
     assert (folder / "rehearsal.json").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_report_that_cannot_be_written_costs_no_runs(stand_command, half_turn, tmp_path):
+    (tmp_path / "file").write_text("mine", encoding="utf-8")
+    options = ("--imu", "ring-laser", "--rate", 20, "--verify", 3)
+    for more in ((), ("--json",)):
+        outcome = stand_command(
+            "rehearse", half_turn, *options, "--report", tmp_path / "file" / "report", *more
+        )
+        assert outcome.code == 2
+        assert outcome.err.count("\n") == 1
+        assert "cannot write there" in outcome.err
+        assert "Verified by 3 runs" in outcome.out or outcome.json["verification"]["runs"] == 3
+    assert (tmp_path / "file").read_text(encoding="utf-8") == "mine"
 
 
 @pytest.mark.slow
