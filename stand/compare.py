@@ -24,13 +24,12 @@ from stand.campaign import campaign
 from stand.errors import StandError, unknown
 from stand.imu import ImuSpec, without
 from stand.plan import Plan
-from stand.score import suited
+from stand.score import TOLD, suited
 from stand.simulation import Settings
 from stand.tally import Found, Outcome, Tally, tally
 from stand.trials import Trials
 
 ONE_GYRO = "single-gyro"
-TOLD = ("rk4", "two-sample")  # start from the attitude they are told: no floor under that
 
 Progress = Callable[[float], None]
 

@@ -12,10 +12,10 @@ from typing import Any
 from scipy.special import ndtri
 
 from alignment.units import DEG
+from stand.tally import TAIL
 
 AGREES = (0.9, 1.1)  # predicted over achieved sigma: what the guard band of 10 % stands for
 _NOTHING = 5e-5  # of a deg, deg/h or mg
-_TAIL = 0.025  # at either end of an interval of 95 %
 QUANTITIES = ("heading", "pitch", "roll")  # what a requirement may name
 
 
@@ -337,7 +337,7 @@ class Achieved:
         """Whether the widened interval meets `AGREES`; None where there is nothing to compare."""
         if self.ratio is None:
             return None
-        wider = float(ndtri(_TAIL / self.among) / ndtri(_TAIL))
+        wider = float(ndtri(TAIL / self.among) / ndtri(TAIL))
         ratio, low, high = self.ratio
         return bool(
             ratio * (high / ratio) ** wider >= AGREES[0]
