@@ -601,6 +601,11 @@ def compare(
     asked = [name.strip() for name in methods.split(",") if name.strip()]
     with _progress(f"{loaded.id}, {unit.id}, {runs} runs", as_json) as report:
         result = compare_methods(settings, runs, asked, report)
+    if not as_json:  # before the picture: a folder that cannot be written costs no runs
+        from stand.report.compare import table as comparison_table
+        from stand.report.console import console, show
+
+        show(console(), [comparison_table(result)])
     pictures = []
     if folder is not None:
         from stand.history import histories
@@ -612,10 +617,6 @@ def compare(
     if as_json:
         _print_json(to_json(result) | {"pictures": [str(path) for path in pictures]})
         return
-    from stand.report.compare import table as comparison_table
-    from stand.report.console import console, show
-
-    show(console(), [comparison_table(result)])
     for path in pictures:
         print(path)
 

@@ -277,6 +277,16 @@ def test_a_fault_in_a_run_names_its_seed(half_turn, monkeypatch):
         compare(replace(half_turn, seed=7), 2, ["triad"], workers=1)
 
 
+def test_a_picture_that_cannot_be_written_costs_no_table(stand_command, tmp_path):
+    path = tmp_path / "half-turn.toml"
+    path.write_text(HALF_TURN, encoding="utf-8")
+    options = ("--imu", "ring-laser", "--runs", 2, "--methods", "triad")
+    outcome = stand_command("compare", path, *options, "--out", path / "folder")
+    assert (outcome.code, outcome.err.count("\n")) == (2, 1)
+    assert "half-turn.toml" in outcome.err
+    assert "err/floor" in outcome.out
+
+
 def test_a_refusal_is_counted_and_told(half_turn, monkeypatch):
     estimate = ESTIMATORS["triad"].estimate
     calls = []
