@@ -12,21 +12,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from alignment.carousel import carousel
 from alignment.earth import Site
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
-from alignment.fine import Innovations, fine, fine_tracks, innovations
-from alignment.gyrocompass import triad
-from alignment.inertial import inertial, inertial_tracks
-from alignment.integration import rk4, rk4_tracks
-from alignment.multiposition import multi_position, two_position
+from alignment.methods.carousel import carousel
+from alignment.methods.fine import Innovations, fine, fine_tracks, innovations
+from alignment.methods.inertial import inertial, inertial_tracks
+from alignment.methods.integration import rk4, rk4_tracks
+from alignment.methods.positions import multi_position, two_position
+from alignment.methods.single_gyro import single_gyro
+from alignment.methods.six_position import six_position, six_position_tracks
+from alignment.methods.triad import triad
+from alignment.methods.two_gyro import two_gyro
+from alignment.methods.two_sample import two_sample, two_sample_tracks
+from alignment.methods.vectors.method import vector_matching
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings, Turn
-from alignment.single_gyro import single_gyro
-from alignment.static import six_position, six_position_tracks
-from alignment.swaying import two_gyro
-from alignment.two_sample import two_sample, two_sample_tracks
-from alignment.vectors.method import vector_matching
 
 __all__ = [
     "ESTIMATORS",

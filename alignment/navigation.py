@@ -11,16 +11,10 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
-from alignment.earth import (
-    _ECCENTRICITY_2,
-    _FLATTENING,
-    _SEMI_MAJOR,
-    EARTH_RATE,
-    normal_gravity,
-)
+from alignment.earth import _ECCENTRICITY_2, _FLATTENING, _SEMI_MAJOR, EARTH_RATE, normal_gravity
 from alignment.errors import AlignmentError
-from alignment.integration import multiply, normalised, prefix_product
 from alignment.noise import gap_doubt
+from alignment.quaternions import multiply, normalised, prefix_product
 from alignment.readings import EDGE, ImuReadings
 
 W_IE_X = EARTH_RATE * np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])  # w_ie x, in e and in i

@@ -1,16 +1,13 @@
 """What an IMU said, and while it stood where: the input of every estimator."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
 from alignment.errors import TooShort
-
-if TYPE_CHECKING:  # fixes know of readings
-    from alignment.vectors.fixes import Fixes
 
 EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
 
@@ -145,3 +142,51 @@ class Dwell:
                 f"{t_to:.3f} s, at least 2 are needed"
             )
         return part
+
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fixes:
+    """Positions and velocities from satellite navigation; outages are longer steps of time.
+
+    Attributes
+    ----------
+    t : (m,) s
+        On the clock of the readings, strictly increasing.
+    position : (m, 3) m
+        In e (ECEF).
+    velocity : (m, 3) m/s
+        Relative to the Earth, in e.
+    position_sigma, velocity_sigma : float
+        White noise of each component [m], [m/s].
+    position_drift, velocity_drift : float
+        Standard deviation of a further error that is correlated over `drift_time` [s]
+        (first-order Gauss-Markov); 0 for none.
+    """
+
+    t: Array
+    position: Array
+    velocity: Array
+    position_sigma: float
+    velocity_sigma: float
+    position_drift: float = 0.0
+    velocity_drift: float = 0.0
+    drift_time: float = 100.0
+
+    def __post_init__(self) -> None:
+        m = len(self.t)
+        set_owned(
+            self,
+            t=(self.t, (m,), float),
+            position=(self.position, (m, 3), float),
+            velocity=(self.velocity, (m, 3), float),
+        )
+        if not (np.diff(self.t) > 0).all():
+            raise ValueError("t: fixes must increase in time")
+        if not (self.position_sigma > 0 and self.velocity_sigma > 0 and self.drift_time > 0):
+            raise ValueError("position_sigma, velocity_sigma, drift_time: must be above 0")
+
+    def __len__(self) -> int:
+        return len(self.t)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
-from alignment.integration import multiply, normalised, prefix_product
+from alignment.quaternions import multiply, normalised, prefix_product
 from alignment.readings import ImuReadings
 
 _CHUNK = 65536  # samples integrated at once: bounds the memory of hour-long records
@@ -168,7 +168,8 @@ def integrate(
 ) -> Rotation:
     """``C_nb`` (k rotations) after the first `ends` (k,) samples: the rival of Runge-Kutta.
 
-    Parameters and frames as `alignment.integration.integrate`. Steps hold two samples, so an odd
+    Parameters and frames as `alignment.methods.integration.integrate`.
+    Steps hold two samples, so an odd
     number of samples before an end costs one step without coning correction.
     """
     q = np.empty((len(ends), 4))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import pytest
 from hypothesis import settings
 
-from stand.cli import app, guarded
+from stand.cli.app import app, guarded
 
 settings.register_profile("stand", deadline=None, derandomize=True)  # same examples every run
 settings.load_profile("stand")

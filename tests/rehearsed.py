@@ -4,7 +4,6 @@ from dataclasses import replace
 from math import pi, sqrt
 
 from stand.rehearsal.result import (
-    Achieved,
     Advice,
     Change,
     Contribution,
@@ -15,14 +14,13 @@ from stand.rehearsal.result import (
     Margin,
     Observability,
     Prediction,
-    Refused,
     Rehearsal,
     Severity,
     StepDuration,
     StepFeasibility,
     Verdict,
-    Verification,
 )
+from stand.rehearsal.verification import Achieved, Refused, Verification
 
 DEG = pi / 180
 DEG_H = DEG / 3600

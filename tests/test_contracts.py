@@ -8,21 +8,21 @@ from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, Dwell, ImuReadings, Options, Site, Turn
 from alignment.errors import NotAtRest, PoleError
+from alignment.methods.vectors import Fixes
 from alignment.navigation import ecef
 from alignment.units import DEG
-from alignment.vectors import Fixes
-from stand import catalogue
-from stand.drive import Leg, path_of, sense
+from stand import toml_files as catalogue
 from stand.imu import Imu, Stated, load_imu
-from stand.limits import check
-from stand.physics.kinematics import attitude
+from stand.motion.limits import check
+from stand.motion.planner import plan
 from stand.physics.mjcf import describe, load_model
-from stand.plan import plan
-from stand.procedure import load_procedure
+from stand.procedure.procedure import load_procedure
+from stand.procedure.steps import Dwell as DwellStep
 from stand.samples import TruthBlock
-from stand.steps import Dwell as DwellStep
-from stand.table import load_table
-from stand.trajectory import Start
+from stand.table.kinematics import attitude
+from stand.table.table import load_table
+from stand.vehicle.path import Start
+from stand.vehicle.scenario import Leg, path_of, sense
 
 STAND = describe(load_model())
 LATITUDE = 48.5 * DEG

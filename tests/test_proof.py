@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from stand.imu import load_imu
-from stand.procedure import load_procedure, table_of
+from stand.procedure.procedure import load_procedure, table_of
 from stand.rehearsal.rehearse import rehearse, request
 from stand.rehearsal.verify import with_verification
 

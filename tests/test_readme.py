@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from stand.catalogue import Source
 from stand.errors import StandError
-from stand.imperfection import draw
-from stand.limits import check
+from stand.motion.limits import check
+from stand.motion.planner import plan
 from stand.physics.mjcf import describe, load_model
-from stand.plan import plan
-from stand.procedure import load_procedure, procedure_from
-from stand.table import load_table
+from stand.procedure.procedure import load_procedure, procedure_from
+from stand.table.table import load_table
+from stand.table.table_errors import draw
+from stand.toml_files import Source
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ import pytest
 from scipy.stats import binom
 
 from alignment.allan import channel
-from stand import catalogue
+from stand import toml_files as catalogue
 from stand.imu import Imu, TriadSpec, load_imu, without
 from stand.samples import Sensed
 

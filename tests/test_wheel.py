@@ -58,7 +58,7 @@ def test_an_installed_wheel_runs_outside_the_checkout(wheel, tmp_path):
     python = home / "bin" / "python"
 
     def stand(*arguments):
-        code = "from stand.cli import main; main()"
+        code = "from stand.cli.app import main; main()"
         done = subprocess.run(
             [python, "-c", code, *arguments],
             cwd=tmp_path,

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from stand.errors import StandError, unknown
-from stand.physics.description import JOINTS
 from stand.physics.picture import pictures, png
+from stand.table.joints import JOINTS
 
 
 def picture(

@@ -17,25 +17,9 @@ from dataclasses import dataclass
 from math import log2, sqrt
 from typing import Literal
 
-from stand import catalogue
-from stand.imu.bands import (
-    ACCEL_BANDS,
-    GRADES,
-    GYRO_BANDS,
-    REFERENCE,
-    SAMPLING_BANDS,
-    Band,
-    slips,
-)
-from stand.imu.preset import (
-    ACCEL_KEYS,
-    GYRO_KEYS,
-    ImuEntry,
-    Key,
-    SamplingEntry,
-    Stated,
-)
-from stand.report.document import TableData
+from stand import toml_files as catalogue
+from stand.imu.bands import ACCEL_BANDS, GRADES, GYRO_BANDS, REFERENCE, SAMPLING_BANDS, Band, slips
+from stand.imu.preset import ACCEL_KEYS, GYRO_KEYS, ImuEntry, Key, SamplingEntry, Stated
 
 PLACEHOLDERS = {"todo", "tbd", "fixme", "xxx", "unknown", "none", "na", "source", ""}
 SHORTEST_SOURCE = 8  # characters: a document and a page do not fit in less
@@ -97,15 +81,7 @@ def lint(source: catalogue.Source) -> list[Finding]:
     return sorted(findings, key=lambda f: f.severity != "error")
 
 
-def findings_table(findings: Sequence[Finding]) -> TableData:
-    """Findings as a table, with their count in the title."""
-    errors = sum(f.severity == "error" for f in findings)
-    title = f"{_count(errors, 'error')}, {_count(len(findings) - errors, 'warning')}"
-    rows = tuple((f.severity, f.place, f.message) for f in findings)
-    return TableData(title, ("severity", "place", "finding"), rows)
-
-
-def _count(n: int, what: str) -> str:
+def count(n: int, what: str) -> str:
     return f"{n or 'no'} {what}{'' if n == 1 else 's'}"
 
 

@@ -26,7 +26,7 @@ from alignment.units import (
     PPM,
     STANDARD_GRAVITY,
 )
-from stand import catalogue
+from stand import toml_files as catalogue
 from stand.imu.processes import DEFAULT_CORNERS
 
 HOUR = 3600.0

@@ -22,8 +22,8 @@ from mujoco.batch import Batch
 
 from alignment.arrays import Array, set_owned
 from stand.errors import StandError
-from stand.physics.description import JOINTS
-from stand.table import Motor, Table
+from stand.table.joints import JOINTS
+from stand.table.table import Motor, Table
 
 INPUTS = 3  # of each motor: angle, rate, torque
 MOVING = 1e-6  # rad/s: an axis that turns faster has its Coulomb friction against it

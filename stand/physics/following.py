@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, set_owned
-from stand.table import Table
+from stand.table.table import Table
 
 SAME_STEP = 1e-6  # of a step: times nearer than this are one
 STANDS = 1e-9  # rad: a demand that changes by less stands still

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
-from stand.imperfection import TableErrors
-from stand.physics.description import JOINTS
 from stand.physics.mjcf import SITE
+from stand.table.joints import JOINTS
+from stand.table.table_errors import TableErrors
 
 # the axis toward which each one leans: the one that carries it; outer is parallel to its own
 # carrier, base_yaw, and so leans where that leans

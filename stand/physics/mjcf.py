@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stand.errors import StandError
-from stand.physics.description import JOINTS, Body, Geom, Joint, StandModel
+from stand.table.joints import JOINTS, Body, Geom, Joint, StandModel
 
 FILES = ("parts/imu.xml", "turntable.xml")
 SITE = "imu"

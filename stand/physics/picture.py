@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from alignment.arrays import Array
 from stand.errors import StandError, unknown
 from stand.physics import ASIDE
-from stand.physics.description import JOINTS
+from stand.table.joints import JOINTS
 
 Image = NDArray[np.uint8]
 

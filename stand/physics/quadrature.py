@@ -22,7 +22,7 @@ import numpy as np
 from alignment.arrays import Array, IntArray
 from alignment.earth import EARTH_RATE
 from alignment.units import STANDARD_GRAVITY
-from stand.motion import Motion
+from stand.motion.polynomial import Motion
 
 FORCE_ERROR = 1e-9  # m/s^2 of a mean
 RATE_ERROR = 1e-11  # rad/s

@@ -30,7 +30,7 @@ from mujoco.batch import Batch
 from alignment.arrays import Array
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.motion import Motion, splined
+from stand.motion.polynomial import Motion, splined
 from stand.physics.dynamics import (
     INPUTS,
     NO_PAYLOAD,
@@ -43,7 +43,7 @@ from stand.physics.dynamics import (
 )
 from stand.physics.following import Account, Followed, Rows, Span
 from stand.physics.stiffness import check_stiffness
-from stand.table import Table
+from stand.table.table import Table
 
 STEP = 1e-3  # s
 BLOCK = 4000  # steps simulated at once

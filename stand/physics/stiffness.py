@@ -13,9 +13,9 @@ import numpy as np
 
 from alignment.arrays import Array
 from stand.errors import StandError
-from stand.physics.description import JOINTS
 from stand.physics.dynamics import bristle_damping, gains_of, inertias, mass_matrices, motors_of
-from stand.table import Motor, Table
+from stand.table.joints import JOINTS
+from stand.table.table import Motor, Table
 
 RESERVE = 1.25  # loops must be stable at steps so much longer than they run at
 _TURN = 2 * pi

@@ -27,13 +27,13 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray
 from alignment.earth import Site
-from stand.imperfection import PERFECT, TableErrors
-from stand.motion import Motion
-from stand.physics.description import JOINTS
-from stand.physics.kinematics import C_NW
+from stand.motion.polynomial import Motion
 from stand.physics.mjcf import SITE
 from stand.physics.quadrature import Law, Steps
 from stand.samples import Sensed, TruthBlock
+from stand.table.joints import JOINTS
+from stand.table.kinematics import C_NW
+from stand.table.table_errors import PERFECT, TableErrors
 
 ARMATURE = 1e15  # kg m^2: dwarfs every real inertia by 1e12, so q'' comes back to rounding
 ROWS = 1000  # evaluations per call: the state rows stay in cache

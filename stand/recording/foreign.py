@@ -11,7 +11,7 @@ import numpy as np
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G, STANDARD_GRAVITY
 from stand.errors import StandError, unknown
-from stand.recording.interchange.writer import EPOCH_NS
+from stand.recording.mcap.writer import EPOCH_NS
 
 GYRO_UNITS = {"deg/s": DEG, "rad/s": 1.0, "deg/h": DEG_PER_HOUR}
 ACCEL_UNITS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": MILLI_G}

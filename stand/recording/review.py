@@ -20,11 +20,11 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array, IntArray, owned
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G, STANDARD_GRAVITY
 from stand.errors import StandError
-from stand.physics.description import JOINTS, Body, Geom, StandModel
 from stand.recording.curves import ANGLES, AngleCurves, InnovationCurves, Phase
 from stand.recording.thinning import Moved, Rows, Thinned, bin_length, min_max_bins
 from stand.recording.viewer import view
 from stand.samples import ImuBlock, TruthBlock
+from stand.table.joints import JOINTS, Body, Geom, StandModel
 
 __all__ = ["ReviewWriter", "view"]
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
 from stand.errors import StandError
-from stand.physics.description import Body, Geom, StandModel
+from stand.table.joints import Body, Geom, StandModel
 
 IMU_FRAME = "imu"
 """Name of the link and frame of the instrument's axes X1 Y1 Z1."""

@@ -7,7 +7,8 @@ from alignment import ESTIMATORS
 from alignment.errors import AlignmentError
 from alignment.information import Information, Unit
 from alignment.units import DEG
-from stand.plan import Plan, PlannedStep
+from stand.evaluation.score import TOLD
+from stand.motion.plan import Plan, PlannedStep
 from stand.rehearsal.gains import AT_REST, TURNING, Answer, Case, known_of
 from stand.rehearsal.instrument import unit_of
 from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse
@@ -16,7 +17,6 @@ from stand.rehearsal.result import Observability, Prediction
 from stand.rehearsal.rocking import ROCKING, over_time, readings_of, turned_by_heading
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.telling import angles, withheld
-from stand.score import TOLD
 
 
 def predict(scene: Scene, methods: Sequence[str]) -> tuple[list[Prediction], list[Observability]]:

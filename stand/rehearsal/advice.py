@@ -13,9 +13,9 @@ from math import ceil
 from typing import Any
 
 from alignment.units import DEG
-from stand import catalogue
+from stand import toml_files as catalogue
 from stand.errors import StandError
-from stand.procedure import procedure_from
+from stand.procedure.procedure import procedure_from
 from stand.rehearsal.rehearse import Request, rehearse, request
 from stand.rehearsal.requirement import rows_of
 from stand.rehearsal.result import Advice, Change, Judgement, Rehearsal, Verdict

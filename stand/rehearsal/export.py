@@ -9,9 +9,9 @@ import numpy as np
 
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.physics.description import JOINTS
-from stand.plan import Plan
-from stand.profile import MOST_ROWS, SUFFIXES, TIME
+from stand.motion.plan import Plan
+from stand.motion.profile import MOST_ROWS, SUFFIXES, TIME
+from stand.table.joints import JOINTS
 
 PER_SECOND = 100  # rows
 _BLOCK = 20_000  # rows worked out at once

@@ -10,14 +10,14 @@ from alignment.arrays import Array
 from alignment.units import DEG, STANDARD_GRAVITY
 from stand.imu import ImuSpec
 from stand.imu.preset import TriadSpec
-from stand.limits import QUANTITIES, SLACK, Peak, Torque, uses
-from stand.motion import Motion
-from stand.physics.description import JOINTS
+from stand.motion.limits import QUANTITIES, SLACK, Peak, Torque, uses
+from stand.motion.plan import Plan, PlannedStep
+from stand.motion.polynomial import Motion
 from stand.physics.dynamics import gains_of
 from stand.physics.truth import Truth
-from stand.plan import Plan, PlannedStep
 from stand.rehearsal.result import Duration, Margin, StepDuration, StepFeasibility
-from stand.table import Motor, Table
+from stand.table.joints import JOINTS
+from stand.table.table import Motor, Table
 
 FILTER_SETTLING = 1.13  # times 1 / bandwidth [Hz]: five time constants of the low-pass, to 0.7 %
 LEAST_SAMPLES = 3  # of a stretch: two whole ones, wherever it begins

@@ -14,28 +14,16 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Options, Site
 from alignment.arrays import Array
-from alignment.carousel import (
-    SAME_AXIS,
-    Harmonics,
-    TurningVector,
-    carousel_attitude,
-    combined,
-    lag_of,
-    turning_vector,
-)
 from alignment.errors import AlignmentError
 from alignment.information import Information, Setting, Stretch, assumed, information
 from alignment.information.model import felt
 from alignment.levelling import attitude_sensitivity
-from alignment.multiposition import (
-    ANOMALY,
-    LEAST_TURN,
-    ROUNDING,
-    drift_variances,
-    local_vectors,
-)
-from alignment.single_gyro import single_gyro_sensitivity
-from stand.plan import PlannedStep
+from alignment.methods.carousel import SAME_AXIS, carousel_attitude, combined, lag_of
+from alignment.methods.harmonics import Harmonics, TurningVector, turning_vector
+from alignment.methods.position_fit import ROUNDING, drift_variances, local_vectors
+from alignment.methods.positions import ANOMALY, LEAST_TURN
+from alignment.methods.single_gyro import single_gyro_sensitivity
+from stand.motion.plan import PlannedStep
 
 _RATE_STEP, _FORCE_STEP = 1e-10, 1e-6  # rad/s, m/s^2: of differences; linear to 1e-5 of a gain
 _NORTH = Rotation.identity()

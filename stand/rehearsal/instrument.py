@@ -18,8 +18,8 @@ from stand.imu import ImuSpec
 from stand.imu.filter import LowPass
 from stand.imu.preset import TriadSpec
 from stand.imu.processes import plateau
-from stand.physics.description import JOINTS, StandModel
-from stand.table import Table
+from stand.table.joints import JOINTS, StandModel
+from stand.table.table import Table
 
 FILTER_LAG = sqrt(2) / (2 * np.pi)  # of a Butterworth low-pass of second order, times bandwidth
 _NOTHING = 1e-15  # of a step squared: waves below it are none

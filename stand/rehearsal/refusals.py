@@ -10,9 +10,9 @@ from alignment.errors import AlignmentError
 from alignment.information import Unit
 from alignment.information.result import DETERMINED
 from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT
-from alignment.static import WRONG_POSITION
+from alignment.nominal import WRONG_POSITION
 from alignment.units import DEG
-from stand.plan import PlannedStep
+from stand.motion.plan import PlannedStep
 from stand.rehearsal.instrument import roundings_of
 from stand.rehearsal.response import Response
 from stand.rehearsal.scene import Scene

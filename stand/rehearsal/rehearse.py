@@ -12,12 +12,12 @@ from alignment.units import DEG
 from stand import __version__
 from stand.errors import StandError
 from stand.imu import ImuSpec
+from stand.imu.priors import priors_of
+from stand.motion.planner import plan
 from stand.physics.dynamics import inertias, required_torque, weights_model
 from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Truth
-from stand.plan import plan
-from stand.priors import priors_of
-from stand.procedure import Procedure
+from stand.procedure.procedure import Procedure
 from stand.rehearsal.accuracy import predict
 from stand.rehearsal.feasibility import Bench, durations, feasibility
 from stand.rehearsal.requirement import judge
@@ -32,8 +32,8 @@ from stand.rehearsal.result import (
 )
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.traps import allan_lengths, doubts, from_margins
-from stand.simulation import payload_of, temperature_of
-from stand.table import Table
+from stand.simulation.settings import payload_of, temperature_of
+from stand.table.table import Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)

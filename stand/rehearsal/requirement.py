@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Sequence
 from math import inf
 
-from stand.procedure import RequireEntry
+from stand.evaluation.score import TOLD
+from stand.procedure.procedure import RequireEntry
 from stand.rehearsal.result import Judgement, Prediction, Verdict
-from stand.score import TOLD
 
 
 def judge(

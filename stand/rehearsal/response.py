@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array
 from alignment.information import Setting, Unit, information
 from alignment.information.model import coefficient_weights, felt
-from stand.plan import PlannedStep
+from stand.motion.plan import PlannedStep
 from stand.rehearsal.gains import Answer
 from stand.rehearsal.instrument import leanings, roundings_of
 from stand.rehearsal.result import Prediction

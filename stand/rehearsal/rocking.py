@@ -12,8 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from alignment import ImuReadings, Options, Site
 from alignment.arrays import Array
-from alignment.fine import _START, CONSTANTS, STILL, UPDATE, _matrices, _Model, _Reference
-from alignment.inertial import (
+from alignment.information import GaussMarkov, Unit
+from alignment.information.model import BY_AXIS
+from alignment.methods.fine import _START, CONSTANTS, STILL, UPDATE, _matrices, _Model, _Reference
+from alignment.methods.inertial import (
     EVERY,
     block_of,
     drive,
@@ -25,11 +27,9 @@ from alignment.inertial import (
     skew,
     sway_covariance,
 )
-from alignment.information import GaussMarkov, Unit
-from alignment.information.model import BY_AXIS
 from alignment.strapdown import Carried, carry
 from stand.imu.recursion import Recursion
-from stand.motion import Motion
+from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
 from stand.rehearsal.instrument import roundings_of
 from stand.rehearsal.scene import Scene

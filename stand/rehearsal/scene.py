@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from alignment import Options, Site
 from stand.imu import ImuSpec, Temperature
-from stand.physics.description import StandModel
+from stand.motion.plan import Plan
 from stand.physics.truth import Truth
-from stand.plan import Plan
-from stand.table import Table
+from stand.table.joints import StandModel
+from stand.table.table import Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,12 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.angles import Sequence as Order
-from alignment.angles import (
-    SequenceRule,
-    angle_jacobian,
-    angles_from_C_nb,
-    near_singular,
-)
+from alignment.angles import SequenceRule, angle_jacobian, angles_from_C_nb, near_singular
 from alignment.arrays import Array
 from alignment.information.result import DETERMINED
 from alignment.units import DEG

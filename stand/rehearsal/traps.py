@@ -9,15 +9,8 @@ from alignment.earth import EARTH_RATE, Site
 from alignment.units import DEG, DEG_PER_HOUR
 from stand.imu import ImuSpec
 from stand.imu.preset import TriadSpec
-from stand.plan import Plan
-from stand.rehearsal.result import (
-    Finding,
-    Judgement,
-    Margin,
-    Severity,
-    StepFeasibility,
-    Verdict,
-)
+from stand.motion.plan import Plan
+from stand.rehearsal.result import Finding, Judgement, Margin, Severity, StepFeasibility, Verdict
 
 TURNING_METHODS = ("two-position", "multi-position", "carousel")
 NEAR_POLE = 1 * DEG_PER_HOUR  # horizontal Earth rate below which heading is not to be had

@@ -19,22 +19,15 @@ from alignment.angles import SequenceRule
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.units import DEG
-from stand.campaign import campaign
 from stand.errors import StandError
+from stand.evaluation.score import ANGLES, Truths, score, suited
+from stand.evaluation.statistics import FEW, TAIL
 from stand.rehearsal.rehearse import Request
-from stand.rehearsal.result import (
-    QUANTITIES,
-    Achieved,
-    Finding,
-    Refused,
-    Rehearsal,
-    Severity,
-    Verification,
-)
-from stand.score import ANGLES, Truths, score, suited
-from stand.simulation import Settings
-from stand.tally import FEW, TAIL
-from stand.trials import Trials
+from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
+from stand.rehearsal.verification import Achieved, Refused, Verification
+from stand.simulation.monte_carlo import Trials
+from stand.simulation.parallel import campaign
+from stand.simulation.settings import Settings
 
 Progress = Callable[[float], None]
 BIASES = tuple(

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from alignment.allan import Channel, Found, Missing
-from stand.allan import DEVIATION, ORDER, UNITS, AllanReport, needs_hours
-from stand.report.document import TableData
+from stand.evaluation.allan import DEVIATION, ORDER, UNITS, AllanReport, needs_hours
 from stand.report.page import INKS, data_uri, render
+from stand.report.tables import TableData
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from alignment.budget import PublishedFigure
+from alignment.information.budget import PublishedFigure
 from alignment.units import ARC_SECOND, DEG
-from stand.compare import Comparison
-from stand.history import History
-from stand.report.document import TableData, number, sigma_text
-from stand.tally import Tally
+from stand.evaluation.comparison import Comparison
+from stand.evaluation.heading_history import History
+from stand.evaluation.statistics import Tally
+from stand.report.document import number, sigma_text
+from stand.report.tables import TableData
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

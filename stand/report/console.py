@@ -9,7 +9,7 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-from stand.report.document import TableData
+from stand.report.tables import TableData
 
 WIDTH = 132  # where no terminal says its own
 LEFT = ("turns", "title", "source", "place", "finding", "kind", "steps", "estimates")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +10,13 @@ import numpy as np
 from alignment import ESTIMATORS
 from alignment.arrays import Array
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G
-from stand.physics.description import JOINTS
-from stand.record import StepRecord
-from stand.score import PUBLISHED, Refusal, Score, Spread, by_method, spreads
+from stand.evaluation.score import PUBLISHED, Refusal, Score, Spread, by_method, spreads
+from stand.simulation.step_record import StepRecord
+from stand.table.joints import JOINTS
 
 if TYPE_CHECKING:
-    from stand.session import RunResult
+    from stand.evaluation.run_result import RunResult
+from stand.report.tables import TableData
 
 WINDOWS = {
     "": "",
@@ -34,40 +34,6 @@ ANGLE_NOTE = (
     "sigma (n-1): about the mean of the positions, as published; RMS: about zero, against the "
     "truth and against the table's nominal angles."
 )
-
-
-@dataclass(frozen=True, slots=True)
-class TableData:
-    """A table of text: `rows` of one cell per column, then `footers` set apart from them.
-
-    `optional` columns may be left out, in that order, where there is no room.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    footers: tuple[tuple[str, ...], ...] = ()
-    notes: tuple[str, ...] = ()
-    optional: tuple[str, ...] = ()
-
-    def narrower(self) -> TableData | None:
-        """The table without its next optional column, told in a note; None if there is none."""
-        if not self.optional:
-            return None
-        name, *rest = self.optional
-        k = self.columns.index(name)
-
-        def cut(rows: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, ...], ...]:
-            return tuple(row[:k] + row[k + 1 :] for row in rows)
-
-        (columns,) = cut((self.columns,))
-        return replace(
-            self,
-            columns=columns,
-            rows=cut(self.rows),
-            footers=cut(self.footers),
-            optional=tuple(rest),
-        )
 
 
 def number(value: float) -> str:

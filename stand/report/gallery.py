@@ -9,9 +9,9 @@ import numpy as np
 
 from alignment.arrays import Array, set_owned
 from alignment.units import DEG
-from stand.physics.description import JOINTS
 from stand.physics.picture import NoDriver, pictures, png
 from stand.report.page import Photo, photo
+from stand.table.joints import JOINTS
 
 CAMERA = "135,-18,2.9"  # from the south-east, a little above: all gimbals and the unit are seen
 SIDE = 420  # pixels

@@ -13,16 +13,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from stand.rehearsal.result import (
-    Achieved,
-    Finding,
-    Judgement,
-    Rehearsal,
-    Severity,
-    StepFeasibility,
-    Verdict,
-    Verification,
-)
+from stand.rehearsal.result import Finding, Judgement, Rehearsal, Severity, StepFeasibility, Verdict
+from stand.rehearsal.verification import Achieved, Verification
 from stand.report.wording import (
     achieved_in_words,
     deg_text,

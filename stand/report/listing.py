@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 from alignment import ESTIMATORS
 from alignment.units import DEG
-from stand import catalogue
+from stand import toml_files as catalogue
 from stand.imu import Stated, load_imu
-from stand.physics.description import JOINTS
-from stand.procedure import load_procedure
-from stand.steps import Move, Profile, Rate, Step, Sweep
-from stand.table import Table, load_table
+from stand.procedure.procedure import load_procedure
+from stand.procedure.steps import Move, Profile, Rate, Step, Sweep
+from stand.table.joints import JOINTS
+from stand.table.table import Table, load_table
 
 BASE = 3  # the first three joints are the rocking base's
 Row = dict[str, str | float | None]
@@ -118,7 +118,7 @@ def _table(table: Table) -> Row:
 
 def _trajectories() -> list[Row]:
     # their splines take 0.2 s to import
-    from stand.drive import FOLDER, DriveEntry
+    from stand.vehicle.scenario import FOLDER, DriveEntry
 
     rows: list[Row] = []
     for name in catalogue.ids(FOLDER):

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from stand import __version__
 from stand.errors import StandError
-from stand.report.document import TableData
+from stand.report.tables import TableData
 
 if TYPE_CHECKING:
     from jinja2 import Environment

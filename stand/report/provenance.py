@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from stand.catalogue import Source, parse
 from stand.errors import StandError
-from stand.report.document import TableData
-from stand.table import CertificateEntry, TableEntry
+from stand.report.tables import TableData
+from stand.table.table import CertificateEntry, TableEntry
+from stand.toml_files import Source, parse
 
 _CHUNK = 1 << 20
 

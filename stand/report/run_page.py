@@ -17,28 +17,24 @@ import numpy as np
 from alignment import ESTIMATORS
 from alignment.angles import angles_from_C_nb, near_singular
 from alignment.units import ARC_SECOND, DEG
-from stand.catalogue import Source, parse
 from stand.errors import StandError
+from stand.evaluation.score import Refusal, Score, evaluate_each, suited
 from stand.imu.preset import ImuEntry
-from stand.log import DRIVE, RUN, Log, load_log
-from stand.physics.description import JOINTS
-from stand.procedure import ProcedureEntry
-from stand.record import StepRecord
+from stand.procedure.procedure import ProcedureEntry
 from stand.recording.curves import AngleCurves
-from stand.recording.interchange.reader import read_metadata
-from stand.report.document import (
-    ANGLE_NOTE,
-    TableData,
-    motion_table,
-    refusal_lines,
-    score_tables,
-)
+from stand.recording.log import Log, load_log
+from stand.recording.mcap.reader import read_metadata
+from stand.recording.metadata import DRIVE, RUN
+from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 from stand.report.figures import Bar, errors, timeline
 from stand.report.gallery import Position, gallery
 from stand.report.page import refuse_existing, render, span_text, write_whole
 from stand.report.provenance import provenance, sha256_of_file, sha256_of_text
-from stand.score import Refusal, Score, evaluate_each, suited
-from stand.table import TableEntry
+from stand.report.tables import TableData
+from stand.simulation.step_record import StepRecord
+from stand.table.joints import JOINTS
+from stand.table.table import TableEntry
+from stand.toml_files import Source, parse
 
 PAGE = "report.html"
 _MOVING = ("move", "profile")
@@ -216,7 +212,7 @@ def _summary(scores: Sequence[Score], refusals: Sequence[Refusal]) -> list[str]:
 
 def _errors(log: Log, refused: set[str], total: float) -> list[Any]:
     """A figure per method that has tracks, where the truth is known."""
-    from stand.session import curves
+    from stand.evaluation.review_curves import curves
 
     found = []
     for method in log.methods:

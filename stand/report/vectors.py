@@ -14,18 +14,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.methods.vectors import Fixes, Matching
 from alignment.units import DEG
-from alignment.vectors import Fixes, Matching
-from stand.milestones import LIMITS, Doubt, Point, doubts, needed, points
-from stand.report.document import TableData
+from stand.evaluation.milestones import LIMITS, Doubt, Point, doubts, needed, points
 from stand.report.page import INKS
-from stand.trajectory import Path
+from stand.report.tables import TableData
+from stand.vehicle.path import Path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from stand.driven import DriveResult
+    from stand.evaluation.drive_result import DriveResult
 
 # Okabe and Ito's colours, told apart by colour-blind eyes.
 COLOURS = {
@@ -71,7 +71,7 @@ def picture(
     ----------
     title : str
     matchings : mapping
-        By the solutions' names, as `alignment.vectors.SOLUTIONS` has them.
+        By the solutions' names, as `alignment.methods.vectors.SOLUTIONS` has them.
     fixes : Fixes
         What they were given: their errors stand behind the place's, their gaps are shaded.
     path : Path

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, log
 
-from stand.rehearsal.result import AGREES, Achieved, Verification
-from stand.report.document import TableData
+from stand.rehearsal.verification import AGREES, Achieved, Verification
 from stand.report.figures import RatioRow, ratios
 from stand.report.page import Drawing, span_text
+from stand.report.tables import TableData
 from stand.report.wording import (
     achieved_text,
     digits,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import isfinite
 
 from alignment.units import ARC_SECOND, DEG
-from stand.rehearsal.result import AGREES, Achieved, Judgement, Margin, Refused
+from stand.rehearsal.result import Judgement, Margin
+from stand.rehearsal.verification import AGREES, Achieved, Refused
 from stand.report.document import WINDOWS
 
 _ARC_SECONDS_BELOW = 0.01 * DEG

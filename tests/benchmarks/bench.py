@@ -22,15 +22,15 @@ from mujoco.batch import Batch
 
 from alignment import Site
 from stand.imu import Imu, ImuSpec, Temperature, load_imu
-from stand.motion import Motion, fitted
+from stand.motion.moves import joined, move_piece
+from stand.motion.polynomial import Motion, fitted
 from stand.physics.mjcf import load_model
 from stand.physics.servo import STEP, Servo
 from stand.physics.truth import ROWS, Sampling, Truth
-from stand.plan import joined, move_piece
 from stand.report.console import console, show
-from stand.report.document import TableData
+from stand.report.tables import TableData
 from stand.samples import Sensed
-from stand.table import load_table
+from stand.table.table import load_table
 
 HOUR = """
 title = "One hour of rest in six positions"

@@ -10,12 +10,12 @@ from dataclasses import replace
 
 from alignment import ESTIMATORS
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
-from stand.compare import compare
+from stand.evaluation.comparison import compare
 from stand.imu import load_imu
-from stand.priors import priors_of
-from stand.procedure import load_procedure, table_of
-from stand.simulation import Settings
-from stand.trials import Trials
+from stand.imu.priors import priors_of
+from stand.procedure.procedure import load_procedure, table_of
+from stand.simulation.monte_carlo import Trials
+from stand.simulation.settings import Settings
 
 Best = Callable[[Callable[[], object], int], float]
 Rows = list[tuple[str, str, str]]

@@ -8,13 +8,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from stand.catalogue import ids
 from stand.imu import load_imu
-from stand.procedure import load_procedure, table_of
+from stand.procedure.procedure import load_procedure, table_of
 from stand.rehearsal.rehearse import Request, rehearse, request
 from stand.rehearsal.verify import with_verification
-from stand.simulation import Settings
-from stand.trials import Trials
+from stand.simulation.monte_carlo import Trials
+from stand.simulation.settings import Settings
+from stand.toml_files import ids
 
 Rows = list[tuple[str, str, str]]
 VERIFIED = ("two-position", "carousel", "random-sway")

@@ -14,9 +14,9 @@ from itertools import groupby
 from pathlib import Path
 
 from stand.imu import load_imu
-from stand.procedure import load_procedure, table_of
+from stand.procedure.procedure import load_procedure, table_of
 from stand.rehearsal.rehearse import rehearse, request
-from stand.rehearsal.result import AGREES, Achieved, Verification
+from stand.rehearsal.verification import AGREES, Achieved, Verification
 from stand.rehearsal.verify import with_verification
 
 RATES_HZ = {

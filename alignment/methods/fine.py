@@ -1,0 +1,524 @@
+"""Fine alignment: a Kalman filter of attitude, velocity and the sensors' constants.
+
+It runs on the errors of a reference that the gyros carry, in n as it stands at the end, held in
+inertial space: there attitude errors stand still and gravity's turn is known in closed form, so
+the matrices of all intervals come vectorised and only the updates are a loop. The instrument's
+place is that of its lever arm about a point that stays: the zero-displacement update.
+
+The reference comes from the inertial-frame match of the same readings, but only as the point of
+linearisation: the filter starts with an attitude error of `_START` and learns everything from the
+updates, so that nothing is used twice. Source: methods.md section 3; P. D. Groves, Principles of
+GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013), 14.2, 15.2.
+"""
+
+from collections.abc import Sequence as Ordered
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array, set_owned
+from alignment.doubts import heading_doubt
+from alignment.earth import Site
+from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.methods.inertial import (
+    Noise,
+    checked_readings,
+    covariances,
+    drive,
+    gravity_doubt,
+    gravity_velocity,
+    match,
+    noise_of,
+    skew,
+    sway_covariance,
+    told_at,
+    wander_doubt,
+)
+from alignment.nominal import TRACK_STEP
+from alignment.options import Options, Priors
+from alignment.readings import Dwell, ImuReadings
+from alignment.saturation import saturation_doubt
+from alignment.strapdown import Carried, carry, matrices
+
+METHOD = "fine"
+UPDATE = 0.1  # s between zero-displacement updates
+STILL = 1e-6  # m: least noise of an update
+_START = np.repeat([0.3, 10.0, 1.0, 1.0], [2, 1, 3, 3])  # rad N, E; D; m/s; m: as good as unknown
+_GRAVITY = 0.01  # part by which gravity's size is free where no accelerometer constant has a prior
+_ERRORS = len(_START) + 1  # attitude, velocity, displacement, size of gravity
+_SETTLED = 0.01  # rad: a correction of the reference above it calls for another pass
+_PASSES = 8
+_COARSE = 0.5  # s between the updates of passes that only look for the reference
+_ROUNDS = 3  # of them and the filter itself, after the first
+_SYMMETRIC = 8  # updates after which rounding's asymmetry is taken out
+_CHUNK = 2048  # updates whose matrices are held at once
+_CONSISTENT = 5.0  # standard errors by which the innovations' mean square may exceed one
+_SHOWN = 0.5  # rad: a track begins when heading is known to this
+
+_SUMS = {"gyro": "dtheta", "accel": "dv"}  # what a scale factor error multiplies
+CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "lever_arm")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Innovations:
+    """What each update found beyond what the filter expected.
+
+    `t` (m,) [s]; `values` and `sigmas` (m, 3) [m]: displacement toward N, E, D of the end.
+    """
+
+    t: Array
+    values: Array
+    sigmas: Array
+
+    def __post_init__(self) -> None:
+        m = len(self.t)
+        set_owned(
+            self,
+            t=(self.t, (m,), float),
+            values=(self.values, (m, 3), float),
+            sigmas=(self.sigmas, (m, 3), float),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Filtered:
+    """The filter's answers after each update.
+
+    Attributes
+    ----------
+    t : (m,) s
+    C_nb : m rotations
+    covariance : (m, 3, 3) rad^2
+        About n.
+    names : tuple of str
+        Which of `CONSTANTS` were estimated: those with a prior.
+    constants, sigmas : (m, k, 3)
+        Their values in b and standard deviations, SI.
+    innovations : Innovations
+    flags : tuple of str
+    """
+
+    t: Array
+    C_nb: Rotation
+    covariance: Array
+    names: tuple[str, ...]
+    constants: Array
+    sigmas: Array
+    innovations: Innovations
+    flags: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        m, k = len(self.t), len(self.names)
+        set_owned(
+            self,
+            t=(self.t, (m,), float),
+            covariance=(self.covariance, (m, 3, 3), float),
+            constants=(self.constants, (m, k, 3), float),
+            sigmas=(self.sigmas, (m, k, 3), float),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Model:
+    """What does not change from pass to pass; `names`: the constants that are states."""
+
+    readings: ImuReadings
+    site: Site
+    noise: Noise
+    priors: Priors
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reference:
+    """What the filter runs on the errors of: gyros less `offset` carried, and where i stands."""
+
+    carried: Carried
+    C_ni: Rotation
+    offset: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pass:
+    """After each update: errors of the reference `x` (m, s), which are attitude about n [rad],
+    velocity, displacement, constants; their `variances`; covariance `attitude` (m, 3, 3);
+    innovations `values`, their variances `expected` (m, 3) and normalised squares `misfit` (m,).
+    """
+
+    x: Array
+    variances: Array
+    attitude: Array
+    values: Array
+    expected: Array
+    misfit: Array
+
+    @property
+    def inconsistent(self) -> bool:
+        """Whether the innovations are larger than the filter holds possible."""
+        allowed = 1 + _CONSISTENT * np.sqrt(2 / (3 * len(self.x)))
+        return float(self.misfit.mean()) / 3 > allowed
+
+
+def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
+    """Attitude at the end of each stretch, on a base that rocks, turns or rests.
+
+    Parameters
+    ----------
+    dwells : sequence of Dwell
+        Any motion about a point that stays; the attitude is that at the last sample. Turns
+        (two-position, carousel) tell biases from Earth rate; no encoder is needed.
+    site : Site
+        ``latitude`` needed, not at a pole.
+    options : Options
+        `priors`: ``gyro_walk`` and ``accel_walk`` (0: from the readings); biases, scale factor
+        errors and ``lever_arm`` become states where their prior is above 0. Where neither
+        accelerometer constant has one, gravity's size is free within 1 %: an unstated bias along
+        the vertical would else pass for sway.
+
+    Returns
+    -------
+    list of AttitudeEstimate
+        ``C_nb`` at ``t_to``, the last sample's stamp (of a turning stretch: as it would be at
+        encoder angle zero), and its covariance, cross terms included.
+
+    Raises
+    ------
+    NotAtRest
+        The velocity wanders beyond noise and 0.1 m/s: the instrument travels.
+    AlignmentError
+        A gap; a turn too fast for the sampling rate.
+    TooShort, PoleError
+
+    Notes
+    -----
+    Leading errors: heading ``ARW/(W cos lat sqrt T)``, and ``b_E/(W cos lat)`` until a turn tells
+    the bias; tilt b/g; an accelerometer's drift as for `inertial`. First order about the
+    reference, which is corrected while the correction exceeds 0.01 rad, by passes of five updates
+    in one. Where the innovations contradict their sigmas the noise of the updates is raised to all
+    of the displacement that is not drift, and that is flagged.
+    """
+    return [_fine(dwell, site, options) for dwell in dwells]
+
+
+def fine_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrack]:
+    """The filter's attitude every half second, from when heading is known to half a radian."""
+    run = filtered(dwell, site, options)
+    steps = np.floor((run.t - run.t[0]) / TRACK_STEP + 1e-9)
+    shown = np.append(False, steps[1:] > steps[:-1])  # the first update of each step
+    shown &= run.covariance[:, 2, 2] < _SHOWN**2
+    shown[-1] = True
+    C_nb = Rotation.from_quat(run.C_nb.as_quat()[shown])
+    up = C_nb[-1].inv().apply([0.0, 0.0, -1.0])
+    sequence = options.rule.sequence_for(up)
+    return [AttitudeTrack(METHOD, dwell.label, run.t[shown], C_nb, sequence, run.covariance[shown])]
+
+
+def innovations(dwell: Dwell, site: Site, options: Options) -> Innovations:
+    """What each update of the filter found beyond expectation."""
+    return filtered(dwell, site, options).innovations
+
+
+def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
+    """The filter over one stretch; parameters and errors as for `fine`."""
+    site.horizontal_rate()
+    readings, priors = checked_readings(dwell), options.priors
+    noise = noise_of(readings, priors)
+    carried = carry(readings, UPDATE)
+    matched = match(carried, site)
+    coarse, wander = covariances(carried, matched, noise, priors)
+    flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
+    flags += wander_doubt(dwell.label, carried, matched, wander)
+    names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
+    model = _Model(readings, site, noise, priors, names)
+    reference = _Reference(carried, matched.C_ni, np.zeros(3))
+    variance = _update_variance(reference.carried, noise, priors)
+    far = float(np.trace(coarse)) > (_SETTLED / 2) ** 2
+    reference, run = _settle(model, reference, variance, far)
+    if run.inconsistent:
+        variance += float(np.trace(sway_covariance(carried, matched))) / 3
+        reference, run = _settle(model, reference, variance, far=False)
+        flags += (f"sway beyond noise and lever arm: updates taken at {variance**0.5:.2g} m",)
+    if not _is_settled(model, reference, run):
+        flags += ("the linearisation did not settle: heading is not known",)
+    return _answer(model, reference, run, flags)
+
+
+def _fine(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
+    run = filtered(dwell, site, options)
+    C_nb, covariance = told_at(dwell, run.C_nb[-1]), run.covariance[-1]
+    return AttitudeEstimate(
+        METHOD,
+        dwell.label,
+        dwell.t_from,
+        float(run.t[-1]),
+        C_nb,
+        options.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
+        covariance=covariance,
+        flags=run.flags + heading_doubt(covariance),
+    )
+
+
+def _update_variance(carried: Carried, noise: Noise, priors: Priors) -> float:
+    """Of a zero-displacement update [m^2].
+
+    The lever arm multiplies the attitude that noisy gyros carried. That noise is no motion: it
+    would pull the arm to zero, as errors of a regressor do (by four sigmas, and tilt with it, in
+    a test at 20 Hz). So the updates are taken coarse enough for all of that walk to say a
+    hundred times less of the arm than its prior, which costs heading nothing.
+    """
+    walk = float(np.mean(noise.gyro**2)) * float(carried.t[-1] - carried.t[0])
+    return STILL**2 + 100 * priors.lever_arm**2 * walk
+
+
+def _settle(
+    model: _Model, reference: _Reference, variance: float, far: bool
+) -> tuple[_Reference, _Pass]:
+    """Filter, and again about a corrected reference until the correction is small.
+
+    Where it is not, or is not likely to be (`far`), coarse passes correct the reference first:
+    that only moves the point of linearisation.
+    """
+    found = True
+    if far:
+        reference, found = _found(model, reference, variance)
+    run = _filter(model, reference, variance)
+    for _ in range(_ROUNDS):
+        if not found or _is_settled(model, reference, run):
+            break
+        reference = _corrected(model, reference, run, UPDATE)
+        reference, found = _found(model, reference, variance)
+        run = _filter(model, reference, variance)
+    return reference, run
+
+
+def _found(model: _Model, reference: _Reference, variance: float) -> tuple[_Reference, bool]:
+    """The reference that passes of fewer updates settle about, and whether they do."""
+    coarse = _about(model, _at_end(reference), reference.offset, _COARSE)
+    for _ in range(_PASSES):
+        run = _filter(model, coarse, variance * UPDATE / _COARSE)
+        if _is_settled(model, coarse, run):
+            return _corrected(model, coarse, run, UPDATE), True
+        coarse = _corrected(model, coarse, run, _COARSE)
+    return _about(model, _at_end(coarse), coarse.offset, UPDATE), False
+
+
+def _is_settled(model: _Model, reference: _Reference, run: _Pass) -> bool:
+    span = reference.carried.t[-1] - reference.carried.t[0]
+    turned = span * np.linalg.norm(_constant(model, run.x[-1], "gyro_bias"))
+    return float(max(np.linalg.norm(run.x[-1, :3]), turned)) < _SETTLED
+
+
+def _constant(model: _Model, x: Array, name: str) -> Array:
+    """The part of a state (s,) that holds the constant; zeros where it has no prior."""
+    if name not in model.names:
+        return np.zeros(3)
+    return x[_place(model.names.index(name))]
+
+
+def _place(k: int) -> slice:
+    """Where the k-th constant stands in the state."""
+    return slice(_ERRORS + 3 * k, _ERRORS + 3 * k + 3)
+
+
+def _corrected(model: _Model, reference: _Reference, run: _Pass, span: float) -> _Reference:
+    """The reference with the attitude and the gyro bias that the filter found."""
+    offset = reference.offset + _constant(model, run.x[-1], "gyro_bias")
+    C_nb = Rotation.from_rotvec(-run.x[-1, :3]) * _at_end(reference)
+    return _about(model, C_nb, offset, span)
+
+
+def _at_end(reference: _Reference) -> Rotation:
+    """``C_nb`` at the end."""
+    return reference.C_ni * Rotation.from_quat(reference.carried.q[-1])
+
+
+def _about(model: _Model, C_nb: Rotation, offset: Array, span: float) -> _Reference:
+    """The reference whose attitude at the end is ``C_nb``, by blocks of `span` seconds."""
+    carried = carry(model.readings, span, offset)
+    return _Reference(carried, C_nb * Rotation.from_quat(carried.q[-1]).inv(), offset)
+
+
+def _filter(model: _Model, reference: _Reference, variance: float) -> _Pass:
+    """One run over all updates."""
+    carried, names = reference.carried, model.names
+    C_ni = reference.C_ni.as_matrix()
+    m, size = len(carried.t), _ERRORS + 3 * len(names)
+    v, p = gravity_velocity(carried.t, model.site)
+    z = np.concatenate([np.zeros((1, 3)), np.cumsum(carried.p, axis=0)]) @ C_ni.T - p
+    sigmas = [np.repeat(getattr(model.priors, name), 3) for name in names]
+    told = model.priors.accel_bias > 0 or model.priors.accel_scale > 0
+    gravity = [0.0 if told else _GRAVITY]
+    state = np.zeros((size, size + 1))
+    state[:, :-1] = np.diag(np.concatenate([_START, gravity, *sigmas]) ** 2)
+    if "gyro_bias" in names:  # the reference has some of it taken out already
+        state[_place(names.index("gyro_bias")), -1] = -reference.offset
+    out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
+    for first in range(0, m, _CHUNK):
+        part = slice(first, min(first + _CHUNK, m))
+        push = np.diff(v[part.start : part.stop + 1], axis=0)
+        _updates(
+            state, (*_matrices(model, carried, C_ni, push, part), z[part], variance), part, out
+        )
+    return out
+
+
+def _updates(
+    state: Array, given: tuple[Array, Array, Array, Array, float], part: slice, out: _Pass
+) -> None:
+    """Update and propagate `state` (s, s + 1), covariance and errors ``[P x]``, through `part`.
+
+    One product with H gives ``H P`` and ``H x``. The constants stand still: only the rows of the
+    first `_ERRORS` states are propagated, and mirrored.
+    """
+    F, Q, H, z, variance = given
+    n, size, free = len(z), len(state), _ERRORS
+    R = variance * np.eye(3)
+    seen, spread = np.empty((n, 3, size + 1)), np.empty((n, 3, 3))
+    after, moved = np.empty((n, size, size + 1)), np.empty((free, size + 1))
+    rows, walks = F[:, :free], Q[:, :free, :free]
+    drifts = np.diagonal(Q, axis1=1, axis2=2)[:, free:]
+    drifting = bool(drifts.any())
+    # views, made once
+    P, innovations = state[:, :-1], seen[:, :, -1]
+    moving, mixed, mirrored = state[:free, :free], state[:free, free:], state[free:, :free]
+    moved_P, moved_mixed, moved_back = moved[:, :-1], moved[:, free:], moved[:, free:-1].T
+    constants = state.reshape(-1)[free * (size + 2) :: size + 2]  # their variances
+    for k, (h, found, S) in enumerate(zip(H, seen, spread, strict=True)):
+        np.dot(h, state, out=found)
+        innovations[k] -= z[k]
+        HP = found[:, :-1]
+        np.add(HP.dot(h.T), R, out=S)
+        np.subtract(state, HP.T.dot(_inverse(S).dot(found)), out=state)
+        after[k] = state
+        if k == len(F):
+            break
+        row = rows[k]
+        np.dot(row, state, out=moved)
+        mixed[:] = moved_mixed
+        mirrored[:] = moved_back
+        np.add(moved_P.dot(row.T), walks[k], out=moving)
+        if drifting:
+            constants += drifts[k]
+        if k % _SYMMETRIC == 0:
+            P[:] = 0.5 * (P + P.T)
+    out.x[part] = after[:, :, -1]
+    out.variances[part] = np.diagonal(after, axis1=1, axis2=2)
+    out.attitude[part] = after[:, :3, :3]
+    values = -innovations
+    out.values[part] = values
+    out.expected[part] = np.diagonal(spread, axis1=1, axis2=2)
+    out.misfit[part] = (values * np.linalg.solve(spread, values[..., None])[..., 0]).sum(axis=1)
+
+
+def _inverse(S: Array) -> Array:
+    """Of a covariance (3, 3), by ``L D L^T``: in a third of the time of np.linalg's."""
+    (a, b, c), (_, d, e), (_, _, f) = S.tolist()
+    p, q = b / a, c / a
+    d_left, e_left = d - p * b, e - p * c
+    r = e_left / d_left
+    s = p * r - q  # of the inverse of L: rows (1), (-p, 1), (s, -r, 1)
+    third = 1 / (f - q * c - r * e_left)
+    second = 1 / d_left
+    xy, xz, yz = -p * second - s * r * third, s * third, -r * third
+    xx, yy = 1 / a + p * p * second + s * xz, second - r * yz
+    return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, third)))
+
+
+def _matrices(
+    model: _Model, carried: Carried, C_ni: Array, gravity: Array, part: slice
+) -> tuple[Array, Array, Array]:
+    """Transition and noise (k, s, s) of the intervals after the edges of `part`; updates (., 3, s).
+
+    Errors of the reference: ``phi' = C (w errors)``, ``u' = phi x f + C (f errors)``,
+    ``rho' = u``, where f is the reaction to gravity whose increments (k, 3) are `gravity`: were
+    it the measured force, its noise times the unknown heading would pass for information. The
+    reference's place is ``rho + C r`` with lever arm r; its C holds phi, so the sway's own force
+    is not in f. Within an interval of 0.1 s rates, f and C stay.
+    """
+    C_nb = C_ni @ matrices(carried.q[part])
+    steps = slice(part.start, min(part.stop, len(carried.dv)))
+    size = _ERRORS + 3 * len(model.names)
+    F = np.tile(np.eye(size), (steps.stop - steps.start, 1, 1))
+    H = np.zeros((len(C_nb), 3, size))
+    H[:, :, 6:9] = np.eye(3)
+    spans, push = carried.spans[steps, None, None], skew(gravity)
+    F[:, 3:6, :3] = -push
+    F[:, 6:9, :3] = -spans / 2 * push
+    F[:, 6:9, 3:6] = spans * np.eye(3)
+    F[:, 3:6, 9] = gravity
+    F[:, 6:9, 9] = spans[:, 0] / 2 * gravity
+    for k, name in enumerate(model.names):
+        column = _place(k)
+        if name == "lever_arm":
+            H[:, :, column] = C_nb
+            continue
+        sensor, _, kind = name.partition("_")
+        values = None if kind == "bias" else getattr(carried, _SUMS[sensor])[steps]
+        driven = drive(carried, C_ni, steps, values)
+        if sensor == "gyro":
+            F[:, :3, column] = driven
+            F[:, 3:6, column] = -push @ driven / 2
+            F[:, 6:9, column] = -spans / 6 * push @ driven
+        else:
+            F[:, 3:6, column] = driven
+            F[:, 6:9, column] = spans / 2 * driven
+    return F, _walks(model, carried, C_ni, push, steps, size), H
+
+
+def _walks(
+    model: _Model, carried: Carried, C_ni: Array, push: Array, steps: slice, size: int
+) -> Array:
+    """Covariances (k, s, s) of what white noise adds in each interval.
+
+    Angle walk and its integrals over gravity's push D, ``(1, D/2, D/6)``, have the moments
+    1, 1/2, 1/6; 1/3, 1/8; 1/20, velocity walk and its integral 1, 1/2; 1/3. Two of them are
+    those of this integration, in steps of two samples with the rates held.
+    """
+    Q = np.zeros((steps.stop - steps.start, size, size))
+    spans = carried.spans[steps, None, None]
+    turned = drive(carried, C_ni, steps) / np.sqrt(spans)
+    gyro, accel = turned * model.noise.gyro, turned * model.noise.accel
+    walk, kick = (x @ x.transpose(0, 2, 1) for x in (gyro, accel))
+    once, twice = -push @ walk, -push @ walk @ push
+    part = (model.readings.interval / spans) ** 2
+    Q[:, :3, :3] = walk
+    Q[:, 3:6, :3] = once / 2
+    Q[:, 6:9, :3] = once * spans / 6
+    Q[:, 3:6, 3:6] = twice * (1 + part / 3) / 3 + kick
+    Q[:, 6:9, 3:6] = spans * (twice / 8 + kick / 2)
+    Q[:, 6:9, 6:9] = spans**2 * (twice / 20 + kick * (1 - part) / 3)
+    for k, name in enumerate(model.names):
+        plateau = (
+            getattr(model.priors, name.replace("bias", "instability")) if "bias" in name else 0
+        )
+        # a walk that over the record has the Allan deviation of the plateau
+        own = np.arange(_place(k).start, _place(k).stop)
+        Q[:, own, own] = 3 * plateau**2 * spans[:, 0] / carried.spans.sum()
+    for row, column in ((3, 0), (6, 0), (6, 3)):
+        block = Q[:, row : row + 3, column : column + 3]
+        Q[:, column : column + 3, row : row + 3] = block.transpose(0, 2, 1)
+    return Q
+
+
+def _answer(model: _Model, reference: _Reference, run: _Pass, flags: tuple[str, ...]) -> Filtered:
+    """Attitudes and constants from the reference and its errors."""
+    carried = reference.carried
+    left = (carried.t[-1] - carried.t)[:, None] * model.site.w_ie_n  # n turns back to then
+    to_n = Rotation.from_rotvec(left)
+    at_end = Rotation.from_rotvec(-run.x[:, :3]) * reference.C_ni
+    R = to_n.as_matrix()
+    m, count = len(carried.t), len(model.names)
+    constants = run.x[:, _ERRORS:].reshape(m, count, 3).copy()
+    if "gyro_bias" in model.names:
+        constants[:, model.names.index("gyro_bias")] += reference.offset
+    return Filtered(
+        carried.t,
+        to_n * at_end * Rotation.from_quat(carried.q),
+        R @ run.attitude @ R.transpose(0, 2, 1),
+        model.names,
+        constants,
+        np.sqrt(run.variances[:, _ERRORS:]).reshape(m, count, 3),
+        Innovations(carried.t, run.values, np.sqrt(run.expected)),
+        flags,
+    )

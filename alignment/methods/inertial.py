@@ -1,0 +1,450 @@
+"""Alignment in inertial frames: gravity's turn with the Earth against the carried specific force.
+
+The gyros carry attitude in the frame i that b had at the start; there specific force integrates
+to a curve of velocity, whatever the rocking. Gravity's reaction, turned by the Earth's known
+rotation, gives the same curve in n as it stood at the end. Both curves less their means, matched
+by Wahba's problem, are the attitude: the means hold the unknown velocity at the start, and
+rocking with a lever arm averages out. Source: methods.md section 3, robust answer; F. L. Markley
+and J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Control (2014), 5.3.
+"""
+
+from collections.abc import Sequence as Ordered
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array
+from alignment.doubts import heading_doubt
+from alignment.earth import Site
+from alignment.errors import AlignmentError, NotAtRest, TooShort
+from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.noise import gap_doubt
+from alignment.options import Options, Priors
+from alignment.readings import Dwell, ImuReadings
+from alignment.saturation import saturation_doubt
+from alignment.strapdown import Carried, carry
+
+METHOD = "inertial"
+EVERY = slice(None)
+BLOCK = 0.5  # s: the sums of the match run over blocks, the integration over samples
+_LEAST_BLOCKS = 16
+_WELL_RESOLVED, _RESOLVED = 64, 4096  # blocks into which a short, a long record is cut
+_LEAST_SPECTRUM, _MOST_SPECTRUM = 64, 2**17  # samples from which noise is told
+_GRAVITY_DOUBT = 0.01  # part of gravity by which the mean specific force may differ unremarked
+_WANDER_ORDERS = slice(3, 6)  # Legendre orders of velocity that neither the fit nor a bias makes
+_SMOOTH_ORDER = 8  # velocity beyond it is sway, not drift
+_FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
+_WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarked
+_WANDER_LIMIT = 10.0  # sigmas that are refused, where the instrument also moves by this:
+_WANDER_SPEED = 0.1  # m/s
+_TRACK_POINTS = 200  # of a track: each is a match of the record so far
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Noise:
+    """White noise of each axis, (3,): `gyro` [rad/sqrt(s)] and `accel` [m/s/sqrt(s)]."""
+
+    gyro: Array
+    accel: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Match:
+    """Two curves of velocity laid on each other.
+
+    Attributes
+    ----------
+    C_ni : Rotation
+        From i (b at the start) to n at the end of the record.
+    reference : (m, 3) m/s
+        What gravity's reaction alone gives, mean over each block, in n at the end, centred.
+    residual : (m, 3) m/s
+        Mean velocity over each block beyond that, centred: sway and what noise made.
+    """
+
+    C_ni: Rotation
+    reference: Array
+    residual: Array
+
+
+def white_levels(values: Array, interval: float) -> Array:
+    """White noise level (k,) of `values` (n, k), per root hertz, under smooth motion.
+
+    Notes
+    -----
+    Two-sided periodogram (so that the level of rates is the angle random walk) with a ``sin^4``
+    window, averaged over octaves from a quarter of the sampling rate down to eight cycles per
+    record. The highest octave counts, unless a lower one is less by three standard errors: so
+    neither sway (a band of its own) nor dither (near the sampling rate) is taken for noise. It
+    reads low where a filter of the unit cuts below an eighth of the rate, high where motion
+    fills all octaves. Of long records the middle 2^17 samples serve.
+    """
+    if len(values) < _LEAST_SPECTRUM:
+        raise TooShort(f"{len(values)} samples: noise needs {_LEAST_SPECTRUM}, or give its prior")
+    middle = max(0, len(values) - _MOST_SPECTRUM) // 2
+    values = values[middle : middle + _MOST_SPECTRUM]
+    n = len(values)
+    window = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 4
+    size = 1 << (n - 1).bit_length()  # transforms of a large prime length are slow
+    power = np.empty((size // 2 + 1, values.shape[1]))
+    for k, column in enumerate(values.T):
+        power[:, k] = np.abs(np.fft.rfft((column - column.mean()) * window, size)) ** 2
+    power *= interval / np.sum(window**2)
+    independent = n / size * np.sum(window**2) ** 2 / (n * np.sum(window**4))
+    top = size // 4
+    level = power[top // 2 : top].mean(axis=0)
+    while top > 16:
+        top //= 2
+        lower = power[top // 2 : top].mean(axis=0)
+        error = 1 / np.sqrt(independent * (top - top // 2))
+        level = np.where(lower < level * (1 - 3 * error), lower, level)
+    return np.sqrt(level)
+
+
+def noise_of(readings: ImuReadings, priors: Priors) -> Noise:
+    """White noise by the priors, or from the readings where those are silent."""
+    gyro, accel = (
+        np.full(3, prior) if prior > 0 else white_levels(values, readings.interval)
+        for prior, values in (
+            (priors.gyro_walk, readings.w_ib_b),
+            (priors.accel_walk, readings.f_b),
+        )
+    )
+    return Noise(gyro, accel)
+
+
+def gravity_velocity(t: Array, site: Site) -> tuple[Array, Array]:
+    """Integral of gravity's reaction (k, 3) [m/s] from ``t[0]``, and the integral of that [m].
+
+    In n as it stood at ``t[-1]``, held in inertial space; `t` (k,) [s]. The components along and
+    across the Earth's axis are integrated in closed form.
+    """
+    w_n, f_n = site.w_ie_n, site.f_n
+    rate = float(np.linalg.norm(w_n))
+    axis = w_n / rate
+    along, across = (f_n @ axis) * axis, np.cross(axis, f_n)
+    level = f_n - along
+    s = (t - t[0])[:, None]
+    a = rate * s
+    sin1, cos1 = np.sin(a), 2 * np.sin(a / 2) ** 2  # 1 - cos, without cancellation
+    sin2 = np.where(a < 0.01, a**3 / 6 * (1 - a**2 / 20), a - sin1)  # a - sin a likewise
+    v = along * s + (level * sin1 + across * cos1) / rate
+    p = along * s**2 / 2 + (level * cos1 + across * sin2) / rate**2
+    back = Rotation.from_rotvec(-(t[-1] - t[0]) * w_n)
+    return back.apply(v), back.apply(p)
+
+
+def match(carried: Carried, site: Site) -> Match:
+    """Wahba's problem for the centred velocity curves, by singular values."""
+    spans = carried.spans
+    _, p = gravity_velocity(carried.t, site)
+    reference = _centred(np.diff(p, axis=0) / spans[:, None], spans)
+    measured = _centred(carried.p / spans[:, None], spans)
+    U, _, Vt = np.linalg.svd(np.einsum("m,mi,mj->ij", spans, reference, measured))
+    proper = np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)])
+    C = U @ proper @ Vt
+    return Match(Rotation.from_matrix(C), reference, measured @ C.T - reference)
+
+
+def sensitivity(weights: Array, C_ni: Array, carried: Carried) -> tuple[Array, Array]:
+    """How linear functionals of the velocity curve feel the sensors: gyros, accelerometers.
+
+    Parameters
+    ----------
+    weights : (m, k, 3)
+        Functional ``sum_m weights_m dv_m`` of the block means of velocity error, in n.
+    C_ni : (3, 3)
+    carried : Carried
+
+    Returns
+    -------
+    gyro, accel : (m, k, 3)
+        Per rotation error [rad] and velocity error [m/s] that arise in the block, in n.
+
+    Notes
+    -----
+    The adjoint of ``phi' = C w``, ``v' = phi x f + C f``, run backward: O(m). Errors that arise
+    in a block count half there.
+    """
+    S = _after(weights)
+    push = np.diff(carried.v, axis=0) @ C_ni.T
+    return _after(-S @ skew(push)), S
+
+
+def drive(
+    carried: Carried, C_ni: Array, blocks: slice = EVERY, values: Array | None = None
+) -> Array:
+    """What constants of b do in n over some blocks, (k, 3, 3): biases, or scale of `values`.
+
+    Column j: the integral over the block of a unit bias of axis j; or, with `values` (k, 3) (the
+    blocks' sums in b), of a unit scale factor error of it.
+    """
+    turned = C_ni @ carried.turned[blocks]
+    if values is None:
+        return turned
+    return np.asarray(turned * (values / carried.spans[blocks, None])[:, None, :])
+
+
+def functional_covariance(
+    gyro: Array, accel: Array, C_ni: Array, carried: Carried, noise: Noise, priors: Priors
+) -> Array:
+    """Covariance (k, k) of functionals with sensitivities (m, k, 3): noise and constants."""
+    turned, root = drive(carried, C_ni), np.sqrt(carried.spans)[:, None, None]
+    columns = [
+        (part @ (turned / root) * level).transpose(1, 0, 2).reshape(part.shape[1], -1)
+        for part, level in ((gyro, noise.gyro), (accel, noise.accel))
+    ]
+    covariance = sum(c @ c.T for c in columns)
+    for part, values, sigma in (
+        (gyro, None, priors.gyro_bias),
+        (accel, None, priors.accel_bias),
+        (gyro, carried.dtheta, priors.gyro_scale),
+        (accel, carried.dv, priors.accel_scale),
+    ):
+        if sigma > 0:
+            J = sigma * (part @ drive(carried, C_ni, values=values)).sum(axis=0)
+            covariance = covariance + J @ J.T
+    drift = _drift(carried)
+    for part, sigma in ((gyro, priors.gyro_instability), (accel, priors.accel_instability)):
+        if sigma > 0:
+            J = sigma * (drift * (part @ turned)).sum(axis=0)
+            covariance = covariance + J @ J.T
+    return np.asarray(covariance)
+
+
+def _drift(carried: Carried) -> Array:
+    """What a bias instability of plateau 1 is taken for: a straight line (m, 1, 1) about zero.
+
+    Means of the two halves of a record then differ by sqrt(2), as that plateau says they do.
+    """
+    middle = np.cumsum(carried.spans) - carried.spans / 2
+    line = middle / carried.spans.sum() - 0.5
+    return np.asarray(2 * np.sqrt(2) * line[:, None, None])
+
+
+def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
+    """Attitude at the end of each stretch, on a base that rocks, sways, turns or rests.
+
+    Parameters
+    ----------
+    dwells : sequence of Dwell
+        Any motion about a point that stays; the attitude is that at the last sample.
+    site : Site
+        ``latitude`` needed, not at a pole.
+    options : Options
+        `priors`: ``gyro_walk`` and ``accel_walk`` (0: from the readings, see `white_levels`);
+        biases and scale factor errors enter the covariance by theirs.
+
+    Returns
+    -------
+    list of AttitudeEstimate
+        ``C_nb`` at ``t_to``, the last sample's stamp (of a turning stretch: as it would be at
+        encoder angle zero), and its covariance, cross terms included.
+
+    Raises
+    ------
+    NotAtRest
+        The velocity wanders beyond noise and 0.1 m/s: the instrument travels.
+    AlignmentError
+        A gap; a turn too fast for the sampling rate.
+    TooShort, PoleError
+
+    Notes
+    -----
+    Leading errors: heading ``1.195 ARW/(W cos lat sqrt T)`` (velocity curves with their start
+    unknown: sqrt(10/7) of the floor) and ``b_E/(W cos lat)``; tilt b/g. A drift d of
+    accelerometers toward north over the record feigns a turn, ``d/(g W T cos lat)`` of heading
+    (10 ug in 600 s: 1.2'), by the prior of its instability. Sway of displacement r leaves some
+    ``60 r/(g T^2)`` over ``W T cos lat``, which is in the covariance. The residuals are sums of
+    noise, so the covariance is not taken from their size but from the estimate's own
+    sensitivity to each block's noise. Valid while the heading's sigma is below 8 deg.
+    """
+    site.horizontal_rate()
+    return [_align(dwell, site, options) for dwell in dwells]
+
+
+def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrack]:
+    """The attitude at the end of the record so far, as it grows: the last of them `inertial`'s."""
+    site.horizontal_rate()
+    readings = checked_readings(dwell)
+    noise = noise_of(readings, options.priors)
+    carried = carry(readings, block_of(readings))
+    m = len(carried.spans)
+    ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
+    found = []
+    for end in ends:
+        part = carried.until(int(end))
+        matched = match(part, site)
+        C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
+        found.append((C_nb, covariances(part, matched, noise, options.priors)[0]))
+    sequence = options.rule.sequence_for(found[-1][0].inv().apply([0.0, 0.0, -1.0]))
+    return [
+        AttitudeTrack(
+            METHOD,
+            dwell.label,
+            carried.t[ends],
+            Rotation.concatenate([C for C, _ in found]),
+            sequence,
+            np.array([P for _, P in found]),
+        )
+    ]
+
+
+def checked_readings(dwell: Dwell) -> ImuReadings:
+    """The stretch's readings; refused when a gap lost rotation or they are too few."""
+    readings = dwell.window()
+    if len(readings) < 2 * _LEAST_BLOCKS:
+        raise TooShort(f"{dwell.label}: {len(readings)} samples, at least {2 * _LEAST_BLOCKS}")
+    for gap in gap_doubt(readings):
+        raise AlignmentError(f"{dwell.label}: {gap}: what the gyros felt there is lost")
+    return readings
+
+
+def block_of(readings: ImuReadings) -> float:
+    """Seconds of a block: half a second, less in a short record and more in one beyond 34 min."""
+    span = readings.interval * len(readings)
+    return max(min(BLOCK, span / _WELL_RESOLVED), span / _RESOLVED)
+
+
+def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
+    readings = checked_readings(dwell)
+    carried = carry(readings, block_of(readings))
+    matched = match(carried, site)
+    noise = noise_of(readings, options.priors)
+    covariance, wander = covariances(carried, matched, noise, options.priors)
+    flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
+    flags += wander_doubt(dwell.label, carried, matched, wander)
+    C_nb = told_at(dwell, matched.C_ni * Rotation.from_quat(carried.q[-1]))
+    return AttitudeEstimate(
+        METHOD,
+        dwell.label,
+        dwell.t_from,
+        float(readings.t[-1]),
+        C_nb,
+        options.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
+        covariance=covariance,
+        flags=flags + heading_doubt(covariance),
+    )
+
+
+def told_at(dwell: Dwell, C_nb: Rotation) -> Rotation:
+    """The attitude at the last sample; of a turning stretch that at encoder angle zero."""
+    return C_nb if dwell.turn is None else dwell.turn.back(C_nb)
+
+
+def covariances(
+    carried: Carried, matched: Match, noise: Noise, priors: Priors
+) -> tuple[Array, Array]:
+    """Of the attitude about n (3, 3) [rad^2], and of `wander_values` (9, 9) by noise and priors.
+
+    Where an axis wanders beyond doubt, the attitude's holds a sway as large as that.
+    """
+    C_ni = matched.C_ni.as_matrix()
+    spans, reference = carried.spans, matched.reference
+    fit = fit_matrix(spans, reference)
+    basis = _legendre(carried)[:, _WANDER_ORDERS] * spans[:, None]
+    m = len(spans)
+    weights = np.empty((m, 12, 3))
+    weights[:, :3] = -fit @ skew(reference * spans[:, None])
+    weights[:, 3:] = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 9, 3)
+    gyro, accel = sensitivity(weights, C_ni, carried)
+    gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
+    P = functional_covariance(gyro, accel, C_ni, carried, noise, priors)
+    sway = sway_covariance(carried, matched)
+    # Each order is one at both ends of the record, where the sway happens to stand.
+    wander = P[3:, 3:] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
+    sway = sway + _slow_sway(wander_values(carried, matched), wander)
+    ends = [fit @ skew(reference[[k]])[0] for k in (0, -1)]
+    return P[:3, :3] + sum(e @ sway @ e.T for e in ends), wander
+
+
+def _slow_sway(values: Array, covariance: Array) -> Array:
+    """Variances (3, 3) [m^2] of sway too slow for `sway_covariance`, where an axis shows it."""
+    variances = np.zeros(3)
+    for axis in range(3):
+        own = slice(axis, None, 3)
+        if _sigmas(values[own], covariance[own, own]) > _WANDER_DOUBT:
+            variances[axis] = values[own] @ values[own]
+    return np.diag(variances)
+
+
+def _sigmas(values: Array, covariance: Array) -> float:
+    """Root of the mean square of normalised values (k,)."""
+    return float(np.sqrt(values @ np.linalg.solve(covariance, values) / len(values)))
+
+
+def wander_values(carried: Carried, matched: Match) -> Array:
+    """Displacements (9,) [m] of Legendre orders 3 to 5 in N, E, D that the residual holds."""
+    weighted = _legendre(carried)[:, _WANDER_ORDERS] * carried.spans[:, None]
+    values: Array = (weighted.T @ matched.residual).ravel()
+    return values
+
+
+def wander_doubt(
+    label: str, carried: Carried, matched: Match, covariance: Array
+) -> tuple[str, ...]:
+    """Refuse or remark slow velocity that neither noise, priors nor sway explain."""
+    values = wander_values(carried, matched)
+    sigmas = _sigmas(values, covariance)
+    speed = float(np.linalg.norm(values)) / float(carried.t[-1] - carried.t[0])
+    if sigmas <= _WANDER_DOUBT:
+        return ()
+    found = f"velocity wanders by {speed:.3g} m/s, {sigmas:.0f} times what noise makes"
+    if sigmas > _WANDER_LIMIT and speed > _WANDER_SPEED:
+        raise NotAtRest(f"{label}: {found}: the instrument travels, or its biases do")
+    return (f"{found}: slow motion or drifting biases",)
+
+
+def gravity_doubt(carried: Carried, site: Site) -> tuple[str, ...]:
+    """A flag where the mean specific force is not gravity."""
+    mean = float(np.linalg.norm(carried.v[-1])) / float(carried.t[-1] - carried.t[0])
+    if abs(mean / site.gravity - 1) <= _GRAVITY_DOUBT:
+        return ()
+    return (f"mean specific force {mean:.3f} m/s^2 is not gravity, {site.gravity:.3f}, within 1 %",)
+
+
+def _centred(curve: Array, spans: Array) -> Array:
+    return curve - spans @ curve / spans.sum()
+
+
+def skew(v: Array) -> Array:
+    """Matrices (m, 3, 3) of the cross products with rows (m, 3)."""
+    K = np.zeros((len(v), 3, 3))
+    K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    K[:, 1, 0], K[:, 2, 0], K[:, 2, 1] = v[:, 2], -v[:, 1], v[:, 0]
+    return K
+
+
+def _after(rows: Array) -> Array:
+    """Sum of all later rows and half of this one."""
+    total = np.cumsum(rows[::-1], axis=0)[::-1]
+    total -= 0.5 * rows
+    return np.asarray(total)
+
+
+def fit_matrix(spans: Array, reference: Array) -> Array:
+    """Inverse of the normal matrix of a small rotation of the reference curve."""
+    square = np.einsum("m,mi,mj->ij", spans, reference, reference)
+    return np.asarray(np.linalg.inv(np.trace(square) * np.eye(3) - square))
+
+
+def _legendre(carried: Carried) -> Array:
+    """Legendre polynomials (m, 9) of time, orders 0 to 8, at the middles of the blocks."""
+    t = 0.5 * (carried.t[1:] + carried.t[:-1])
+    x = 2 * (t - carried.t[0]) / (carried.t[-1] - carried.t[0]) - 1
+    return legvander(x, _SMOOTH_ORDER)
+
+
+def sway_covariance(carried: Carried, matched: Match) -> Array:
+    """Covariance (3, 3) [m^2] of the displacement that sways, in n.
+
+    The residual velocity beyond order 8, summed up: what noise makes is smoother than that.
+    """
+    root = np.sqrt(carried.spans)[:, None]
+    basis, _ = np.linalg.qr(_legendre(carried) * root)
+    weighted = matched.residual * root
+    moved = np.cumsum((weighted - basis @ (basis.T @ weighted)) * root, axis=0)
+    moved -= moved.mean(axis=0)
+    return np.asarray(moved.T @ moved / len(moved))

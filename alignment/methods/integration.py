@@ -1,0 +1,176 @@
+"""The rival: attitude by integrating the gyros from a known start with Runge-Kutta.
+
+Rodrigues-Hamilton kinematics ``q' = q o w / 2``. Quaternions here are plain arrays (..., 4) in
+the order x, y, z, w: far faster in a long product than rotation objects.
+"""
+
+from collections.abc import Callable
+from collections.abc import Sequence as Ordered
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array
+from alignment.doubts import heading_doubt
+from alignment.earth import Site
+from alignment.errors import AlignmentError
+from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.noise import check_at_rest, gap_doubt, mean_variance
+from alignment.nominal import (
+    nominal_attitude,
+    placed_covariance,
+    sequence_of,
+    track_ends,
+    zero_offset,
+)
+from alignment.options import Options
+from alignment.quaternions import multiply, normalised, prefix_product
+from alignment.readings import Dwell, ImuReadings
+from alignment.saturation import saturation_doubt
+
+METHOD = "rk4"
+Integrator = Callable[[ImuReadings, Rotation, Array, Array, np.ndarray], Rotation]  # `integrate`
+_CHUNK = 16384  # samples integrated at once: bounds the memory of hour-long records
+
+
+def rk4_steps(w: Array, h: Array) -> Array:
+    """Quaternion step (n, 4) of classical Runge-Kutta for rates (n, 3) held over steps (n,).
+
+    Truncation: an angle of ``(|w| h)^5 / 1920`` rad per step.
+    """
+    half = np.zeros((len(w), 4))
+    half[:, :3] = 0.5 * w * h[:, None]
+    one = np.array([0.0, 0.0, 0.0, 1.0])
+    k1 = half
+    k2 = multiply(one + 0.5 * k1, half)
+    k3 = multiply(one + 0.5 * k2, half)
+    k4 = multiply(one + k3, half)
+    return one + (k1 + 2 * k2 + 2 * k3 + k4) / 6
+
+
+def integrate(
+    readings: ImuReadings, start: Rotation, w_ie_n: Array, offset: Array, ends: np.ndarray
+) -> Rotation:
+    """``C_nb`` (m rotations) after the first `ends` (m,) samples, from ``C_nb`` at their start.
+
+    The rates minus `offset` (3,) are integrated against inertial space; the turn of n with the
+    Earth, ``w_ie_n`` (3,) times time, is then taken out exactly (a stand does not travel).
+    """
+    start_t = readings.t[0] - readings.interval
+    q = np.empty((len(ends), 4))
+    total = np.array([0.0, 0.0, 0.0, 1.0])
+    for first in range(0, len(readings), _CHUNK):
+        part = slice(first, min(first + _CHUNK, len(readings)))
+        before = start_t if first == 0 else readings.t[first - 1]
+        h = np.diff(readings.t[part], prepend=before)
+        run = prefix_product(rk4_steps(readings.w_ib_b[part] - offset, h))
+        here = (ends > part.start) & (ends <= part.stop)
+        q[here] = multiply(total, run[ends[here] - 1 - part.start])
+        total = normalised(multiply(total, run[-1]))
+    elapsed = readings.t[ends - 1] - start_t
+    earth = Rotation.from_rotvec(-elapsed[:, None] * np.asarray(w_ie_n))
+    return earth * start * Rotation.from_quat(q)
+
+
+def drift_covariance(variance_rate: Array, t: Array, window: float) -> Array:
+    """Variance (m, 3) [rad^2] about b of integrated white rate noise after offset removal.
+
+    Parameters
+    ----------
+    variance_rate : (3,)
+        Angle random walk squared [rad^2/s].
+    t : (m,)
+        Time since the start [s].
+    window : float
+        Seconds from the start whose mean gave the offset.
+
+    Notes
+    -----
+    ``N^2 t (1 - t/T0)`` inside the window (a bridge), ``N^2 (t - T0) + N^2 (t - T0)^2/T0`` after.
+    """
+    late = np.maximum(t - window, 0.0)
+    inside = np.minimum(t, window)
+    growth = inside * (1 - inside / window) + late + late**2 / window
+    return growth[:, None] * variance_rate
+
+
+def _track(
+    method: str,
+    integrator: Integrator,
+    dwell: Dwell,
+    site: Site,
+    options: Options,
+    last_only: bool,
+) -> AttitudeTrack:
+    priors = options.priors
+    nominal = nominal_attitude(dwell)
+    offset = zero_offset(dwell, nominal, site, options.offset_window)
+    readings = dwell.window()
+    ends = np.array([len(readings)]) if last_only else track_ends(readings)
+    C_nb = integrator(readings, nominal, site.w_ie_n, offset.values[:3], ends)
+    t = readings.t[ends - 1]
+    variance_rate = mean_variance(readings.w_ib_b) * readings.interval * len(readings)
+    elapsed = t - dwell.t_from
+    about_b = drift_covariance(variance_rate, elapsed, options.offset_window)
+    # bias of later readings against that of the window: the two differ by the Allan deviation
+    late = np.maximum(elapsed - options.offset_window, 0.0)
+    about_b += 2 * (priors.gyro_instability * late[:, None]) ** 2
+    R = nominal.as_matrix()
+    covariance = np.einsum("ij,mj,kj->mik", R, about_b, R) + placed_covariance(priors)
+    sequence = sequence_of(nominal, options.rule)
+    return AttitudeTrack(method, dwell.label, t, C_nb, sequence, covariance)
+
+
+def integrated(
+    method: str, integrator: Integrator, dwells: Ordered[Dwell], site: Site, options: Options
+) -> list[AttitudeEstimate]:
+    """Attitude at the end of each dwell by a way of integrating; see `rk4`."""
+    estimates = []
+    for dwell in dwells:
+        check_at_rest(dwell)
+        for gap in gap_doubt(dwell.window()):
+            raise AlignmentError(f"{dwell.label}: {gap}: what the gyros felt there is lost")
+        flags = saturation_doubt(dwell.label, dwell.window())
+        track = _track(method, integrator, dwell, site, options, last_only=True)
+        flags += () if dwell.nominal is not None else ("start attitude assumed: heading 0",)
+        estimates.append(
+            AttitudeEstimate(
+                method,
+                dwell.label,
+                dwell.t_from,
+                dwell.t_to,
+                track.C_nb[0],
+                track.sequence,
+                covariance=track.covariance[0],
+                flags=flags + heading_doubt(track.covariance[0]),
+            )
+        )
+    return estimates
+
+
+def integrated_tracks(
+    method: str, integrator: Integrator, dwell: Dwell, site: Site, options: Options
+) -> list[AttitudeTrack]:
+    """The integrated attitude over the dwell."""
+    return [_track(method, integrator, dwell, site, options, last_only=False)]
+
+
+def rk4(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
+    """Attitude at the end of each dwell, integrated from its nominal attitude.
+
+    Parameters, flags and errors as for `six_position`: the same zero offsets are removed. Of the
+    `priors` the placement of the table and the gyros' instability count: constant biases and
+    scale errors go with the offsets.
+
+    Notes
+    -----
+    Leading errors: the offset's own noise times time, ``ARW (t - T0)/sqrt(T0)``, and the walk
+    ``ARW sqrt(t - T0)``; drift of the bias, ``sqrt(2) ADEV (t - T0)``; the start attitude's error
+    1:1. Source: [S0], methods.md section 1.
+    """
+    return integrated(METHOD, integrate, dwells, site, options)
+
+
+def rk4_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrack]:
+    """The integrated attitude over the dwell."""
+    return integrated_tracks(METHOD, integrate, dwell, site, options)

@@ -1,0 +1,271 @@
+"""Gyrocompassing in several positions: what turns with the instrument is not the Earth.
+
+Constant biases stay in b while the table turns b, so several positions tell them from Earth rate
+and gravity. Readings of all positions are fitted at once by least squares; what no turn can show
+stays at its prior. Source: [S4] double gyrocompassing, methods.md section 2; rebuilt as a
+maximum a posteriori fit.
+"""
+
+from collections.abc import Sequence as Ordered
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.special import chdtri
+
+from alignment.arrays import Array
+from alignment.doubts import heading_doubt
+from alignment.earth import Site, normal_gravity
+from alignment.errors import AlignmentError
+from alignment.estimate import AttitudeEstimate
+from alignment.methods.position_fit import (
+    ROUNDING,
+    PositionFit,
+    drift_variances,
+    fit_positions,
+    local_vectors,
+    pooled_variances,
+    predicted_covariance,
+)
+from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
+from alignment.options import Options, Priors
+from alignment.readings import Dwell
+from alignment.saturation import CHANNELS, saturation_doubt
+from alignment.units import ARC_MINUTE
+
+TWO_POSITION = "two-position"
+MULTI_POSITION = "multi-position"
+
+ANOMALY = 5e-4  # m/s^2: of gravity about its WGS 84 value, where nobody measured it
+
+LEAST_TURN = np.radians(30.0)  # below it biases hardly change sides
+MISFIT = 1e-3  # probability of chi-square above which positions contradict one another
+AMBIGUOUS = 12.0  # margin of chi-square: odds of 400 to 1
+
+
+# --- the estimators ------------------------------------------------------------------------------
+
+
+def two_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
+    """Attitude of each dwell that is followed by one turned by 30 deg or more: biases cancel.
+
+    Parameters
+    ----------
+    dwells : sequence of Dwell
+        At rest, with the nominal attitudes the table was told; 180 deg about the vertical is best.
+    site : Site
+        With the latitude the vertical gyro's bias is found too; without it latitude is estimated.
+    options : Options
+        `rule`; `priors`: `turn` is the placement of each position, `seat` that of the instrument
+        on the table, instabilities the drift between positions; biases not stated are free.
+
+    Returns
+    -------
+    list of AttitudeEstimate
+        ``C_nb`` of the first dwell of each pair as it was, placement included.
+
+    Raises
+    ------
+    AlignmentError
+        No nominal attitudes, or no two successive dwells 30 deg apart.
+    NotAtRest, TooShort, PoleError
+
+    Notes
+    -----
+    Leading errors: placement ``(d180 - d0)/2`` in heading; white noise
+    ``ARW/(W cos lat sqrt(T))`` with T the time of both dwells; drift of the biases between them.
+    """
+    dwells = _in_time(dwells)
+    summaries = _summaries(dwells)
+    estimates = []
+    for k in range(len(dwells) - 1):
+        pair = dwells[k : k + 2]
+        if _widest_turn(pair) >= LEAST_TURN:
+            found = _estimates(TWO_POSITION, pair, summaries[k : k + 2], site, options)
+            estimates.append(found[0])
+    if not estimates:
+        raise AlignmentError("too little turn: no two successive dwells are 30 deg or more apart")
+    return estimates
+
+
+def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
+    """Attitude of every dwell, from all of them together: biases are estimated beside it.
+
+    Parameters
+    ----------
+    dwells : sequence of Dwell
+        Two or more, at rest, with the nominal attitudes the table was told.
+    site : Site
+        With the latitude the vertical gyro's bias is found too; without it latitude is estimated.
+    options : Options
+        `rule`; `priors`: `turn` is the placement of each position, `seat` that of the instrument
+        on the table, instabilities the drift between positions; biases not stated are free.
+
+    Raises
+    ------
+    AlignmentError
+        Fewer than two dwells, no nominal attitudes, or no two of them 30 deg apart.
+    NotAtRest, TooShort, PoleError
+
+    Notes
+    -----
+    Leading errors: placements (in each attitude its own, less what the others tell of it); white
+    noise ``ARW/(W cos lat sqrt(T))``, T the time of all dwells; drift of the biases. With three
+    positions or more the placements themselves show, as far as Earth rate and scale are known:
+    leave `gyro_scale` at 0 only where it is.
+    """
+    if len(dwells) < 2:
+        raise AlignmentError(f"too little turn: {len(dwells)} dwells, at least 2 are needed")
+    dwells = _in_time(dwells)
+    summaries = _summaries(dwells)
+    if _widest_turn(dwells) < LEAST_TURN:
+        raise AlignmentError("too little turn: no two dwells are 30 deg or more apart")
+    return _estimates(MULTI_POSITION, dwells, summaries, site, options)
+
+
+def _in_time(dwells: Ordered[Dwell]) -> list[Dwell]:
+    """Successive is meant in time: the order in which dwells are handed over does not matter."""
+    return sorted(dwells, key=lambda dwell: dwell.t_from)
+
+
+def _summaries(dwells: Ordered[Dwell]) -> list[tuple[Array, Array]]:
+    for dwell in dwells:
+        check_at_rest(dwell)
+        _told(dwell)
+    return [mean_and_variance(dwell.window()) for dwell in dwells]
+
+
+def _told(dwell: Dwell) -> Rotation:
+    if dwell.nominal is None:
+        raise AlignmentError(f"{dwell.label}: nobody said the attitude that the table was told")
+    return dwell.nominal
+
+
+def _widest_turn(dwells: Ordered[Dwell]) -> float:
+    """Largest turn [rad] between any two nominal attitudes."""
+    quats = np.array([_told(dwell).as_quat() for dwell in dwells])
+    return float(2 * np.arccos(np.clip(np.abs(quats @ quats.T).min(), 0, 1)))
+
+
+def _estimates(
+    method: str,
+    dwells: Ordered[Dwell],
+    summaries: Ordered[tuple[Array, Array]],
+    site: Site,
+    options: Options,
+) -> list[AttitudeEstimate]:
+    means, scatter = (np.array(values) for values in zip(*summaries, strict=True))
+    spans = np.array([dwell.t_to - dwell.t_from for dwell in dwells])
+    t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
+    variances = pooled_variances(scatter, spans)
+    first = _told(dwells[0]).inv()
+    relative = np.array([(first * _told(dwell)).as_matrix() for dwell in dwells])
+    latitude, gravity = local_vectors(site)
+    if latitude is not None:
+        site.horizontal_rate()  # refuses at a pole
+    anomaly = ANOMALY if site.local_gravity is None else 0.0
+    drifting = variances + drift_variances(options.priors, len(dwells))
+    fit = fit_positions(means, drifting, relative, latitude, gravity, options.priors, anomaly)
+    shared = _doubts(fit) + _verdict(fit, variances, relative, (latitude, gravity), options.priors)
+    return [
+        AttitudeEstimate(
+            method,
+            dwell.label,
+            t_from,
+            t_to,
+            site.plumb * Rotation.from_matrix(fit.C_nb[k]),
+            options.rule.sequence_for(_told(dwell).inv().apply([0.0, 0.0, -1.0])),
+            covariance=fit.covariance[k],
+            latitude=None if fit.latitude is None else float(fit.latitude) - site.deflection[0],
+            latitude_sigma=None if fit.latitude_sigma is None else float(fit.latitude_sigma),
+            flags=gap_doubt(dwell.window())
+            + saturation_doubt(dwell.label, dwell.window())
+            + heading_doubt(fit.covariance[k])
+            + shared,
+            biases=fit.biases,
+            bias_sigmas=np.sqrt(fit.bias_covariance.diagonal()),
+        )
+        for k, dwell in enumerate(dwells)
+    ]
+
+
+def _doubts(fit: PositionFit) -> tuple[str, ...]:
+    hidden = [name for name, unseen in zip(CHANNELS, fit.unseen, strict=True) if unseen]
+    flags = (f"biases not shown by these turns: {', '.join(hidden)}",) if hidden else ()
+    if fit.margin < AMBIGUOUS:
+        flags += (
+            "ambiguous: another attitude fits nearly as well (chi-square "
+            f"{float(fit.margin):.1f} more); a turn about a second axis would tell",
+        )
+    if fit.chi2 > chdtri(fit.freedom, MISFIT):
+        flags += (
+            f"positions contradict one another: chi-square {float(fit.chi2):.0f} for "
+            f"{float(fit.freedom):.0f} degrees of freedom (bias drifts, or other turns than told)",
+        )
+    return flags
+
+
+def _verdict(
+    fit: PositionFit,
+    variances: Array,
+    relative: Array,
+    given: tuple[float | None, float | None],
+    priors: Priors,
+) -> tuple[str, ...]:
+    """Whether the turns paid, and of two positions 90 against 180 deg; empty without a bias."""
+    if not priors.gyro_bias:
+        return ()
+    latitude = float(fit.latitude) if fit.latitude is not None else given[0]
+    assert latitude is not None
+    gravity = given[1] or normal_gravity(latitude)
+    # the noise of the mean of all positions: what one alone would have in all the time
+    whole = 1 / np.sum(1 / (variances + ROUNDING**2), axis=0)
+
+    def heading(turns: Array) -> float:
+        shared = np.tile(len(turns) * whole + drift_variances(priors, len(turns)), (len(turns), 1))
+        P = predicted_covariance(
+            fit.C_nb[0], shared, turns, latitude, gravity, priors, given[0] is None
+        )
+        return float(np.sqrt(P[0, 2, 2]))
+
+    one, several = heading(relative[:1]), float(np.sqrt(fit.covariance[0, 2, 2]))
+    if len(relative) > 2:
+        return (pays(several, one),)
+    axis = Rotation.from_matrix(relative[1]).as_rotvec()
+    axis = axis / np.linalg.norm(axis)
+    half, quarter = (heading(_turns(axis, angle)) for angle in (np.pi, np.pi / 2))
+    return (f"{pays(several, one)}; 180 deg: {_minutes(half)}, 90 deg: {_minutes(quarter)}",)
+
+
+def _turns(axis_b: Array, angle: float) -> Array:
+    """Relative attitudes (2, 3, 3) of a position and of one turned [rad] about an axis."""
+    return Rotation.from_rotvec(np.outer([0.0, angle], axis_b)).as_matrix()
+
+
+def _minutes(angle: float) -> str:
+    return f"{angle / ARC_MINUTE:.3g}'"
+
+
+def pays(several: float, one: float) -> str:
+    """In words; sigmas of heading [rad] with and without turns."""
+    verdict = "pay" if several < one else "do not pay"
+    return (
+        f"turns {verdict}: heading sigma {_minutes(several)} "
+        f"against {_minutes(one)} of one position in the same time"
+    )
+
+
+# --- does a turn pay? ----------------------------------------------------------------------------
+
+
+def half_turn_means(first: Array, second: Array, axis: int = 1) -> Array:
+    """Means (..., 6) in axes of the first position, from it and one turned by 180 deg about `axis`.
+
+    [S4]: half differences across the axis, which are free of constant biases, and half sums along
+    it, which are not: the axis's own bias stays, and tilts it into heading.
+    """
+    signs = np.full(3, -1.0)
+    signs[axis] = 1.0
+    return (first + np.tile(signs, 2) * second) / 2
+
+
+# --- how long noise takes ------------------------------------------------------------------------

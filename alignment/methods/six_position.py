@@ -1,0 +1,175 @@
+"""The six-position test: attitude at rest without integrating a gyro.
+
+Source: [S0], methods.md section 1. Per position: zero offset = mean over the first seconds minus
+what the nominal orientation must give; then level, and read yaw from the horizontal rates.
+"""
+
+from collections.abc import Sequence as Ordered
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment.angles import Sequence
+from alignment.arrays import Array
+from alignment.doubts import heading_doubt
+from alignment.earth import Site
+from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.levelling import attitude_covariance, attitude_from_means, attitude_sensitivity
+from alignment.noise import check_at_rest, gap_doubt, mean_and_variance, mean_variance
+from alignment.nominal import (
+    TRACK_LEAD,
+    ZeroOffset,
+    nominal_attitude,
+    placed_covariance,
+    sequence_of,
+    track_ends,
+    zero_offset,
+)
+from alignment.options import Options, Priors
+from alignment.readings import Dwell, ImuReadings
+from alignment.saturation import saturation_doubt
+
+METHOD = "six-position"
+
+
+def _corrected_attitude(
+    readings: ImuReadings, offset: ZeroOffset, sequence: Sequence, site: Site
+) -> Rotation:
+    w = readings.w_ib_b.mean(axis=0) - offset.values[:3]
+    f = readings.f_b.mean(axis=0) - offset.values[3:]
+    return site.plumb * attitude_from_means(w, f, sequence)
+
+
+def _drift_variances(priors: Priors) -> Array:
+    """By how much (6,) biases of a later window differ from those of the offset's window.
+
+    Twice the squared Allan deviation, which is the definition of that; turn-on biases and scale
+    errors act alike in both windows and cancel.
+    """
+    plateau = np.repeat([priors.gyro_instability, priors.accel_instability], 3)
+    return np.asarray(2 * plateau**2)
+
+
+def _sensitivity(site: Site) -> Array:
+    site.horizontal_rate()  # refuses poles
+    w_n = site.w_ie_n
+    return attitude_sensitivity(w_n[0], -w_n[2], site.gravity)
+
+
+def six_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
+    """Same-window and fresh-window attitudes of each dwell.
+
+    Parameters
+    ----------
+    dwells : sequence of Dwell
+        At rest, each longer than the offset window. A dwell without a nominal attitude is taken
+        for the nearest of the six positions at heading zero, and flagged.
+    site : Site
+        ``latitude`` needed, not at a pole.
+    options : Options
+        `offset_window`, `rule`; `priors`: placement of the table and the biases' instability enter
+        the covariance; turn-on biases and scale errors go with the offsets.
+
+    Returns
+    -------
+    list of AttitudeEstimate
+        Per dwell: window 'same' (from the identical samples that gave the offset: zero error by
+        construction, no covariance), then 'fresh' (all later samples), where there are any.
+
+    Raises
+    ------
+    AlignmentError, NotAtRest, TooShort, PoleError
+
+    Notes
+    -----
+    Leading errors, fresh: yaw ``ARW sqrt(1/T0 + 1/T1)/(W cos lat)``; tilt likewise with VRW/g;
+    drift of the biases since the offset window, ``sqrt(2) ADEV/(W cos lat)``; the table's own
+    azimuth and tilt errors enter 1:1. Source: [S0], methods.md section 1.
+    """
+    return [estimate for dwell in dwells for estimate in _one_position(dwell, site, options)]
+
+
+def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEstimate]:
+    check_at_rest(dwell)
+    nominal = nominal_attitude(dwell)
+    assumed = ("nominal attitude assumed: nearest position, heading 0",)
+    flags = gap_doubt(dwell.window()) + saturation_doubt(dwell.label, dwell.window())
+    flags += () if dwell.nominal is not None else assumed
+    sequence = sequence_of(nominal, options.rule)
+    offset = zero_offset(dwell, nominal, site, options.offset_window)
+    G = _sensitivity(site)
+    t_offset = dwell.t_from + options.offset_window
+
+    same = dwell.window(0.0, options.offset_window)
+    C_nb = _corrected_attitude(same, offset, sequence, site)
+    zero = ("same samples gave the offset: zero by construction",)
+    estimates = [
+        AttitudeEstimate(
+            METHOD, dwell.label, dwell.t_from, t_offset, C_nb, sequence, "same", flags=flags + zero
+        )
+    ]
+    if len(dwell.readings.between(t_offset, dwell.t_to)) < 2:
+        return estimates
+    fresh = dwell.window(options.offset_window)
+    C_nb = _corrected_attitude(fresh, offset, sequence, site)
+    _, variances = mean_and_variance(fresh)
+    variances += offset.variances + _drift_variances(options.priors)
+    covariance = attitude_covariance(nominal, variances, G) + placed_covariance(options.priors)
+    estimates.append(
+        AttitudeEstimate(
+            METHOD,
+            dwell.label,
+            t_offset,
+            dwell.t_to,
+            C_nb,
+            sequence,
+            "fresh",
+            covariance,
+            flags=flags + heading_doubt(covariance),
+        )
+    )
+    return estimates
+
+
+def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrack]:
+    """The method's attitude as the data come in: the window so far, same and then fresh.
+
+    Each point uses all samples of its window up to that time, so 'same' runs into zero at the
+    end of the offset window and 'fresh' starts anew there.
+    """
+    nominal = nominal_attitude(dwell)
+    offset = zero_offset(dwell, nominal, site, options.offset_window)
+    G = _sensitivity(site)
+    sequence = sequence_of(nominal, options.rule)
+    same = dwell.window(0.0, options.offset_window)
+    parts: list[tuple[str, ImuReadings, Array]] = [("same", same, np.zeros(6))]
+    if dwell.t_to - dwell.t_from - options.offset_window >= 2 * TRACK_LEAD:
+        extra = offset.variances + _drift_variances(options.priors)
+        parts.append(("fresh", dwell.window(options.offset_window), extra))
+    tracks = []
+    for window, readings, extra in parts:
+        ends = track_ends(readings)
+        w = _means_up_to(readings.w_ib_b, ends) - offset.values[:3]
+        f = _means_up_to(readings.f_b, ends) - offset.values[3:]
+        whole = np.concatenate([mean_variance(readings.w_ib_b), mean_variance(readings.f_b)])
+        part = ends / len(readings)
+        growth = 1 / part - 1 if window == "same" else 1 / part  # "same" ends at its own offset
+        placed = placed_covariance(options.priors)
+        covariance = [attitude_covariance(nominal, whole * g + extra, G) + placed for g in growth]
+        tracks.append(
+            AttitudeTrack(
+                f"{METHOD} {window}",
+                dwell.label,
+                readings.t[ends - 1],
+                site.plumb * attitude_from_means(w, f, sequence),
+                sequence,
+                np.array(covariance),
+            )
+        )
+    return tracks
+
+
+def _means_up_to(values: Array, ends: np.ndarray) -> Array:
+    """Means (m, k) of the first `ends` (m,) rows of `values` (n, k)."""
+    starts = np.concatenate([[0], ends[:-1]])
+    return np.cumsum(np.add.reduceat(values[: ends[-1]], starts, axis=0), axis=0) / ends[:, None]

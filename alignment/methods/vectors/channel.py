@@ -1,0 +1,163 @@
+"""The inertial channel: strapdown navigation in i with the covariance of its errors.
+
+Errors are estimate minus truth: attitude ``psi`` about i (estimate = exp(psi x) truth), velocity,
+place, gyro bias, accelerometer bias, and the correlated errors of the satellites' position and
+velocity (21 in all).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array
+from alignment.methods.vectors.fixes import Matching, Record, VectorOptions
+from alignment.navigation import C_ie, Integrals, attitude_in_n, gravitation, skew
+from alignment.options import Priors
+from alignment.readings import Fixes
+
+PSI, VEL, POS = slice(0, 3), slice(3, 6), slice(6, 9)
+GYRO, ACCEL = slice(9, 12), slice(12, 15)
+POS_DRIFT, VEL_DRIFT = slice(15, 18), slice(18, 21)
+STATES = 21
+_I3 = np.eye(3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """`C` (3, 3) = ``C_ib``; `v`, `r` (3,) in i; biases and satellite drifts; covariance `P`."""
+
+    C: Array
+    v: Array
+    r: Array
+    gyro: Array
+    accel: Array
+    r_drift: Array
+    v_drift: Array
+    P: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Notes:
+    """What happened at each point: whether it corrected, the invariants' differences, doubts."""
+
+    corrected: list[bool] = field(default_factory=lambda: [False])
+    differences: list[Array] = field(default_factory=lambda: [np.zeros(3)])
+    doubts: list[str] = field(default_factory=lambda: [""])
+
+    def add(self, corrected: bool, differences: Array, doubt: str) -> None:
+        """Note the next point."""
+        self.corrected.append(corrected)
+        self.differences.append(differences)
+        self.doubts.append(doubt)
+
+
+def begun(record: Record, fixes: Fixes, options: VectorOptions) -> State:
+    """At the first fix: its place and velocity, the programmed attitude, no biases."""
+    priors, zero = options.priors, np.zeros(3)
+    sigmas = [
+        options.attitude_sigma,
+        np.hypot(fixes.velocity_sigma, fixes.velocity_drift),
+        np.hypot(fixes.position_sigma, fixes.position_drift),
+        priors.gyro_bias,
+        priors.accel_bias,
+        fixes.position_drift,
+        fixes.velocity_drift,
+    ]
+    P = np.diag(np.repeat(np.square(sigmas), 3))
+    # the place errs by the first fix's drift, and the drift's estimate (0) by minus that
+    for state, drift, sigma in (
+        (POS, POS_DRIFT, fixes.position_drift),
+        (VEL, VEL_DRIFT, fixes.velocity_drift),
+    ):
+        P[state, drift] = P[drift, state] = -(sigma**2) * _I3
+    return State(record.C_ib, record.v_i[0], record.r_i[0], zero, zero, zero, zero, P)
+
+
+def steps(record: Record) -> Integrals:
+    """Strapdown integrals from each point to the next, in b at the former."""
+    k = np.arange(len(record.t) - 1)
+    return record.sensed.since(k, k + 1)
+
+
+def carried(
+    state: State, step: Integrals, k: int, elapsed: float, fixes: Fixes, priors: Priors
+) -> State:
+    """The state after stretch `k` of `steps`, which began `elapsed` seconds after the first fix."""
+    T, C = float(step.duration[k]), state.C
+    turned = Rotation.from_rotvec(-step.turn_time[k] @ state.gyro).as_matrix() @ step.turn[k]
+    dv = step.velocity[k] - step.velocity_gyro[k] @ state.gyro - step.turn_time[k] @ state.accel
+    dr = step.place[k] - step.place_gyro[k] @ state.gyro - step.turn_time2[k] @ state.accel
+    dv, dr = C @ dv, C @ dr
+    g = gravitation(state.r, elapsed)
+    ahead = state.r + state.v * T + dr + 0.5 * g * T**2
+    slope = gravitation(ahead, elapsed + T) - g
+    fading = np.exp(-T / fixes.drift_time)
+    F = _transition(step, k, C, dv, dr, fading)
+    P = F @ state.P @ F.T + _noise(T, dv, dr, fading, fixes, priors)
+    return State(
+        C @ turned,
+        state.v + dv + (g + 0.5 * slope) * T,
+        ahead + slope * T**2 / 6,
+        state.gyro,
+        state.accel,
+        state.r_drift * fading,
+        state.v_drift * fading,
+        P,
+    )
+
+
+def _transition(step: Integrals, k: int, C: Array, dv: Array, dr: Array, fading: float) -> Array:
+    """Errors after a stretch per error before it.
+
+    The gradient of gravity (3e-6/s^2) is left out.
+    """
+    F = np.eye(STATES)
+    F[PSI, GYRO] = -C @ step.turn_time[k]
+    F[VEL, PSI], F[POS, PSI] = -skew(dv), -skew(dr)
+    F[VEL, GYRO], F[POS, GYRO] = -C @ step.velocity_gyro[k], -C @ step.place_gyro[k]
+    F[VEL, ACCEL], F[POS, ACCEL] = -C @ step.turn_time[k], -C @ step.turn_time2[k]
+    F[POS, VEL] = step.duration[k] * _I3
+    F[POS_DRIFT, POS_DRIFT] = F[VEL_DRIFT, VEL_DRIFT] = fading * _I3
+    return F
+
+
+def _noise(T: float, dv: Array, dr: Array, fading: float, fixes: Fixes, priors: Priors) -> Array:
+    """White rate and force noise over a stretch of even force; fresh satellite drift."""
+    Q = np.zeros((STATES, STATES))
+    N2, A2 = priors.gyro_walk**2, priors.accel_walk**2
+    V, D = -skew(dv), -skew(dr)
+    Q[PSI, PSI] = N2 * T * _I3
+    Q[VEL, PSI], Q[POS, PSI] = N2 * T / 2 * V, N2 * T / 3 * D
+    Q[VEL, VEL] = N2 * T / 3 * V @ V.T + A2 * T * _I3
+    Q[POS, VEL] = N2 * T / 4 * D @ V.T + A2 * T**2 / 2 * _I3
+    Q[POS, POS] = N2 * T / 5 * D @ D.T + A2 * T**3 / 3 * _I3
+    Q[PSI, VEL], Q[PSI, POS], Q[VEL, POS] = Q[VEL, PSI].T, Q[POS, PSI].T, Q[POS, VEL].T
+    fresh = 1 - fading**2
+    Q[POS_DRIFT, POS_DRIFT] = fixes.position_drift**2 * fresh * _I3
+    Q[VEL_DRIFT, VEL_DRIFT] = fixes.velocity_drift**2 * fresh * _I3
+    return Q
+
+
+def shown(
+    method: str, record: Record, states: Sequence[State], notes: Notes, options: VectorOptions
+) -> Matching:
+    """The states at all points as an answer."""
+    elapsed = record.t - record.t[0]
+    r_i = np.array([s.r for s in states])
+    C_nb, C_ni = attitude_in_n(np.array([s.C for s in states]), r_i, elapsed)
+    about_i = np.array([s.P[PSI, PSI] for s in states])
+    return Matching(
+        method,
+        record.t,
+        np.cumsum(record.at_fix, dtype=np.int64),
+        record.at_fix,
+        np.array(notes.corrected),
+        Rotation.from_matrix(C_nb),
+        C_ni @ about_i @ np.swapaxes(C_ni, 1, 2),
+        np.einsum("kji,kj->ki", C_ie(elapsed), r_i),
+        np.array(notes.differences),
+        tuple(notes.doubts),
+        options.rule,
+    )

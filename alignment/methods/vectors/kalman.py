@@ -1,0 +1,109 @@
+"""The rival: a Kalman filter of the inertial channel's errors, corrected by every fix."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.special import chdtrc
+
+from alignment.arrays import Array
+from alignment.methods.vectors import channel
+from alignment.methods.vectors.channel import (
+    ACCEL,
+    GYRO,
+    POS,
+    POS_DRIFT,
+    PSI,
+    VEL,
+    VEL_DRIFT,
+    State,
+)
+from alignment.methods.vectors.fixes import Matching, VectorOptions, check, joined
+from alignment.navigation import C_en, geodetic
+from alignment.readings import Fixes, ImuReadings
+
+METHOD = "vectors kalman"
+DISAGREE = "fixes and readings disagree beyond their noise"
+UNLIKELY = 1e-6  # a disagreement of less chance than this is flagged
+
+
+def kalman(
+    readings: ImuReadings, fixes: Fixes, C_nb0: Rotation, options: VectorOptions | None = None
+) -> Matching:
+    """Attitude, place and biases by an extended Kalman filter on positions and velocities.
+
+    Parameters
+    ----------
+    readings : ImuReadings
+        Without gaps, from the first fix to the last.
+    fixes : Fixes
+        Two or more.
+    C_nb0 : Rotation
+        Programmed attitude at the first fix; wrong by ``options.attitude_sigma`` about each axis.
+    options : VectorOptions
+
+    Raises
+    ------
+    AlignmentError, TooShort, PoleError
+
+    Notes
+    -----
+    21 states: attitude, velocity, place, gyro and accelerometer bias, correlated satellite errors
+    (none of the last where ``fixes`` states none). Leading error: accelerometer bias b/g in tilt
+    until turns separate them; heading only by horizontal acceleration. Scale errors and axes that
+    are off are not modelled: those of gyros add their size times the angle turned, beyond the
+    covariance. Source: methods.md section 4, the tuned filter.
+    """
+    options = options or VectorOptions()
+    check(fixes)
+    latitude, longitude, _ = geodetic(fixes.position[0])
+    record = joined(readings, fixes, C_nb0, C_en(latitude, longitude), options.step)
+    strides = channel.steps(record)
+    state, seen = channel.begun(record, fixes, options), 1
+    R = np.repeat(np.square([fixes.position_sigma, fixes.velocity_sigma]), 3)
+    states, notes, misfit = [state], channel.Notes(), 0.0
+    for k in range(len(strides)):
+        elapsed = float(record.t[k] - record.t[0])
+        state = channel.carried(state, strides, k, elapsed, fixes, options.priors)
+        doubt, at_fix = "", bool(record.at_fix[k + 1])
+        if at_fix:
+            z = np.concatenate([record.r_i[seen], record.v_i[seen]])
+            state, distance = updated(state, z, R)
+            seen, misfit = seen + 1, misfit + distance
+            doubt = _doubt(state, misfit, 6 * (seen - 1), options)
+        states.append(state)
+        notes.add(at_fix, np.zeros(3), doubt)
+    return channel.shown(METHOD, record, states, notes, options)
+
+
+def updated(state: State, z: Array, R: Array) -> tuple[State, float]:
+    """After a fix `z` (6,), place and velocity in i, of variance `R` (6,); Mahalanobis distance."""
+    H = np.zeros((6, channel.STATES))
+    H[:3, POS] = H[3:, VEL] = H[:3, POS_DRIFT] = H[3:, VEL_DRIFT] = np.eye(3)
+    innovation = z - np.concatenate([state.r + state.r_drift, state.v + state.v_drift])
+    S = H @ state.P @ H.T + np.diag(R)
+    K = np.linalg.solve(S, H @ state.P).T
+    x = K @ innovation
+    keep = np.eye(channel.STATES) - K @ H
+    P = keep @ state.P @ keep.T + (K * R) @ K.T
+    corrected = replace(
+        state,
+        C=Rotation.from_rotvec(x[PSI]).as_matrix() @ state.C,
+        v=state.v + x[VEL],
+        r=state.r + x[POS],
+        gyro=state.gyro + x[GYRO],
+        accel=state.accel + x[ACCEL],
+        r_drift=state.r_drift + x[POS_DRIFT],
+        v_drift=state.v_drift + x[VEL_DRIFT],
+        P=P,
+    )
+    return corrected, float(innovation @ np.linalg.solve(S, innovation))
+
+
+def _doubt(state: State, misfit: float, count: int, options: VectorOptions) -> str:
+    sigma = float(np.sqrt(np.linalg.eigvalsh(state.P[PSI, PSI])[-1]))
+    if sigma > options.largest_sigma:
+        return f"sigma of {np.degrees(sigma):.2f} deg about one axis"
+    if sigma > 0.9 * options.attitude_sigma:
+        return "about one axis no surer than the programmed attitude: too little acceleration"
+    return DISAGREE if chdtrc(count, misfit) < UNLIKELY else ""

@@ -1,0 +1,114 @@
+"""The `stand` command: its list of commands, exit codes, and the one line of a known fault.
+
+Heavy imports (MuJoCo, SciPy, rerun) wait inside the commands, so that `--help` answers at once.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stand import __version__
+from stand.cli.align import align, allan, import_log
+from stand.cli.catalogue import check_imu, list_entries
+from stand.cli.progress import Stopped
+from stand.cli.review import report, view
+from stand.cli.run import drive, run
+from stand.cli.study import compare, export, rehearse
+from stand.errors import StandError
+from stand.physics import set_driver_aside
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+
+app = typer.Typer(
+    name="stand",
+    help="Virtual IMU test stand: rehearse a turntable test, record it, align from readings.\n\n"
+    "Start with: stand run six-position",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+COMMANDS = {
+    "run": run,
+    "drive": drive,
+    "align": align,
+    "compare": compare,
+    "rehearse": rehearse,
+    "export": export,
+    "import": import_log,
+    "list": list_entries,
+    "allan": allan,
+    "report": report,
+    "check-imu": check_imu,
+    "view": view,
+}
+for name, command in COMMANDS.items():
+    app.command(name)(command)
+
+
+def main() -> None:
+    """Entry point: known faults become one line and exit code 2."""
+    set_driver_aside()
+    signal.signal(signal.SIGTERM, _interrupt)
+    sys.exit(guarded(lambda: app(standalone_mode=False)))
+
+
+def _interrupt(signum: int, frame: object) -> None:
+    raise KeyboardInterrupt
+
+
+def guarded(command: Callable[[], Any]) -> int:
+    """Run a command; exit code 0, 2 for bad input, 130 when interrupted."""
+    try:
+        code = command()
+    except typer.TyperException as error:
+        return _complain(error.format_message())
+    except (typer.Abort, KeyboardInterrupt):
+        code = INTERRUPTED
+    except typer.Exit as stop:
+        return stop.exit_code
+    except Stopped as stopped:
+        return _complain(str(stopped), INTERRUPTED)
+    except StandError as error:
+        return _complain(str(error))
+    except OSError as error:  # a full disk, a folder without permission
+        named = f"{error.filename}: " if error.filename else ""
+        return _complain(f"{named}{error.strerror or error}")
+    except MemoryError as error:
+        return _complain(f"not enough memory: {error}")
+    except Exception as error:
+        if type(error).__module__ != "alignment.errors":  # imported only where it was raised
+            raise
+        return _complain(str(error))
+    if code == INTERRUPTED:  # typer turns Ctrl-C inside a command into this code
+        return _complain("interrupted: nothing was written", INTERRUPTED)
+    return code if isinstance(code, int) else 0
+
+
+def _complain(message: str, code: int = 2) -> int:
+    print(f"stand: {' '.join(message.split())}", file=sys.stderr)
+    return code
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"stand {__version__}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    if context.invoked_subcommand is None:
+        print(context.get_help())

@@ -1,0 +1,39 @@
+"""Commands on a recording: `stand report`, `stand view`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stand.cli.options import ForceOption, file_in
+from stand.cli.progress import working
+
+
+def report(
+    recording: Annotated[Path, typer.Argument(help="Folder of stand run, or its run.mcap.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The page to write; default: report.html in the folder."),
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """One page of a recorded run: results, errors over time, motion, sources. Needs no network.
+
+    Example: stand report recordings/six-position_stim300_seed0 --out report.html
+    """
+    from stand.report.run_page import write_run_page
+
+    with working("drawing", False):
+        page = write_run_page(recording, out, force=force)
+    print(page)
+
+
+def view(
+    recording: Annotated[Path, typer.Argument(help="Folder of stand run, an .rrd or an .mcap.")],
+) -> None:
+    """Open a recording in the rerun viewer."""
+    from stand.recording.viewer import view as open_viewer
+
+    open_viewer(file_in(recording, "run.rrd"))

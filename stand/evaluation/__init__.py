@@ -1,0 +1,1 @@
+"""What came out: estimates against truth, methods side by side, noise against data sheets."""

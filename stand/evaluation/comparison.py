@@ -1,0 +1,216 @@
+"""Methods side by side: many runs of one procedure, every method on the same readings.
+
+Each run has its own seed: its unit, its table and its sway are drawn anew. Errors are set against
+the sigma each method predicts and against the floor that white noise puts under any method.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from math import nan, sqrt
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Site
+from alignment.angles import heading_from_C_nb, wrapped
+from alignment.earth import EARTH_RATE
+from alignment.errors import AlignmentError
+from alignment.units import DEG
+from stand.errors import StandError, unknown
+from stand.evaluation.score import TOLD, suited
+from stand.evaluation.statistics import Found, Outcome, Tally, tally
+from stand.imu import ImuSpec, without
+from stand.motion.plan import Plan
+from stand.simulation.monte_carlo import Trials
+from stand.simulation.parallel import campaign
+from stand.simulation.settings import Settings
+
+ONE_GYRO = "single-gyro"
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """All methods over all runs, each method's outcomes in the order of the runs' seeds."""
+
+    settings: Settings
+    runs: int
+    tallies: tuple[Tally, ...]
+
+
+def applicable(plan: Plan) -> tuple[str, ...]:
+    """The methods for which a plan has stretches, in the order of the list of methods.
+
+    A method that is for rest is named on a rocking base too: its refusal is part of the answer.
+    """
+    turning = [s.turning is not None for s in plan.stretches]
+    there = {"any": bool(turning), "turning": any(turning), "rest": not all(turning)}
+    return tuple(name for name, method in ESTIMATORS.items() if there.get(method.takes, False))
+
+
+def compare(
+    settings: Settings,
+    runs: int,
+    methods: Sequence[str] = (),
+    progress: Progress = lambda done: None,
+    workers: int | None = None,
+) -> Comparison:
+    """Simulate `runs` runs from the settings' seed on, and estimate by every method.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of the first run; the others differ in their seed.
+    runs : int
+    methods : sequence of str
+        Ids of `ESTIMATORS`; those `applicable` if empty.
+    progress : callable
+        Told the part done, 0 to 1.
+    workers : int, optional
+        Processes, which change nothing but the time; if not given, as many as there are cores
+        and as pay.
+
+    Raises
+    ------
+    StandError
+        An unknown method, a setting that is impossible, a run that failed.
+    """
+    for method in methods:
+        if method not in ESTIMATORS:
+            raise unknown("method", method, ESTIMATORS)
+    if runs < 1:
+        raise StandError(f"--runs {runs}: must be 1 or more")
+    bench = _Bench(settings, tuple(methods))  # refuses what is impossible, before any process
+    ready, seeds = (
+        partial(_ready, settings, bench.methods),
+        range(settings.seed, settings.seed + runs),
+    )
+    outcomes: list[list[Outcome]] = []
+    with closing(campaign(ready, seeds, workers, bench.trial)) as trials:
+        for found in trials:
+            outcomes.append(found)
+            progress(len(outcomes) / runs)
+    by_method = zip(bench.methods, zip(*outcomes, strict=True), strict=True)
+    return Comparison(settings, runs, tuple(tally(m, runs, own) for m, own in by_method))
+
+
+def _ready(settings: Settings, methods: tuple[str, ...]) -> Callable[[int], list[Outcome]]:
+    return _Bench(settings, methods).trial
+
+
+class _Bench:
+    """Runs of one setting, and what all methods make of each."""
+
+    def __init__(self, settings: Settings, methods: tuple[str, ...]) -> None:
+        self.settings = settings
+        self.trials = Trials(settings)
+        self.methods = methods or applicable(self.trials.plan)
+        if not self.trials.plan.stretches or not self.methods:
+            raise StandError(f"{settings.procedure.name}: nothing to estimate from: no dwell, rate")
+        self._imu = without(settings.imu, settings.without)
+
+    def trial(self, seed: int) -> list[Outcome]:
+        """All methods on the readings of one run."""
+        dwells, attitudes = self.trials.readings(seed)
+        truth = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
+        return [self._outcome(method, seed, dwells, truth) for method in self.methods]
+
+    def _outcome(
+        self, method: str, seed: int, dwells: Sequence[Dwell], truth: dict[str, Rotation]
+    ) -> Outcome:
+        site = self.settings.site
+        begin = time.perf_counter()
+        try:
+            own = suited(method, dwells)
+            estimates = ESTIMATORS[method].estimate(own, site, self.settings.options)
+        except AlignmentError as error:
+            return Outcome(method, seed, seconds=time.perf_counter() - begin, refusal=str(error))
+        seconds = time.perf_counter() - begin
+        found = tuple(
+            against_truth(e, truth[e.label], floors(e, truth[e.label], own, site, self._imu))
+            for e in estimates
+            if e.C_nb is not None and e.label in truth and e.window != "same"
+        )
+        return Outcome(method, seed, found, seconds)
+
+
+def against_truth(e: AttitudeEstimate, truth: Rotation, floor: tuple[float, float]) -> Found:
+    """An estimate's errors beside its own sigmas and the floors of heading and tilt [rad]."""
+    assert e.C_nb is not None
+    error = (e.C_nb * truth.inv()).as_rotvec()
+    heading, true_heading = e.heading, heading_from_C_nb(truth)
+    off, sigmas, nees = nan, (nan, nan), nan
+    if heading is not None and true_heading is not None:
+        off = float(wrapped(heading - true_heading))
+    if e.covariance is not None:
+        sigmas = (sqrt(e.covariance[0, 0]), sqrt(e.covariance[1, 1]))
+        if np.linalg.matrix_rank(e.covariance, hermitian=True) == len(error):
+            nees = float(error @ np.linalg.solve(e.covariance, error))
+    sigma = nan if e.heading_sigma is None else e.heading_sigma
+    return Found(off, float(error[0]), float(error[1]), sigma, *sigmas, nees, *floor)
+
+
+def floors(
+    e: AttitudeEstimate, truth: Rotation, dwells: Sequence[Dwell], site: Site, imu: ImuSpec
+) -> tuple[float, float]:
+    """White-noise floors of heading and of tilt about one axis [rad] for an estimate.
+
+    ``ARW/(W cos lat sqrt T)`` with two horizontal gyros and ``VRW/(g sqrt T)``, T the time of the
+    stretches that the estimate used. The one gyro nearest to east or west sees only its eastern
+    part of an azimuth error, so it divides by that. NaN for a method that was told the attitude.
+    """
+    seconds = used_time(e, dwells)
+    if site.latitude is None or seconds <= 0 or e.method in TOLD:
+        return nan, nan
+    gyros = 1.0
+    if e.method == ONE_GYRO:
+        gyros = 1 / float(np.abs(truth.as_matrix()[1]).max())
+    north = EARTH_RATE * np.cos(site.latitude)
+    heading = gyros * imu.gyro.noise / (north * np.sqrt(seconds))
+    return float(heading), float(imu.accel.noise / (site.gravity * np.sqrt(seconds)))
+
+
+def used_time(e: AttitudeEstimate, dwells: Sequence[Dwell]) -> float:
+    """Seconds of stretches within the time of an estimate: what its noise averages over."""
+    spans = [min(d.t_to, e.t_to) - max(d.t_from, e.t_from) for d in dwells]
+    return float(sum(span for span in spans if span > 0))
+
+
+def to_json(comparison: Comparison) -> dict[str, Any]:
+    """For machines: degrees, null where there is no number."""
+    s = comparison.settings
+    return {
+        "procedure": s.procedure.id,
+        "imu": s.imu.id,
+        "table": s.table.id,
+        "true_table": s.true_table,
+        "without": list(s.without),
+        "motion": s.motion.value,
+        "latitude_deg": None if s.site.latitude is None else s.site.latitude / DEG,
+        "seed": s.seed,
+        "rate_hz": s.rate_hz,
+        "runs": comparison.runs,
+        "methods": [_row(t) for t in comparison.tallies],
+    }
+
+
+_ANGLES = ("rms_heading", "sigma_heading", "floor_heading", "rms_tilt", "sigma_tilt", "floor_tilt")
+_RATIOS = ("ratio", "ratio_low", "ratio_high", "ratio_tilt", "ratio_tilt_low", "ratio_tilt_high")
+_NEES = ("nees_mean", "nees_low", "nees_high")
+
+
+def _row(t: Tally) -> dict[str, Any]:
+    row: dict[str, Any] = {"method": t.method, "runs": t.runs, "estimates": t.estimates}
+    row |= {"refused": t.refused, "reason": t.reason, "beyond_linear_range": t.beyond_linear}
+    row |= {f"{name}_deg": _number(getattr(t, name) / DEG) for name in _ANGLES}
+    row |= {name: _number(getattr(t, name)) for name in (*_RATIOS, *_NEES)}
+    return row | {"seconds": t.seconds}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

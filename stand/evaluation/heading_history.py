@@ -1,0 +1,128 @@
+"""One run as it goes: heading error of each method over time, beside the sigma it claims.
+
+Methods with tracks tell their attitude over time themselves. Of the others it is the estimate
+that they would have given had the readings ended there.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment import ESTIMATORS, AttitudeEstimate, Dwell
+from alignment.angles import wrapped
+from alignment.arrays import Array, set_owned
+from alignment.errors import AlignmentError
+from alignment.estimate import AttitudeTrack
+from stand.evaluation.score import suited
+from stand.simulation.monte_carlo import Watched, watch
+from stand.simulation.settings import Settings
+
+POINTS = 48  # of a method that has no tracks of its own
+STEEP = np.cos(np.radians(45.0))  # level part of X1 below which its heading means little
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """Heading error and its sigma (m,) [rad] at times (m,) [s] of one stretch.
+
+    `grown`: whether each point is an estimate from all readings up to then.
+    """
+
+    method: str
+    label: str
+    grown: bool
+    t: Array
+    error: Array
+    sigma: Array
+
+    def __post_init__(self) -> None:
+        m = len(self.t)
+        set_owned(self, **{n: (getattr(self, n), (m,), float) for n in ("t", "error", "sigma")})
+
+
+def histories(settings: Settings, methods: Sequence[str]) -> list[History]:
+    """Of the run with the settings' seed; a method that refuses has none."""
+    run = watch(settings)
+    return [found for method in methods for found in _of(method, run, settings)]
+
+
+def _of(method: str, run: Watched, settings: Settings) -> list[History]:
+    try:
+        dwells = suited(method, run.dwells)
+        tracks = ESTIMATORS[method].tracks
+        if tracks is None:
+            return list(_grown(method, dwells, run, settings))
+        told = [t for d in dwells for t in tracks(d, settings.site, settings.options)]
+        return [h for t in told if len((h := _tracked(method, t, run)).t)]
+    except AlignmentError:
+        return []
+
+
+def _tracked(method: str, track: AttitudeTrack, run: Watched) -> History:
+    error, sigma = heading_errors(track.C_nb, run.C_nb(track.t), track.covariance)
+    good = np.isfinite(error)
+    return History(method, track.label, False, track.t[good], error[good], sigma[good])
+
+
+def _grown(
+    method: str, dwells: Sequence[Dwell], run: Watched, settings: Settings
+) -> Iterator[History]:
+    """One history per stretch in which the readings end."""
+    truth = {d.label: C for d, C in zip(run.dwells, run.attitudes, strict=True)}
+    for k, dwell in enumerate(dwells):
+        points = []
+        for t in np.linspace(dwell.t_from, dwell.t_to, POINTS + 1)[1:]:
+            so_far = [*dwells[:k], replace(dwell, t_to=float(t))]
+            try:
+                found = ESTIMATORS[method].estimate(so_far, settings.site, settings.options)
+            except AlignmentError:
+                continue
+            e = _latest(found, dwell.label)
+            if e is not None:
+                assert e.C_nb is not None
+                C = e.C_nb.as_matrix()[None]
+                true = _true(e, so_far, truth, run)
+                error, sigma = heading_errors(
+                    Rotation.from_matrix(C), true, np.asarray(e.covariance)[None]
+                )
+                points.append((float(t), float(error[0]), float(sigma[0])))
+        rows = np.array([p for p in points if np.isfinite(p[1])]).reshape(-1, 3)
+        if len(rows):
+            yield History(method, dwell.label, True, *rows.T)
+
+
+def _latest(found: Sequence[AttitudeEstimate], label: str) -> AttitudeEstimate | None:
+    """The estimate of the stretch under way, else the last there is."""
+    whole = [
+        e for e in found if e.C_nb is not None and e.covariance is not None and e.window != "same"
+    ]
+    own = [e for e in whole if e.label == label]
+    return (own or whole or [None])[-1]
+
+
+def _true(
+    e: AttitudeEstimate, so_far: Sequence[Dwell], truth: dict[str, Rotation], run: Watched
+) -> Rotation:
+    """True attitude (1,) that an estimate is of: of a turn at encoder angle 0, else at its end."""
+    dwell = next(d for d in so_far if d.label == e.label)
+    if dwell.turn is not None:
+        return Rotation.from_quat(truth[e.label].as_quat()[None])
+    return run.C_nb(np.array([min(e.t_to, dwell.t_to)]))
+
+
+def heading_errors(C_nb: Rotation, true: Rotation, covariance: Array) -> tuple[Array, Array]:
+    """Heading errors (m,) of m attitudes and their sigmas [rad] by covariances (m, 3, 3).
+
+    NaN where X1 is steeper than 45 deg. For the formula see `AttitudeEstimate.heading_sigma`.
+    """
+    ahead, true_ahead = C_nb.apply([1.0, 0.0, 0.0]), true.apply([1.0, 0.0, 0.0])
+    north, east, down = ahead.T
+    level2 = north**2 + east**2
+    error = np.arctan2(east, north) - np.arctan2(true_ahead[:, 1], true_ahead[:, 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        j = np.stack([-north * down, -east * down, level2], axis=1) / level2[:, None]
+        sigma = np.sqrt(np.maximum(np.einsum("mi,mij,mj->m", j, covariance, j), 0.0))
+    steep = level2 < STEEP**2
+    return np.where(steep, np.nan, wrapped(error)), np.where(steep, np.nan, sigma)

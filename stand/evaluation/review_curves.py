@@ -1,0 +1,35 @@
+"""Tracks and innovations of the methods as curves for the review."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment import Dwell
+from alignment.angles import angles_from_C_nb, near_singular, wrapped
+from alignment.estimate import AttitudeTrack, angle_sigmas
+from alignment.methods.fine import Innovations
+from stand.recording.curves import AngleCurves, InnovationCurves
+
+
+def innovation_curves(method: str, dwell: Dwell, found: Innovations) -> InnovationCurves:
+    t_ns = np.round(found.t * 1e9).astype(np.int64)
+    return InnovationCurves(method, dwell.label, t_ns, found.values, found.sigmas)
+
+
+def singular(track: AttitudeTrack, C_nb: Rotation) -> bool:
+    """Whether the track's angles cannot be told apart where the unit stands."""
+    return bool(near_singular(track.sequence, angles_from_C_nb(track.sequence, C_nb)))
+
+
+def curves(track: AttitudeTrack, C_nb: Rotation) -> AngleCurves:
+    """A track with its errors against the true attitude, for the review."""
+    angles = angles_from_C_nb(track.sequence, track.C_nb)
+    true_angles = angles_from_C_nb(track.sequence, C_nb)
+    return AngleCurves(
+        track.method,
+        track.label,
+        np.round(track.t * 1e9).astype(np.int64),
+        angles,
+        wrapped(angles - true_angles),
+        np.nan_to_num(angle_sigmas(track.sequence, angles, track.covariance)),
+        (C_nb.inv() * track.C_nb).as_rotvec(),
+    )

@@ -1,0 +1,69 @@
+"""What a run left behind, and its JSON form."""
+
+import platform
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from alignment.units import DEG
+from stand import __version__
+from stand.evaluation.score import Refusal, Score, Spread, score_to_json, spread_to_json
+from stand.motion.plan import Plan
+from stand.simulation.settings import Settings
+from stand.simulation.step_record import StepRecord, record_to_json
+
+CHANNELS = ("gyro X1", "gyro Y1", "gyro Z1", "accel X1", "accel Y1", "accel Z1")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunResult:
+    """What a run left behind."""
+
+    out: Path
+    settings: Settings
+    plan: Plan
+    samples: int
+    saturated: tuple[int, ...]
+    records: tuple[StepRecord, ...]
+    scores: tuple[Score, ...]
+    spreads: tuple[Spread, ...]
+    refusals: tuple[Refusal, ...]
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of all that has a say in the numbers."""
+    packages = ("mujoco", "numpy", "scipy", "ruckig")
+    return {
+        "stand_version": __version__,
+        "python_version": platform.python_version(),
+    } | {f"{package}_version": version(package) for package in packages}
+
+
+def result_json(result: RunResult) -> dict[str, Any]:
+    """The run's result for machines."""
+    s = result.settings
+    return {
+        "procedure": s.procedure.id,
+        "imu": s.imu.id,
+        "table": s.table.id,
+        "seed": s.seed,
+        "rate_hz": s.rate_hz,
+        "sampling": s.sampling.value,
+        "latitude_deg": None if s.site.latitude is None else s.site.latitude / DEG,
+        "height_m": s.site.height,
+        "gravity_m_s2": s.site.gravity,
+        "duration_s": result.plan.steps[-1].t_to,
+        "samples": result.samples,
+        "without": list(s.without),
+        "motion": s.motion.value,
+        "true_table": s.true_table,
+        "steps": [record_to_json(record) for record in result.records],
+        "saturated_samples": dict(zip(CHANNELS, result.saturated, strict=True)),
+        "versions": versions(),
+        "estimates": [score_to_json(scored) for scored in result.scores],
+        "spreads": [spread_to_json(spread) for spread in result.spreads],
+        "refusals": [{"method": r.method, "reason": r.reason} for r in result.refusals],
+    }

@@ -1,0 +1,71 @@
+"""What the data sheets of unit and table tell an estimator before the readings."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from alignment import Priors
+from alignment.units import ARC_SECOND, STANDARD_GRAVITY
+from stand.imu import ImuSpec
+from stand.imu.processes import plateau
+from stand.table.joints import JOINTS
+from stand.table.table import Table
+
+GIMBALS = JOINTS[3:]
+LASTING = 60.0  # s: correlation beyond it makes a bias of a dwell
+BASE_ARM = 0.73  # m: the unit's height above the crossing of the base's axes
+
+
+def priors_of(imu: ImuSpec, table: Table | None, rocking: bool = False) -> Priors:
+    """Standard deviations of a unit's constant errors and of a table's placement.
+
+    A dwell of minutes cannot tell a bias from what of its instability changes more slowly than
+    that, nor from what gravity makes of a g-sensitive gyro. Misaligned accelerometers feel a part
+    of gravity across them: to a levelling that is one more bias. On a `rocking` base the unit
+    moves about the base's axes, `BASE_ARM` away.
+    """
+    turn, seat, nominal = (0.0, 0.0, 0.0) if table is None else _placement(table)
+    across = np.hypot(imu.accel.misalignment, imu.accel.non_orthogonality / 2) * STANDARD_GRAVITY
+    pulled = imu.gyro.g_sensitivity * STANDARD_GRAVITY
+    slow = _slow_part(imu.corners)
+    return Priors(
+        gyro_bias=float(np.linalg.norm([imu.gyro.bias, slow * imu.gyro.instability, pulled])),
+        accel_bias=float(np.linalg.norm([imu.accel.bias, slow * imu.accel.instability, across])),
+        gyro_instability=imu.gyro.instability,
+        accel_instability=imu.accel.instability,
+        gyro_scale=imu.gyro.scale,
+        accel_scale=imu.accel.scale,
+        gyro_walk=imu.gyro.noise,
+        accel_walk=imu.accel.noise,
+        turn=turn,
+        seat=seat,
+        nominal=nominal,
+        lever_arm=BASE_ARM if rocking else 0.0,
+    )
+
+
+def _slow_part(corners: Sequence[float]) -> float:
+    """Standard deviation of the part of a bias instability of plateau 1 that outlasts a dwell."""
+    lasting = sum(corner > LASTING for corner in corners)
+    return float(np.sqrt(lasting)) / plateau(corners)
+
+
+def _placement(table: Table) -> tuple[float, float, float]:
+    """`turn`, `seat` and `nominal` of a table [rad], each of one axis.
+
+    A position is off by its encoders and by what bends the turn to it: axes that are not square
+    or wobble. The seat is the instrument's mounting on gimbals whose zeros are off. Base and
+    zeros move all attitudes alike.
+    """
+    errors = [table.entry.axis[joint].errors for joint in GIMBALS]
+    geometry = table.entry.geometry
+    bent = [
+        max(getattr(e, f"{name}_arc_s") for e in errors)
+        for name in ("encoder", "non_orthogonality", "wobble")
+    ]
+    zeros = np.linalg.norm([e.placement_arc_s for e in errors]) / np.sqrt(3)
+    tilt, azimuth = geometry.base_tilt_arc_s, geometry.base_azimuth_arc_s
+    base = np.linalg.norm([tilt, tilt, azimuth]) / np.sqrt(3)
+    turn = np.linalg.norm(bent)
+    seat = np.hypot(geometry.mounting_arc_s, zeros)
+    return float(turn) * ARC_SECOND, float(seat) * ARC_SECOND, float(base) * ARC_SECOND

@@ -1,0 +1,63 @@
+"""A plan: the steps as they will run, and the motion that joins them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array, set_owned
+from stand.motion.polynomial import Motion
+from stand.table.joints import JOINTS
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turning:
+    """A constant rate [rad/s] of one axis (its place in `JOINTS`); `axis_b` (3,) unit, in b."""
+
+    axis: int
+    rate: float
+    axis_b: Array
+
+    def __post_init__(self) -> None:
+        set_owned(self, axis_b=(self.axis_b, (3,), float))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedStep:
+    """A step with its times [s], the joint angles (6,) [rad] at its end and ``C_nb`` there.
+
+    `number` is its place in the procedure, from 0. Between `steady_from` and `steady_to` it does
+    what it is for: stands still, turns at constant rate, rocks at full size. Of a `turning` one,
+    ``C_nb`` is the attitude where its axis reads zero.
+    """
+
+    number: int
+    kind: str
+    label: str
+    t_from: float
+    t_to: float
+    steady_from: float
+    steady_to: float
+    joints: Array
+    C_nb: Rotation
+    turning: Turning | None = None
+
+    def __post_init__(self) -> None:
+        set_owned(self, joints=(self.joints, (len(JOINTS),), float))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """The steps with their times, and the motion through them.
+
+    `rests` (s, 6): which axes each step lets stand still while it is steady.
+    """
+
+    steps: tuple[PlannedStep, ...]
+    motion: Motion
+    rests: np.ndarray
+
+    @property
+    def stretches(self) -> list[PlannedStep]:
+        """The steps to estimate from: those that stand still, and those at constant rate."""
+        return [s for s in self.steps if s.kind == "dwell" or s.turning is not None]

@@ -1,0 +1,203 @@
+"""A drive from path to result: simulated, recorded, solved by vector matching, scored."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment import ImuReadings, Options
+from alignment.errors import AlignmentError
+from alignment.methods.vectors import Fixes, Matching, against
+from alignment.methods.vectors.method import METHOD, answer, options_of
+from alignment.methods.vectors.solutions import SOLUTIONS
+from alignment.navigation import C_en, geodetic
+from stand.evaluation.drive_result import START_SIGMA, DriveResult, DriveSettings, result_json
+from stand.evaluation.run_result import versions
+from stand.evaluation.score import Truths, score
+from stand.folder import refuse_existing, written_beside
+from stand.imu import Imu
+from stand.recording.mcap.writer import EPOCH_NS, Satellites, write_drive
+from stand.recording.metadata import DRIVE, RUN, describe_drive, describe_estimate, describe_site
+from stand.report.vectors import picture
+from stand.samples import ImuBlock, TruthBlock
+from stand.table.kinematics import C_NW
+from stand.vehicle.scenario import (
+    fixes_of,
+    programmed,
+    readings_of,
+    reported,
+    sense,
+)
+
+PICTURE = "errors.png"
+_FIXES, _START = 101, 102  # random streams: numbers that no term of a unit has
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Driven:
+    """What was simulated."""
+
+    truth: TruthBlock
+    unit: Imu
+    imu: ImuBlock
+    readings: ImuReadings
+    fixes: Fixes
+    start: Rotation
+
+
+def run_id(settings: DriveSettings) -> str:
+    """The default name of a drive: path, unit, seed."""
+    return f"{settings.drive.id}_{settings.imu.id}_seed{settings.seed}"
+
+
+def run_drive(
+    settings: DriveSettings, out: Path, force: bool = False, progress: Progress = lambda done: None
+) -> DriveResult:
+    """Simulate, solve, and record.
+
+    The recording is written beside `out` and renamed when whole; on any failure nothing is left.
+
+    Parameters
+    ----------
+    settings : DriveSettings
+    out : Path
+        Folder for `run.mcap`, `result.json` and `errors.png`.
+    force : bool
+        Replace an existing recording.
+    progress : callable
+        Told the part done, 0 to 1.
+
+    Raises
+    ------
+    StandError
+        `out` exists (and not `force`), or cannot be written.
+    """
+    refuse_existing(out, force)
+    driven = _simulated(settings, lambda done: progress(0.4 * done))
+    matchings, refusals = _solved(settings, driven, lambda done: progress(0.4 + 0.4 * done))
+    result = _scored(settings, out, driven, matchings, refusals)
+    with written_beside(out) as beside:
+        text = json.dumps(result_json(result), indent=1, allow_nan=False)
+        _record(beside / "run.mcap", result, driven, text)
+        progress(0.9)
+        (beside / "result.json").write_text(text + "\n", encoding="utf-8")
+        path = settings.drive.path
+        title = f"{settings.drive.title}: {settings.imu.title}, seed {settings.seed}"
+        (beside / PICTURE).write_bytes(picture(title, matchings, driven.fixes, path))
+    progress(1.0)
+    return result
+
+
+def _simulated(settings: DriveSettings, progress: Progress) -> _Driven:
+    path, rate = settings.drive.path, settings.rate_hz
+    sensed = sense(path, rate, progress)
+    unit = Imu(settings.imu, settings.seed, rate)
+    block = reported(sensed, unit)
+    q_wb = (C_NW.inv() * path.at(sensed.t_ns * 1e-9).C_nb).as_quat()
+    nothing = np.zeros((len(block), 0))
+    return _Driven(
+        TruthBlock(sensed.t_ns, sensed.w_ib_b, sensed.f_b, q_wb, nothing, nothing),
+        unit,
+        block,
+        readings_of(block),
+        fixes_of(path, settings.drive.satellite, _stream(settings.seed, _FIXES)),
+        programmed(path, START_SIGMA, _stream(settings.seed, _START)),
+    )
+
+
+def _stream(seed: int, source: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(source,)))
+
+
+def _solved(
+    settings: DriveSettings, driven: _Driven, progress: Progress
+) -> tuple[dict[str, Matching], dict[str, str]]:
+    """Every solution, or why there is none."""
+    options = options_of(settings.priors, START_SIGMA)
+    matchings, refusals = {}, {}
+    for k, (name, solve) in enumerate(SOLUTIONS.items(), start=1):
+        try:
+            matchings[name] = solve(driven.readings, driven.fixes, driven.start, options)
+        except AlignmentError as error:
+            refusals[name] = str(error)
+        progress(k / len(SOLUTIONS))
+    return matchings, refusals
+
+
+def _scored(
+    settings: DriveSettings,
+    out: Path,
+    driven: _Driven,
+    matchings: Mapping[str, Matching],
+    refusals: Mapping[str, str],
+) -> DriveResult:
+    truth = settings.drive.path.at(driven.fixes.t).C_nb
+    known, priors = Truths(truth[-1]), settings.priors
+    answers = [answer(name, settings.drive.id, m, priors) for name, m in matchings.items()]
+    return DriveResult(
+        out,
+        settings,
+        len(driven.readings),
+        driven.fixes,
+        (driven.start * truth[0].inv()).magnitude(),
+        dict(matchings),
+        {name: against(m, truth) for name, m in matchings.items()},
+        dict(refusals),
+        tuple(score(estimate, known) for estimate in answers),
+    )
+
+
+def _record(path: Path, result: DriveResult, driven: _Driven, text: str) -> None:
+    s = result.settings
+    write_drive(
+        path,
+        truth=driven.truth,
+        imu=driven.imu,
+        satellites=_satellites(driven.fixes),
+        epoch_ns=EPOCH_NS,
+        metadata=_metadata(s, driven),
+        attachments={
+            "drive.toml": ("application/toml", s.drive.text.encode()),
+            "imu.toml": ("application/toml", s.imu.text.encode()),
+            "result.json": ("application/json", text.encode()),
+        },
+        rate_noise=np.full(3, driven.unit.gyro_sigma**2),
+        force_noise=np.full(3, driven.unit.accel_sigma**2),
+    )
+
+
+def _satellites(fixes: Fixes) -> Satellites:
+    latitude, longitude, height = geodetic(fixes.position)
+    v_n = np.einsum("mji,mj->mi", C_en(latitude, longitude), fixes.velocity)
+    return Satellites(
+        np.round(fixes.t * 1e9).astype(np.int64),
+        np.stack([latitude, longitude, height], axis=1),
+        C_NW.apply(v_n, inverse=True),
+        fixes.position_sigma**2 + fixes.position_drift**2,
+        fixes.velocity_sigma**2 + fixes.velocity_drift**2,
+    )
+
+
+def _metadata(s: DriveSettings, driven: _Driven) -> dict[str, dict[str, str]]:
+    return {
+        RUN: {
+            "drive": s.drive.id,
+            "imu": s.imu.id,
+            "seed": str(s.seed),
+            "rate_hz": str(s.rate_hz),
+            "sampling": "mean",
+            "epoch_ns": str(EPOCH_NS),
+            "frame_n": "north-east-down",
+            "frame_b": "X1 forward, Y1 up, Z1 right",
+        }
+        | versions(),
+        "site": describe_site(s.site),
+        "estimate": describe_estimate(Options(priors=s.priors), [METHOD]),
+        DRIVE: describe_drive(s.drive.id, s.drive.text, driven.fixes, driven.start, START_SIGMA),
+        "imu": {"toml": s.imu.text},
+    }

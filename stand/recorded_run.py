@@ -1,0 +1,323 @@
+"""A run from procedure to result: simulated, recorded, estimated, scored."""
+
+import hashlib
+import json
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment import ESTIMATORS, Dwell
+from alignment.arrays import Array
+from stand.evaluation.review_curves import curves, innovation_curves, singular
+from stand.evaluation.run_result import CHANNELS, RunResult, result_json, versions
+from stand.evaluation.score import (
+    Refusal,
+    Score,
+    Truths,
+    evaluate_each,
+    spreads,
+    suited,
+)
+from stand.folder import refuse_existing, written_beside
+from stand.motion.plan import PlannedStep
+from stand.motion.polynomial import MotionKind
+from stand.recording.curves import AngleCurves, InnovationCurves, Phase, innovations_csv
+from stand.recording.mcap.writer import EPOCH_NS, McapWriter
+from stand.recording.metadata import RUN, describe_estimate, describe_schedule, describe_site
+from stand.recording.urdf import urdf
+from stand.report.document import config_document, report_document
+from stand.samples import ImuBlock, TruthBlock
+from stand.simulation.collector import DwellCollector
+from stand.simulation.settings import Settings, methods_of
+from stand.simulation.simulation import Simulation, begins_of
+from stand.simulation.step_record import StepRecord
+from stand.table.kinematics import C_NW
+
+QUEUE = 4  # blocks that may wait for a writer: bounds the memory
+LEVELS = {"INFO": 20, "WARN": 30}  # rcl_interfaces/msg/Log
+
+Progress = Callable[[float], None]
+
+
+def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunResult:
+    """Simulate, record and estimate.
+
+    The recording is written beside `out` and renamed when whole; on any failure nothing is left.
+
+    Parameters
+    ----------
+    settings : Settings
+    out : Path
+        Folder for `run.mcap`, `run.rrd`, `result.json`.
+    force : bool
+        Replace an existing recording.
+    progress : callable
+        Told the part done, 0 to 1.
+
+    Raises
+    ------
+    StandError
+        `out` exists (and not `force`), or cannot be written; the plan is impossible.
+    AlignmentError
+        The estimates are.
+    """
+    refuse_existing(out, force)
+    simulation = Simulation(settings)
+    with written_beside(out) as beside:
+        return _Run(simulation, beside).record(progress, out)
+
+
+class _Run:
+    """One run under way: the settings, the open recordings and the readings kept so far."""
+
+    def __init__(self, simulation: Simulation, folder: Path) -> None:
+        self.simulation, self.folder = simulation, folder
+        self.settings, self.stand, self.plan = (
+            simulation.settings,
+            simulation.stand,
+            simulation.plan,
+        )
+        self.saturated = np.zeros(len(CHANNELS), int)
+        self.events: list[tuple[int, str, str]] = []
+        self.phases = [_phase(step) for step in self.plan.steps]
+
+    def record(self, progress: Progress, out: Path) -> RunResult:
+        with ExitStack() as stack:
+            # rerun takes a second to import: it does so while the first samples are made
+            background = stack.enter_context(ThreadPoolExecutor(1))
+            review = background.submit(self._open_review)
+            mcap = stack.enter_context(self._open_mcap())
+            for phase in self.phases:
+                self._tell(mcap, phase.t_from_ns, "INFO", f"{phase.kind}: {phase.label}")
+            collector = self._stream(mcap, review, background, progress)
+            records = self.simulation.records()
+            begins = begins_of(records)
+            self._tell_settling(mcap, records)
+            dwells, attitudes = collector.finish(begins)
+            scores, refusals = self._evaluate(dwells, attitudes)
+            result = RunResult(
+                out,
+                self.settings,
+                self.plan,
+                self.simulation.total,
+                tuple(int(n) for n in self.saturated),
+                records,
+                tuple(scores),
+                tuple(spreads(scores)),
+                tuple(refusals),
+            )
+            text = json.dumps(result_json(result), indent=1, allow_nan=False)
+            (self.folder / "result.json").write_text(text + "\n", encoding="utf-8")
+            found = self._innovations(dwells, [r.method for r in refusals])
+            attached = {"result.json": ("application/json", text.encode())}
+            if found:
+                attached["innovations.csv"] = ("text/csv", innovations_csv(found).encode())
+            mcap.close(attached, _settled(begins))
+            with review.result() as rrd:
+                for event in sorted(self.events):
+                    rrd.event(*event)
+                refused = [r.method for r in refusals]
+                rrd.angles(self._curves(dwells, attitudes, refused, collector))
+                rrd.innovations(found)
+                rrd.documents(report_document(result), config_document(result))
+                rrd.close()
+        return result
+
+    def _stream(
+        self,
+        mcap: McapWriter,
+        review: "Future[Any]",
+        background: ThreadPoolExecutor,
+        progress: Progress,
+    ) -> DwellCollector:
+        """Samples block by block into both recordings and the stretches."""
+        steps = zip(self.plan.steps, self.plan.rests, strict=True)
+        moving = [step.label for step, rests in steps if not rests.all()]
+        collector = DwellCollector(self.plan.stretches, self.settings.rate_hz, moving)
+        waiting: list[Future[None]] = []
+        done, total = 0, self.simulation.total
+        for block in self.simulation.blocks():
+            lag = self.simulation.following(block)
+            truth, readings = block.truth, block.readings
+            waiting.append(background.submit(_write_review, review, truth, readings, lag))
+            self._watch_saturation(mcap, readings)
+            mcap.write(truth, readings)
+            collector.add(truth, readings)
+            done += len(truth)
+            progress(done / total)
+            if len(waiting) > QUEUE and review.done():
+                waiting.pop(0).result()
+        for future in waiting:
+            future.result()
+        return collector
+
+    def _tell_settling(self, mcap: McapWriter, records: Sequence[StepRecord]) -> None:
+        for record in records:
+            if record.rests and record.settled is None:
+                self._tell(mcap, _ns(record.t_to), "WARN", f"{record.label}: never settled")
+            elif record.rests and record.settled:
+                told = f"{record.label}: settled after {record.settled:.3f} s"
+                self._tell(mcap, _ns(record.t_from + record.settled), "INFO", told)
+
+    def _tell(self, mcap: McapWriter, t_ns: int, level: str, text: str) -> None:
+        """An event for both recordings."""
+        mcap.log(t_ns, LEVELS[level], text)
+        self.events.append((t_ns, level, text))
+
+    def _watch_saturation(self, mcap: McapWriter, reported: ImuBlock) -> None:
+        assert reported.saturated is not None
+        counts = reported.saturated.sum(axis=0)
+        self.saturated += counts
+        for channel in np.flatnonzero(counts):
+            first = int(np.argmax(reported.saturated[:, channel]))
+            text = f"{CHANNELS[channel]} beyond its range in {counts[channel]} samples"
+            self._tell(mcap, int(reported.t_ns[first]), "WARN", text)
+
+    def _open_mcap(self) -> McapWriter:
+        settings = self.settings
+        return McapWriter(
+            self.folder / "run.mcap",
+            model=self.stand,
+            robot_description=urdf(self.stand),
+            epoch_ns=EPOCH_NS,
+            metadata=self._metadata(),
+            attachments={
+                "procedure.toml": ("application/toml", settings.procedure.text.encode()),
+                "imu.toml": ("application/toml", settings.imu.text.encode()),
+                "table.toml": ("application/toml", settings.table.text.encode()),
+            },
+            rate_noise=np.full(3, self.simulation.imu.gyro_sigma**2),
+            force_noise=np.full(3, self.simulation.imu.accel_sigma**2),
+        )
+
+    def _open_review(self) -> Any:
+        from stand.recording.review import ReviewWriter
+
+        settings = self.settings
+        return ReviewWriter(
+            self.folder / "run.rrd",
+            model=self.stand,
+            run_id=self._unique_id(),
+            title=f"{settings.procedure.entry.title}: {settings.imu.title}, seed {settings.seed}",
+            duration_s=self.plan.motion.duration,
+            rate_hz=settings.rate_hz,
+            phases=self.phases,
+            w_ie_enu=C_NW.inv().apply(settings.site.w_ie_n),
+            properties=self._metadata()[RUN],
+            following=settings.motion is MotionKind.SERVO,
+        )
+
+    def _unique_id(self) -> str:
+        """Viewers merge recordings of one id: rate, site and presets must tell apart too."""
+        digest = hashlib.sha256(json.dumps(self._metadata(), sort_keys=True).encode())
+        return f"{run_id(self.settings)}_{digest.hexdigest()[:8]}"
+
+    def _metadata(self) -> dict[str, dict[str, str]]:
+        s = self.settings
+        return {
+            RUN: {
+                "procedure": s.procedure.id,
+                "imu": s.imu.id,
+                "table": s.table.id,
+                "seed": str(s.seed),
+                "rate_hz": str(s.rate_hz),
+                "sampling": s.sampling.value,
+                "without": ",".join(s.without),
+                "motion": s.motion.value,
+                "epoch_ns": str(EPOCH_NS),
+                "frame_n": "north-east-down",
+                "frame_b": "X1 forward, Y1 up, Z1 right at zero table angles",
+                "model_sha256": self.stand.sha256,
+            }
+            | versions(),
+            "site": describe_site(s.site),
+            "estimate": describe_estimate(s.options, methods_of(s)),
+            "schedule": describe_schedule(self.plan.steps),
+            "procedure": {"toml": s.procedure.text},
+            "imu": {"toml": s.imu.text},
+            "table": {"toml": s.table.text},
+            "unit": self._drawn(),
+            "table_errors": self.simulation.errors.record(),
+        }
+
+    def _drawn(self) -> dict[str, str]:
+        """The constants this unit was given, in SI: what an estimator would have to find."""
+        triads = {
+            "gyro": self.simulation.imu.gyro_errors,
+            "accel": self.simulation.imu.accel_errors,
+        }
+        return {
+            f"{sensor}_{name}": json.dumps(getattr(errors, name).tolist())
+            for sensor, errors in triads.items()
+            for name in errors.__slots__
+        }
+
+    def _evaluate(
+        self, dwells: Sequence[Dwell], attitudes: Sequence[Rotation]
+    ) -> tuple[list[Score], list[Refusal]]:
+        latitude = self.settings.site.latitude
+        truths = [Truths(C, d.nominal, latitude) for d, C in zip(dwells, attitudes, strict=True)]
+        s = self.settings
+        return evaluate_each(dwells, truths, s.site, s.options, methods_of(s))
+
+    def _curves(
+        self,
+        dwells: Sequence[Dwell],
+        attitudes: Sequence[Rotation],
+        refused: Collection[str],
+        collector: DwellCollector,
+    ) -> list[AngleCurves]:
+        s = self.settings
+        at_end = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
+        found = []
+        for method in methods_of(s):
+            make = ESTIMATORS[method].tracks
+            if make is None or method in refused:
+                continue
+            for dwell in suited(method, dwells):
+                for track in make(dwell, s.site, s.options):
+                    true = collector.true_at(track.label, track.t) or at_end[track.label]
+                    if not singular(track, at_end[track.label]):
+                        found.append(curves(track, true))
+        return found
+
+    def _innovations(
+        self, dwells: Sequence[Dwell], refused: Collection[str]
+    ) -> list[InnovationCurves]:
+        s = self.settings
+        return [
+            innovation_curves(method, dwell, make(dwell, s.site, s.options))
+            for method in methods_of(s)
+            if (make := ESTIMATORS[method].innovations) is not None and method not in refused
+            for dwell in suited(method, dwells)
+        ]
+
+
+def _write_review(
+    review: "Future[Any]", truth: TruthBlock, imu: ImuBlock, following: Array | None
+) -> None:
+    review.result().write(truth, imu, following)
+
+
+def _settled(begins: Mapping[str, float | None]) -> dict[str, dict[str, str]]:
+    """The metadata record of dwells that count from a later time than was planned."""
+    told = {label: "never" if t is None else repr(t) for label, t in begins.items()}
+    return {"settled": told} if told else {}
+
+
+def _phase(step: PlannedStep) -> Phase:
+    return Phase(_ns(step.t_from), _ns(step.t_to), step.kind, step.label)
+
+
+def _ns(t: float) -> int:
+    return round(t * 1e9)
+
+
+def run_id(settings: Settings) -> str:
+    """The default name of a run: procedure, unit, seed."""
+    return f"{settings.procedure.id}_{settings.imu.id}_seed{settings.seed}"

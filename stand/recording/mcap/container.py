@@ -1,0 +1,318 @@
+"""The MCAP container: chunks of messages built with numpy, then index, statistics and footer.
+
+Messages of one part have one length, so a chunk is a few matrices of bytes whose rows are
+scattered into time order; no Python object exists per message. mcap.dev/spec has the format.
+"""
+
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from numpy.typing import NDArray
+
+from alignment.arrays import IntArray
+from stand.errors import StandError
+from stand.recording.mcap.cdr import Bytes
+
+MAGIC = b"\x89MCAP0\r\n"
+_LIBRARY = "imu-test-stand"
+_ZSTD_LEVEL = 1
+MESSAGE_HEAD = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("size", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time", "<u8"),
+        ("publish_time", "<u8"),
+    ]
+)
+OPCODE_AND_SIZE = 9
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic, its type by ROS name, the type's definition and the publisher's QoS (YAML)."""
+
+    name: str
+    type_name: str
+    definition: str
+    qos: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Messages of one topic and one length.
+
+    `topic` counts from 0; `log_time` (n,) int64 [ns] does not decrease; `payload` (n, length).
+    """
+
+    topic: int
+    log_time: IntArray
+    payload: Bytes
+
+
+@dataclass(slots=True)
+class _Index:
+    """What the summary will say."""
+
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
+    counts: dict[int, int] = field(default_factory=dict)
+
+
+class Container:
+    """An MCAP file being written; every chunk reaches the operating system as it is written.
+
+    As a context manager it finishes the file, or abandons it after an exception.
+
+    Raises
+    ------
+    StandError
+        The file cannot be created.
+    """
+
+    def __init__(self, path: str | Path, topics: Sequence[Topic]) -> None:
+        try:
+            self._file = open(path, "wb")  # noqa: SIM115 (lives as long as the container)
+        except OSError as error:
+            raise StandError(f"{path}: cannot be written: {error.strerror}") from error
+        self._schemas = _schemas(topics)
+        self._channels = _channels(topics, self._schemas)
+        self._compressor = zstandard.ZstdCompressor(level=_ZSTD_LEVEL)
+        self._index = _Index()
+        self._position = 0
+        self._crc = 0
+        self._write(MAGIC)
+        self._write(_records([Header("ros2", _LIBRARY), *self._schemas, *self._channels]))
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """A Metadata record."""
+        start = self._position
+        self._write(_records([Metadata(name, dict(values))]))
+        self._index.metadata.append(MetadataIndex(start, self._position - start, name))
+
+    def attachment(self, name: str, media_type: str, data: bytes, time_ns: int) -> None:
+        """An Attachment record."""
+        start = self._position
+        self._write(_records([Attachment(time_ns, time_ns, name, media_type, data)]))
+        size = self._position - start
+        self._index.attachments.append(
+            AttachmentIndex(start, size, time_ns, time_ns, len(data), name, media_type)
+        )
+
+    def chunk(self, parts: Sequence[Part]) -> None:
+        """One chunk: the parts' messages by log time; at equal times in the order of `parts`."""
+        parts = [part for part in parts if len(part.log_time)]
+        if not parts:
+            return
+        starts, end = _starts(parts)
+        data = self._laid_out(parts, starts, end).data
+        first = min(int(part.log_time[0]) for part in parts)
+        last = max(int(part.log_time[-1]) for part in parts)
+        record = Chunk(
+            "zstd", self._compressor.compress(data), last, first, zlib.crc32(data), len(data)
+        )
+        position = self._position
+        self._write(_records([record]))
+        size = self._position - position
+        index_offsets = self._message_indexes(parts, starts)
+        self._index.chunks.append(
+            ChunkIndex(
+                chunk_length=size,
+                chunk_start_offset=position,
+                compression=record.compression,
+                compressed_size=len(record.data),
+                message_end_time=last,
+                message_index_length=self._position - position - size,
+                message_index_offsets=index_offsets,
+                message_start_time=first,
+                uncompressed_size=len(data),
+            )
+        )
+        self._file.flush()
+
+    def finish(self) -> None:
+        """Write what follows the data, and close the file."""
+        self._write(_records([DataEnd(self._crc)]))
+        start = self._position
+        summary, offsets = _summary(self._summary_groups(), start)
+        footer = Footer(start, start + len(summary), 0)
+        footer.summary_crc = zlib.crc32(summary + offsets + _records([footer])[:-4])
+        self._write(summary + offsets + _records([footer]) + MAGIC)
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is: whole chunks, no summary, no footer."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self.finish()
+        else:
+            self.abandon()
+
+    def _write(self, data: bytes) -> None:
+        self._file.write(data)
+        self._position += len(data)
+        self._crc = zlib.crc32(data, self._crc)
+
+    def _laid_out(self, parts: Sequence[Part], starts: Sequence[IntArray], end: int) -> Bytes:
+        """The chunk's records; sequence numbers go on from the topics' earlier messages."""
+        data = np.empty(end, np.uint8)
+        for part, places in zip(parts, starts, strict=True):
+            channel = part.topic + 1
+            count = self._index.counts.get(channel, 0)
+            _scatter(data, places, _heads(part, channel, count))
+            _scatter(data, places + MESSAGE_HEAD.itemsize, part.payload)
+            self._index.counts[channel] = count + len(places)
+        return data
+
+    def _message_indexes(
+        self, parts: Sequence[Part], offsets: Sequence[IntArray]
+    ) -> dict[int, int]:
+        """Write one MessageIndex record per channel of a chunk; their places in the file."""
+        entries: dict[int, list[NDArray[np.uint64]]] = {}
+        for part, starts in zip(parts, offsets, strict=True):
+            pairs = np.stack([part.log_time, starts], axis=1).astype("<u8")
+            entries.setdefault(part.topic + 1, []).append(pairs)
+        places = {}
+        for channel, pairs in entries.items():
+            places[channel] = self._position
+            self._write(_message_index(channel, np.concatenate(pairs)))
+        return places
+
+    def _summary_groups(self) -> list[tuple[Opcode, Sequence[McapRecord]]]:
+        return [
+            (Opcode.SCHEMA, self._schemas),
+            (Opcode.CHANNEL, self._channels),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._index.chunks),
+            (Opcode.ATTACHMENT_INDEX, self._index.attachments),
+            (Opcode.METADATA_INDEX, self._index.metadata),
+        ]
+
+    def _statistics(self) -> Statistics:
+        index = self._index
+        return Statistics(
+            attachment_count=len(index.attachments),
+            channel_count=len(self._channels),
+            channel_message_counts=index.counts,
+            chunk_count=len(index.chunks),
+            message_count=sum(index.counts.values()),
+            message_end_time=max((c.message_end_time for c in index.chunks), default=0),
+            message_start_time=min((c.message_start_time for c in index.chunks), default=0),
+            metadata_count=len(index.metadata),
+            schema_count=len(self._schemas),
+        )
+
+
+def _schemas(topics: Sequence[Topic]) -> list[Schema]:
+    texts = {topic.type_name: topic.definition for topic in topics}
+    return [
+        Schema(id=i, data=text.encode(), encoding="ros2msg", name=name)
+        for i, (name, text) in enumerate(texts.items(), start=1)
+    ]
+
+
+def _channels(topics: Sequence[Topic], schemas: Sequence[Schema]) -> list[Channel]:
+    ids = {schema.name: schema.id for schema in schemas}
+    return [
+        Channel(
+            id=i,
+            topic=topic.name,
+            message_encoding="cdr",
+            metadata={"offered_qos_profiles": topic.qos},
+            schema_id=ids[topic.type_name],
+        )
+        for i, topic in enumerate(topics, start=1)
+    ]
+
+
+def _records(records: Iterable[McapRecord]) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()
+
+
+def _heads(part: Part, channel: int, sequence: int) -> Bytes:
+    """The heads of the part's message records, (n, 31)."""
+    n, length = part.payload.shape
+    head = np.empty(n, MESSAGE_HEAD)
+    head["opcode"] = Opcode.MESSAGE
+    head["size"] = MESSAGE_HEAD.itemsize - OPCODE_AND_SIZE + length
+    head["channel"] = channel
+    head["sequence"] = np.arange(sequence, sequence + n)
+    head["log_time"] = part.log_time
+    head["publish_time"] = part.log_time
+    return head.view(np.uint8).reshape(n, MESSAGE_HEAD.itemsize)
+
+
+def _starts(parts: Sequence[Part]) -> tuple[list[IntArray], int]:
+    """Where each message record begins when all are put in order of time (stable); the end."""
+    counts = [len(part.log_time) for part in parts]
+    times = np.concatenate([part.log_time for part in parts])
+    sizes = np.repeat([MESSAGE_HEAD.itemsize + part.payload.shape[1] for part in parts], counts)
+    order = np.argsort(times, kind="stable")
+    ends = np.cumsum(sizes[order])
+    starts = np.empty(len(times), np.int64)
+    starts[order] = ends - sizes[order]
+    return np.split(starts, np.cumsum(counts)[:-1]), int(ends[-1])
+
+
+def _scatter(out: Bytes, starts: IntArray, rows: Bytes) -> None:
+    """Put each row of bytes at its place in `out`."""
+    windows = np.lib.stride_tricks.sliding_window_view(out, rows.shape[1], writeable=True)
+    windows[starts] = rows
+
+
+def _message_index(channel: int, pairs: NDArray[Any]) -> bytes:
+    """A MessageIndex record from (log time, offset) pairs, without a Python object per entry."""
+    body = pairs.tobytes()
+    head = np.zeros((), [("opcode", "u1"), ("size", "<u8"), ("channel", "<u2"), ("bytes", "<u4")])
+    head["opcode"] = Opcode.MESSAGE_INDEX
+    head["size"] = head.itemsize - OPCODE_AND_SIZE + len(body)
+    head["channel"] = channel
+    head["bytes"] = len(body)
+    return head.tobytes() + body
+
+
+def _summary(
+    groups: Iterable[tuple[Opcode, Sequence[McapRecord]]], start: int
+) -> tuple[bytes, bytes]:
+    """The summary section and the summary offset section."""
+    summary = b""
+    offsets = []
+    for opcode, records in groups:
+        data = _records(records)
+        if data:
+            offsets.append(SummaryOffset(opcode, start + len(summary), len(data)))
+        summary += data
+    return summary, _records(offsets)

@@ -1,0 +1,232 @@
+"""Walking through an MCAP file: its records, and the messages of its chunks, checked."""
+
+import struct
+import zlib
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, DataEnd, Footer, Schema
+from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
+
+from alignment.arrays import IntArray
+from stand.errors import StandError
+from stand.recording.mcap.cdr import Bytes
+from stand.recording.mcap.container import MAGIC, MESSAGE_HEAD, OPCODE_AND_SIZE
+from stand.recording.mcap.decode import gather
+
+_HEAD = struct.Struct("<BQ")
+_FOOTER_SIZE = _HEAD.size + 20
+_CRC_SIZE = 4
+_SEGMENT_BYTES = 1 << 20
+_COMPRESSIONS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
+_DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segment:
+    """Some records as they lie in the file: `data`, and where its messages are.
+
+    Attributes
+    ----------
+    data : (bytes,) uint8
+    channel, start, size : (n,) int64
+        Of each message: its channel's id, and where its payload lies in `data`.
+    """
+
+    data: Bytes
+    channel: IntArray
+    start: IntArray
+    size: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Directory:
+    """The channels and schemas met so far, by id."""
+
+    channels: dict[int, Channel] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+
+    def add(self, opcode: int, content: bytes) -> None:
+        """Take in a Schema or Channel record."""
+        stream = ReadDataStream(BytesIO(content))
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            self.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(stream)
+            self.channels[channel.id] = channel
+
+    def type_name(self, channel: Channel) -> str:
+        """The channel's message type."""
+        schema = self.schemas.get(channel.schema_id)
+        return schema.name if schema else "no type"
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[BinaryIO]:
+    """An MCAP file; whatever is found wrong with it is told with the file's name.
+
+    Raises
+    ------
+    StandError
+        Missing, a folder, not MCAP, cut off, damaged; or from the body of the ``with``.
+    """
+    try:
+        with open(path, "rb") as file:
+            _check_ends(file)
+            yield file
+    except FileNotFoundError as error:
+        raise StandError(f"{path}: no such file") from error
+    except IsADirectoryError as error:
+        raise StandError(f"{path}: is a folder, must be an MCAP file") from error
+    except OSError as error:
+        raise StandError(f"{path}: cannot be read: {error.strerror}") from error
+    except StandError as error:
+        raise StandError(f"{path}: {error}") from error
+    except _DAMAGE as error:
+        raise StandError(f"{path}: damaged: {str(error) or 'a record is too short'}") from error
+
+
+# What the mcap package and the decompressors raise on bytes that make no sense.
+_DAMAGE = (
+    CRCValidationError,
+    McapError,
+    zstandard.ZstdError,
+    RuntimeError,
+    struct.error,
+    UnicodeDecodeError,
+)
+
+
+def _check_ends(file: BinaryIO) -> None:
+    if file.read(len(MAGIC)) != MAGIC:
+        raise StandError("not an MCAP file")
+    size = file.seek(0, 2)
+    file.seek(max(size - len(MAGIC), 0))
+    if size < 2 * len(MAGIC) + _FOOTER_SIZE or file.read() != MAGIC:
+        raise StandError("cut off before its end; `mcap recover` saves its whole chunks")
+
+
+def records(
+    file: BinaryIO, wanted: Collection[int], start: int = len(MAGIC), checked: bool = False
+) -> Iterator[tuple[int, bytes]]:
+    """(opcode, content) of the wanted records from byte `start` up to the footer.
+
+    `checked` reads also the rest, and compares the checksums of the data (from the file's
+    start) and of the summary.
+    """
+    end = file.seek(0, 2) - len(MAGIC)
+    crc = zlib.crc32(MAGIC)
+    file.seek(start)
+    opcode = None
+    while opcode != Opcode.FOOTER:
+        head = file.read(_HEAD.size)
+        opcode, size = _HEAD.unpack(head)
+        if file.tell() + size > end:
+            raise StandError(f"damaged: a record reaches past the end, at byte {file.tell()}")
+        if not checked and opcode not in wanted:
+            file.seek(size, 1)
+            continue
+        content = file.read(size)
+        if checked:
+            crc = _checked_crc(opcode, head, content, crc)
+        if opcode in wanted:
+            yield opcode, content
+
+
+def _checked_crc(opcode: int, head: bytes, content: bytes, crc: int) -> int:
+    """The running checksum after a record; the data's ends at DataEnd, the summary's begins."""
+    if opcode == Opcode.DATA_END:
+        told = DataEnd.read(ReadDataStream(BytesIO(content))).data_section_crc
+        _compare("data", told, crc)
+        return 0
+    if opcode == Opcode.FOOTER:
+        told = Footer.read(ReadDataStream(BytesIO(content))).summary_crc
+        _compare("summary", told, zlib.crc32(head + content[:-_CRC_SIZE], crc))
+    return zlib.crc32(head + content, crc)
+
+
+def _compare(what: str, told: int, found: int) -> None:
+    """Checksums must agree; 0 means that the writer gave none."""
+    if told not in (0, found):
+        raise StandError(f"damaged: checksum of the {what} is {found:#010x}, must be {told:#010x}")
+
+
+def directory(file: BinaryIO) -> Directory:
+    """All channels and schemas: from the summary, or else from the whole file."""
+    found = Directory()
+    file.seek(-len(MAGIC) - _FOOTER_SIZE + _HEAD.size, 2)
+    start = Footer.read(ReadDataStream(file)).summary_start
+    if start:
+        for opcode, content in records(file, _DEFINITIONS, start):
+            found.add(opcode, content)
+    if not found.channels:
+        for _ in segments(file, found):
+            pass
+    return found
+
+
+def segments(file: BinaryIO, found: Directory) -> Iterator[Segment]:
+    """The file's messages chunk by chunk (those outside of chunks by megabyte), in file order.
+
+    Adds the schemas and channels it meets to `found`. All checksums are compared.
+    """
+    loose = bytearray()
+    for opcode, content in records(
+        file, (*_DEFINITIONS, Opcode.MESSAGE, Opcode.CHUNK), checked=True
+    ):
+        is_chunk = opcode == Opcode.CHUNK
+        if not is_chunk:
+            loose += _HEAD.pack(opcode, len(content)) + content
+        if loose and (is_chunk or len(loose) > _SEGMENT_BYTES):
+            yield _segment(bytes(loose), found)
+            loose.clear()
+        if is_chunk:
+            yield _segment(_chunk_data(content), found)
+    yield _segment(bytes(loose), found)
+
+
+def _chunk_data(content: bytes) -> bytes:
+    chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+    if chunk.compression not in _COMPRESSIONS:
+        known = ", ".join(_COMPRESSIONS.values())
+        raise StandError(f"unknown compression {chunk.compression!r}: known: {known}")
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    return stream.read(size)
+
+
+def _segment(data: bytes, found: Directory) -> Segment:
+    """Finds the messages; the loop does no more than step from record to record."""
+    places = []
+    at, end, head_at, message = 0, len(data), _HEAD.unpack_from, int(Opcode.MESSAGE)
+    while at < end:
+        opcode, size = head_at(data, at)
+        if opcode == message:
+            places.append(at)
+        elif opcode in _DEFINITIONS:
+            found.add(opcode, data[at + OPCODE_AND_SIZE : at + OPCODE_AND_SIZE + size])
+        at += OPCODE_AND_SIZE + size
+    if at > end:
+        raise StandError("damaged: a record reaches past the end of its chunk")
+    return _located(np.frombuffer(data, np.uint8), np.array(places, np.int64))
+
+
+def _located(data: Bytes, places: IntArray) -> Segment:
+    if len(places) == 0:
+        return Segment(data, places, places, places)
+    smallest = MESSAGE_HEAD.itemsize - OPCODE_AND_SIZE
+    if (gather(data, places + 1, "<u8") < smallest).any():
+        raise StandError("damaged: a message record is too short")
+    head = gather(data, places, MESSAGE_HEAD)
+    start = places + MESSAGE_HEAD.itemsize
+    size = head["size"].astype(np.int64) - smallest
+    return Segment(data, head["channel"].astype(np.int64), start, size)

@@ -1,0 +1,102 @@
+"""What simulated runs came to beside the predictions."""
+
+from dataclasses import dataclass
+
+from scipy.special import ndtri
+
+from stand.evaluation.statistics import TAIL
+
+AGREES = (0.9, 1.1)  # predicted over achieved sigma: what the guard band of 10 % stands for
+_NOTHING = 5e-5  # of a deg, deg/h or mg
+
+
+@dataclass(frozen=True, slots=True)
+class Achieved:
+    """What a quantity came to in many runs of the whole stand, beside what was predicted.
+
+    Attributes
+    ----------
+    method, window, label, quantity, unit, per
+        As of the `Prediction`.
+    predicted : float or None
+        [SI]; None where it is not determined.
+    runs : int
+        How many runs gave a number.
+    sigma, low, high : float
+        Root mean square of the errors against the truth [SI], and the 95 % interval of what it
+        estimates.
+    among : int
+        How many quantities are compared at once. One in twenty intervals misses what it is of;
+        to contradict a prediction, its own is widened until all of them hold in 95 %.
+    """
+
+    method: str
+    window: str
+    label: str
+    quantity: str
+    unit: str
+    per: float
+    predicted: float | None
+    runs: int
+    sigma: float
+    low: float
+    high: float
+    among: int = 1
+
+    @property
+    def ratio(self) -> tuple[float, float, float] | None:
+        """Predicted over achieved sigma, with the ends of its 95 % interval.
+
+        None where nothing was predicted, or where both are below `_NOTHING`: rounding.
+        """
+        if self.predicted is None or max(self.predicted, self.sigma) < _NOTHING * self.per:
+            return None
+        if not self.low > 0:
+            return None
+        return self.predicted / self.sigma, self.predicted / self.high, self.predicted / self.low
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the widened interval meets `AGREES`; None where there is nothing to compare."""
+        if self.ratio is None:
+            return None
+        wider = float(ndtri(TAIL / self.among) / ndtri(TAIL))
+        ratio, low, high = self.ratio
+        return bool(
+            ratio * (high / ratio) ** wider >= AGREES[0]
+            and ratio * (low / ratio) ** wider <= AGREES[1]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A method that gave no answer in `runs` of the runs, and the first reason."""
+
+    method: str
+    runs: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Many runs of the whole stand: `asked` for and `done` before it ended, in `seconds`.
+
+    The runs' seeds are `seed`, `seed` + 1 ...; each has a unit, a table and a sway of its own.
+    """
+
+    asked: int
+    done: int
+    seed: int
+    seconds: float
+    achieved: tuple[Achieved, ...]
+    refused: tuple[Refused, ...] = ()
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether it ended before all the runs that were asked for."""
+        return self.done < self.asked
+
+    @property
+    def disagreeing(self) -> tuple[Achieved, ...]:
+        """Those whose prediction the runs contradict."""
+        return tuple(a for a in self.achieved if a.agrees is False)

@@ -1,0 +1,218 @@
+"""Many runs that differ in their seed, made as cheaply as is honest.
+
+What is the same in every run (plan, checks, truth of a table without errors) is worked out once.
+Of ideal motion the truth is evaluated only where a method will look: between the stretches the
+unit goes on reporting, so that its noise, drifts and roundings take their course, but it is fed
+zeros there. With a low-pass filter, which remembers what it was fed, nothing is left out; nor with
+a clock that is wrong or a simulated servo, whose runs are those of `stand.simulation.simulation`.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment import Dwell
+from alignment.arrays import Array
+from stand.imu import Imu, without
+from stand.imu.model import draw
+from stand.motion.plan import Plan, PlannedStep
+from stand.motion.polynomial import MotionKind
+from stand.physics.geometry import with_errors
+from stand.physics.mjcf import load_model
+from stand.physics.truth import Truth, sample_count, stamps_ns
+from stand.procedure.steps import Sway, SwayBehind, Vibration, VibrationBehind
+from stand.samples import Sensed, TruthBlock
+from stand.simulation.collector import NS, DwellCollector, ticks_of
+from stand.simulation.settings import Settings, table_errors_of, temperature_of
+from stand.simulation.simulation import Block, Simulation, begins_of
+from stand.table.kinematics import C_NW
+
+RANDOM = (Sway, SwayBehind, Vibration, VibrationBehind)
+CHUNK = 20_000  # samples: bounds the memory of a run, and costs no speed
+KEPT = 400_000  # samples of truth that are kept for the next run, 200 bytes each
+
+Readings = tuple[list[Dwell], list[Rotation]]
+
+
+class _Felt(NamedTuple):
+    """Some samples before the unit has made anything of them."""
+
+    truth: TruthBlock
+    sensed: Sensed
+
+
+class Trials:
+    """Runs of one setting by their seed.
+
+    Raises
+    ------
+    StandError, AlignmentError
+        As `Simulation`: the setting is impossible.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self._first = first = Simulation(settings)
+        entry = settings.procedure.entry
+        self.plan: Plan = first.plan
+        self._drawn = any(isinstance(part, RANDOM) for part in (*entry.step, *entry.background))
+        self._whole = settings.motion is MotionKind.SERVO or not first.imu.spec.clock.perfect
+        self._spec = without(settings.imu, settings.without)
+        self._filtered = bool(
+            np.isfinite([self._spec.gyro.bandwidth, self._spec.accel.bandwidth]).any()
+        )
+        self._model = load_model()
+        self._same = not self._drawn and first.errors.perfect and first.feels_truth
+        self._felt: list[_Felt] = []
+        self._blocks: list[Block] = []
+        self._begins: dict[str, float | None] = {}
+        self._truth: Truth | None = None
+
+    def readings(self, seed: int) -> Readings:
+        """The stretches of a run, and the true ``C_nb`` of each: at its end (encoder angle 0)."""
+        settings = replace(self.settings, seed=seed)
+        return self._simulated(settings) if self._whole else self._made(settings)
+
+    def biases(self, seed: int) -> Array:
+        """The turn-on biases (6,) that the unit of a run was given: [rad/s], then [m/s^2]."""
+        sensors = (("gyro", self._spec.gyro), ("accel", self._spec.accel))
+        return np.concatenate([draw(spec, seed, sensor).bias for sensor, spec in sensors])
+
+    # --- whole simulations
+
+    def _simulated(self, settings: Settings) -> Readings:
+        if self._blocks:
+            imu = self._imu(settings)
+            collector = DwellCollector(self.plan.stretches, settings.rate_hz)
+            for block in self._blocks:
+                t = block.truth
+                collector.add(t, imu.report(Sensed(t.t_ns, t.w_ib_b, t.f_b)))
+            return collector.finish(self._begins)
+        simulation = Simulation(settings)
+        collector = DwellCollector(simulation.plan.stretches, settings.rate_hz)
+        keep = self._same and simulation.total <= KEPT
+        for block in simulation.blocks():
+            collector.add(block.truth, block.readings)
+            if keep:
+                self._blocks.append(block)
+        self._begins = begins_of(simulation.records())
+        return collector.finish(self._begins)
+
+    # --- ideal motion
+
+    def _made(self, settings: Settings) -> Readings:
+        planned = self._first.replanned(settings.seed) if self._drawn else self.plan
+        imu = self._imu(settings)
+        collector = DwellCollector(planned.stretches, settings.rate_hz)
+        for felt in self._of(settings, planned):
+            collector.add(felt.truth, imu.report(felt.sensed))
+        return collector.finish()
+
+    def _imu(self, settings: Settings) -> Imu:
+        temperature = temperature_of(settings.procedure)
+        return Imu(self._spec, settings.seed, settings.rate_hz, temperature)
+
+    def _of(self, settings: Settings, planned: Plan) -> Iterator[_Felt]:
+        total = sample_count(planned.motion.duration, settings.rate_hz)
+        if not self._same or total > KEPT:
+            yield from self._evaluated(settings, planned, total)
+            return
+        if not self._felt:
+            self._felt = list(self._evaluated(settings, planned, total))
+        yield from self._felt
+
+    def _evaluated(self, settings: Settings, planned: Plan, total: int) -> Iterator[_Felt]:
+        truth = self._truth
+        if truth is None or not self._same:
+            errors = table_errors_of(settings)
+            turned = with_errors(self._model, errors)
+            truth = self._truth = Truth(turned, settings.site, self._spec.places, errors)
+        for first, last, step in spans(planned.stretches, settings.rate_hz, total):
+            if step is None and not self._filtered:
+                yield _nothing(first, last, settings.rate_hz)
+            elif step is None or step.turning is None:
+                yield self._at_rest(truth, planned, settings, first, last)
+            else:
+                yield self._turning(truth, planned, settings, first, last)
+
+    def _at_rest(
+        self, truth: Truth, planned: Plan, settings: Settings, first: int, last: int
+    ) -> _Felt:
+        """Without the joints, which only a turn is asked for."""
+        ticks = np.arange(first, last + 1)
+        over = truth.over(planned.motion, ticks / settings.rate_hz, settings.sampling)
+        stamps, six = stamps_ns(ticks[1:], settings.rate_hz), np.zeros((last - first, 6))
+        block = TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, six, six)
+        return _Felt(block, Sensed(stamps, block.w_ib_b, over.f_places))
+
+    def _turning(
+        self, truth: Truth, planned: Plan, settings: Settings, first: int, last: int
+    ) -> _Felt:
+        motion, rate = planned.motion, settings.rate_hz
+        block = truth.block(motion, rate, settings.sampling, first, last)
+        if not self._spec.places.any():
+            return _Felt(block, Sensed(block.t_ns, block.w_ib_b, block.f_b))
+        edges = np.arange(first, last + 1) / rate
+        return _Felt(block, truth.sensed(motion, edges, block.t_ns, settings.sampling))
+
+
+def _nothing(first: int, last: int, rate_hz: int) -> _Felt:
+    """Samples that no method uses."""
+    n = last - first
+    stamps = stamps_ns(np.arange(first + 1, last + 1), rate_hz)
+    three, six = np.zeros((n, 3)), np.zeros((n, 6))
+    truth = TruthBlock(stamps, three, three, np.zeros((n, 4)), six, six)
+    return _Felt(truth, Sensed(stamps, three, three))
+
+
+def spans(
+    stretches: Sequence[PlannedStep], rate_hz: int, total: int
+) -> Iterator[tuple[int, int, PlannedStep | None]]:
+    """Samples [first, last) in order with the stretch they belong to, `CHUNK` of them at most.
+
+    None: they lie, wholly or in part, outside all stretches.
+    """
+    at = 0
+    bounds: list[tuple[int, int, PlannedStep | None]] = []
+    for step in sorted(stretches, key=lambda step: step.steady_from):
+        first, last = ticks_of(step, rate_hz)
+        bounds += [(at, first, None), (first, last, step)]
+        at = last
+    bounds.append((at, total, None))
+    for first, last, step in bounds:
+        for start in range(first, last, CHUNK):
+            yield start, min(start + CHUNK, last), step
+
+
+class Watched(NamedTuple):
+    """One run whose true attitude is known at every sample of its stretches."""
+
+    dwells: list[Dwell]
+    attitudes: list[Rotation]
+    t: Array
+    q_nb: Array
+
+    def C_nb(self, t: Array) -> Rotation:
+        """True attitude at times [s] between samples of one stretch."""
+        k = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
+        before, after = (Rotation.from_quat(self.q_nb[i]) for i in (k - 1, k))
+        part = (t - self.t[k - 1]) / (self.t[k] - self.t[k - 1])
+        turn = (before.inv() * after).as_rotvec()
+        return before * Rotation.from_rotvec(np.clip(part, 0, 1)[:, None] * turn)
+
+
+def watch(settings: Settings) -> Watched:
+    """One run by `stand.simulation.simulation`, for curves over time."""
+    simulation = Simulation(settings)
+    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz)
+    t, q = [], []
+    for block in simulation.blocks():
+        collector.add(block.truth, block.readings)
+        t.append(block.truth.t_ns * NS)
+        q.append(block.truth.q_wb)
+    dwells, attitudes = collector.finish(begins_of(simulation.records()))
+    q_nb = (C_NW * Rotation.from_quat(np.concatenate(q))).as_quat()
+    return Watched(dwells, attitudes, np.concatenate(t), q_nb)

@@ -1,0 +1,216 @@
+"""A run as it goes: plan, table with its errors, drive, truth and readings, block by block.
+
+What is made of the samples is for others to say: `stand.recorded_run` records them,
+`stand.evaluation.comparison`
+sets methods side by side on them.
+"""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
+
+from alignment import ESTIMATORS
+from alignment.arrays import Array
+from stand.errors import StandError
+from stand.imu import Imu, without
+from stand.motion.limits import Torque, check
+from stand.motion.plan import Plan, PlannedStep
+from stand.motion.planner import plan
+from stand.motion.polynomial import Motion, MotionKind
+from stand.physics.dynamics import Payload, required_torque
+from stand.physics.following import Followed, Span
+from stand.physics.geometry import with_errors
+from stand.physics.mjcf import describe, load_model
+from stand.physics.servo import Servo
+from stand.physics.truth import Truth, sample_count
+from stand.samples import ImuBlock, Sensed, TruthBlock
+from stand.simulation.settings import (
+    Settings,
+    methods_of,
+    payload_of,
+    table_errors_of,
+    temperature_of,
+)
+from stand.simulation.step_record import StepRecord
+from stand.table.joints import StandModel
+from stand.table.table import Table
+from stand.table.table_errors import TableErrors
+
+BLOCK = 1000  # samples, or a second of them if that is more: a chunk of the recording
+
+
+class Block(NamedTuple):
+    """Some samples: what was true, what the unit reports, and the motion that made them."""
+
+    truth: TruthBlock
+    readings: ImuBlock
+    motion: Motion
+
+
+class _Felt(NamedTuple):
+    truth: TruthBlock
+    sensed: Sensed
+    motion: Motion
+
+
+class Simulation:
+    """A run made ready: planned, checked against the table, its table and unit drawn.
+
+    Raises
+    ------
+    StandError
+        The plan is impossible on this table, or too short for the sample rate.
+    AlignmentError
+        A method needs the latitude, at a pole.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        model = load_model()
+        self.stand: StandModel = describe(model)
+        procedure, table = settings.procedure, settings.table
+        self.plan: Plan = plan(procedure, self.stand, table, settings.seed)
+        load = payload_of(procedure)
+        self._torque = _torque(model, table, load)
+        check(procedure, self.plan, table, self._torque)
+        if any(ESTIMATORS[m].needs_latitude for m in methods_of(settings)):
+            settings.site.horizontal_rate()  # refuses poles before the work, not after
+        _check_samples(settings, self.plan)
+        self.errors: TableErrors = table_errors_of(settings)
+        self.imu = Imu(
+            without(settings.imu, settings.without),
+            settings.seed,
+            settings.rate_hz,
+            temperature_of(procedure),
+        )
+        servo = settings.motion is MotionKind.SERVO
+        self._truth = Truth(
+            with_errors(model, self.errors),
+            settings.site,
+            self.imu.spec.places,
+            self.errors,
+            threads=min(2, os.cpu_count() or 1) if servo else 1,
+        )
+        self._drive: Motion | Servo = self.plan.motion
+        if servo:
+            spans = [Span(s.t_from, s.t_to, s.kind == "dwell") for s in self.plan.steps]
+            self._drive = Servo(model, table, self.plan.motion, load, spans=spans)
+
+    def replanned(self, seed: int) -> Plan:
+        """The plan with the random motions of another seed, checked against the table as its own.
+
+        Raises
+        ------
+        StandError
+            This seed's motion is beyond the table.
+        """
+        procedure, table = self.settings.procedure, self.settings.table
+        planned = plan(procedure, self.stand, table, seed)
+        check(procedure, planned, table, self._torque)
+        return planned
+
+    @property
+    def total(self) -> int:
+        """Number of samples."""
+        return sample_count(self.plan.motion.duration, self.settings.rate_hz)
+
+    def blocks(self) -> Iterator[Block]:
+        """The samples in order of time, once; the truth is worked out one block ahead."""
+        size = max(BLOCK, self.settings.rate_hz)
+        starts = range(0, self.total, size)
+        with ThreadPoolExecutor(1, thread_name_prefix="truth") as ahead:
+            coming: Future[_Felt] | None = None
+            for first in starts:
+                felt = (coming or ahead.submit(self._felt, first, size)).result()
+                more = first + size < self.total
+                coming = ahead.submit(self._felt, first + size, size) if more else None
+                yield Block(felt.truth, self.imu.report(felt.sensed), felt.motion)
+
+    def _felt(self, first: int, size: int) -> "_Felt":
+        """Truth, and what the sensors feel, of up to `size` samples after the `first`."""
+        settings = self.settings
+        last = min(first + size, self.total)
+        motion = self._drive.covering(first / settings.rate_hz, last / settings.rate_hz)
+        truth = self._truth.block(motion, settings.rate_hz, settings.sampling, first, last)
+        return _Felt(truth, self._sensed(truth, first), motion)
+
+    @property
+    def feels_truth(self) -> bool:
+        """Whether the sensors sit at the unit's point and its clock is right."""
+        return self.imu.spec.clock.perfect and not self.imu.spec.places.any()
+
+    def _sensed(self, truth: TruthBlock, first: int) -> Sensed:
+        """What the sensors feel at their own places and times; the truth where those are its."""
+        if self.feels_truth:
+            return Sensed(truth.t_ns, truth.w_ib_b, truth.f_b)
+        edges = self.imu.clock.edges(first, first + len(truth))
+        motion = self._drive.covering(float(edges[0]), float(edges[-1]))
+        return self._truth.sensed(motion, edges, truth.t_ns, self.settings.sampling)
+
+    def following(self, block: Block) -> Array | None:
+        """Demanded minus realised joint angles (n, 6) [rad]; None of ideal motion."""
+        if self.settings.motion is MotionKind.IDEAL:
+            return None
+        t = block.truth.t_ns * 1e-9
+        return self.plan.motion.joints(t)[0] - block.motion.joints(t)[0]
+
+    def records(self) -> tuple[StepRecord, ...]:
+        """What the servo did in each step, after the last block; nothing of ideal motion."""
+        if isinstance(self._drive, Motion):
+            return ()
+        limits = self.settings.table.torque
+        return tuple(
+            _step_record(step, done, limits)
+            for step, done in zip(self.plan.steps, self._drive.followed(), strict=True)
+        )
+
+
+def begins_of(records: tuple[StepRecord, ...]) -> dict[str, float | None]:
+    """From when each dwell of a servo run counts [s], where it had to settle; None: never."""
+    return {
+        r.label: None if r.settled is None else r.t_from + r.settled
+        for r in records
+        if r.rests and r.settled != 0.0
+    }
+
+
+def _torque(model: object, table: Table, payload: Payload) -> Torque | None:
+    """What torque a motion needs, where the table's motors are known."""
+    if None in table.motors:
+        return None
+    return partial(required_torque, model, table, payload)
+
+
+def _check_samples(settings: Settings, planned: Plan) -> None:
+    """Every stretch and its offset window hold two whole samples at least."""
+    least = 3 / settings.rate_hz
+    window = settings.options.offset_window
+    if window < least and any(ESTIMATORS[m].needs_offset for m in methods_of(settings)):
+        raise StandError(
+            f"{settings.procedure.name}: estimate, offset_window_s = {window:g}: must be "
+            f"{least:g} or more at {settings.rate_hz} Hz"
+        )
+    for step in planned.stretches:
+        duration = step.steady_to - step.steady_from
+        if duration < least:
+            allowed = f"must be {least:g} or more at {settings.rate_hz} Hz"
+            raise settings.procedure.fault(step.number, "duration_s", duration, allowed)
+
+
+def _step_record(step: PlannedStep, done: Followed, limits: Array) -> StepRecord:
+    waits = [t for t, rests in zip(done.settling_s, done.rests, strict=True) if rests]
+    never = any(t is None for t in waits)
+    return StepRecord(
+        step.label,
+        step.kind,
+        step.t_from,
+        step.t_to,
+        done.greatest_error,
+        done.rms_error,
+        done.saturated_s,
+        done.peak_torque / limits,
+        bool(waits),
+        None if never else max((t for t in waits if t is not None), default=None),
+    )

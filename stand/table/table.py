@@ -1,0 +1,250 @@
+"""Table classes: what each axis can do and how true it is. One TOML file per class in `tables/`."""
+
+from dataclasses import dataclass
+from math import inf, pi
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from alignment.arrays import Array, set_owned
+from alignment.units import ARC_SECOND, DEG
+from stand import toml_files as catalogue
+from stand.table.joints import JOINTS
+
+_TURN = 2 * pi
+_BREAKAWAY = 10 * ARC_SECOND  # what bristles bend before an axis slips, where nothing is stated
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+ArcSeconds = Annotated[float, Field(ge=0, le=36000)]
+PerTurn = Annotated[int, Field(ge=1, le=10000)]
+
+
+class MotorEntry(catalogue.Entry):
+    """The drive of one axis: a torque motor, its bearing and its servo.
+
+    `bandwidth_hz` is the natural frequency of the closed position loop, `damping` its damping
+    ratio, `integral_s` the time constant of its integrator (absent: none). Friction is LuGre's:
+    Coulomb and static level, Stribeck rate, and the stiffness of the bristles.
+    """
+
+    torque_Nm: Positive
+    bandwidth_hz: Annotated[float, Field(gt=0, le=200)]
+    damping: Annotated[float, Field(gt=0, le=5)] = 1.0
+    integral_s: Positive | None = None
+    viscous_Nm_s: NotNegative = 0.0
+    cogging_Nm: NotNegative = 0.0
+    cogging_per_turn: PerTurn = 36
+    coulomb_Nm: NotNegative = 0.0
+    static_Nm: NotNegative | None = None
+    stribeck_deg_s: Positive = 0.5
+    bristle_Nm_rad: Positive | None = None
+
+    @model_validator(mode="after")
+    def _friction(self) -> "MotorEntry":
+        if self.static_Nm is not None and self.static_Nm < self.coulomb_Nm:
+            raise ValueError(
+                f"static_Nm = {self.static_Nm:g}: must be coulomb_Nm = {self.coulomb_Nm:g} or more"
+            )
+        return self
+
+
+class AxisErrorsEntry(catalogue.Entry):
+    """How true one axis is: standard deviations from which a table is drawn.
+
+    `placement` is a constant offset of the true angle from the encoder's, `encoder` an error
+    that goes once and twice round per turn, `encoder_step` the step of its reading (a size, not
+    drawn); `non_orthogonality` tilts the axis toward the axis that carries it, `wobble` makes it
+    nod once per turn; `rate_ripple` is a part of the rate, `ripple_per_turn` times round (of
+    ideal motion: a simulated servo has its own).
+    """
+
+    placement_arc_s: ArcSeconds = 0.0
+    encoder_arc_s: ArcSeconds = 0.0
+    encoder_step_arc_s: ArcSeconds = 0.0
+    non_orthogonality_arc_s: ArcSeconds = 0.0
+    wobble_arc_s: ArcSeconds = 0.0
+    rate_ripple_percent: Annotated[float, Field(ge=0, le=50)] = 0.0
+    ripple_per_turn: PerTurn = 1
+
+
+class AxisEntry(catalogue.Entry):
+    """Limits of one axis. Without `travel_deg` it turns without end (slip rings)."""
+
+    travel_deg: tuple[float, float] | None = None
+    rate_deg_s: Positive
+    acceleration_deg_s2: Positive
+    jerk_deg_s3: Positive
+    motor: MotorEntry | None = None
+    errors: AxisErrorsEntry = AxisErrorsEntry()
+
+    @model_validator(mode="after")
+    def _travel_contains_zero(self) -> "AxisEntry":
+        if self.travel_deg is not None and not self.travel_deg[0] <= 0 <= self.travel_deg[1]:
+            raise ValueError(f"travel_deg = {list(self.travel_deg)}: must contain 0, low end first")
+        return self
+
+
+class GeometryEntry(catalogue.Entry):
+    """How the whole stands: standard deviations of its tilt and azimuth, and of the IMU's seat."""
+
+    base_tilt_arc_s: ArcSeconds = 0.0
+    base_azimuth_arc_s: ArcSeconds = 0.0
+    mounting_arc_s: ArcSeconds = 0.0
+
+
+class SettlingEntry(catalogue.Entry):
+    """When a rest begins: following error within `within_arc_s` for `hold_s`, on every axis."""
+
+    within_arc_s: Annotated[float, Field(gt=0, le=36000)] = 5.0
+    hold_s: Annotated[float, Field(gt=0, le=60)] = 0.5
+
+
+class CertificateEntry(catalogue.Entry):
+    """What a report needs of a real table: all optional, a report leaves a line to fill in."""
+
+    serial_number: str = ""
+    number: str = ""
+    laboratory: str = ""
+    calibrated_on: str = ""
+    valid_until: str = ""
+
+
+class TableEntry(catalogue.Entry):
+    """A table class as its TOML file says it."""
+
+    title: str
+    source: str
+    certificate: CertificateEntry = CertificateEntry()
+    geometry: GeometryEntry = GeometryEntry()
+    settling: SettlingEntry = SettlingEntry()
+    axis: dict[str, AxisEntry]
+
+    @model_validator(mode="after")
+    def _all_axes(self) -> "TableEntry":
+        if set(self.axis) != set(JOINTS):
+            raise ValueError(f"axis: has {sorted(self.axis)}, must be {sorted(JOINTS)}")
+        if self.axis[JOINTS[0]].errors.non_orthogonality_arc_s:
+            raise ValueError(
+                f"axis, {JOINTS[0]}, errors, non_orthogonality_arc_s: must be 0: no axis carries it"
+            )
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Motor:
+    """A drive in SI, as `MotorEntry`: [N m], [rad/s], [s], [N m s], [N m / rad].
+
+    `bandwidth` [rad/s]; `integral` None for no integrator; `static` not below `coulomb`.
+    """
+
+    torque: float
+    bandwidth: float
+    damping: float
+    integral: float | None
+    viscous: float
+    cogging: float
+    cogging_per_turn: int
+    coulomb: float
+    static: float
+    stribeck: float
+    bristle: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Limits of the six axes in SI, in the order of `JOINTS`.
+
+    `low`, `high` (6,) [rad], infinite where an axis turns without end; `rate` [rad/s],
+    `acceleration` [rad/s^2], `jerk` [rad/s^3], (6,) each; `torque` (6,) [N m], infinite where
+    unknown. `motors` (6,): None where the class has none. `entry` holds the accuracy figures.
+    `settle_within` [rad], `settle_hold` [s].
+    """
+
+    id: str
+    name: str
+    title: str
+    text: str
+    entry: TableEntry
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    rate: Array
+    acceleration: Array
+    jerk: Array
+    motors: tuple[Motor | None, ...]
+
+    def __post_init__(self) -> None:
+        six = (len(JOINTS),)
+        set_owned(
+            self,
+            rate=(self.rate, six, float),
+            acceleration=(self.acceleration, six, float),
+            jerk=(self.jerk, six, float),
+        )
+
+    @property
+    def torque(self) -> Array:
+        """Torque limits (6,) [N m], infinite where the class has no motor."""
+        return np.array([inf if m is None else m.torque for m in self.motors])
+
+    @property
+    def settle_within(self) -> float:
+        """Following error of a settled axis [rad]."""
+        return self.entry.settling.within_arc_s * ARC_SECOND
+
+    @property
+    def settle_hold(self) -> float:
+        """For how long [s]."""
+        return self.entry.settling.hold_s
+
+    def outside(self, joints: Array) -> list[int]:
+        """Indices of the axes whose angle (6,) [rad] is beyond travel."""
+        slack = 1e-9 * DEG
+        return [
+            i
+            for i, angle in enumerate(joints)
+            if not self.low[i] - slack <= angle <= self.high[i] + slack
+        ]
+
+
+def load_table(name: str) -> Table:
+    """A table class by catalogue id or path; `StandError` where it is not right."""
+    source = catalogue.find("tables", "table", name)
+    entry = catalogue.parse(source, TableEntry)
+    axes = [entry.axis[j] for j in JOINTS]
+    travels = [a.travel_deg or (-inf, inf) for a in axes]
+    return Table(
+        source.id,
+        source.name,
+        entry.title,
+        source.text,
+        entry,
+        tuple(low * DEG for low, _ in travels),
+        tuple(high * DEG for _, high in travels),
+        np.array([a.rate_deg_s for a in axes]) * DEG,
+        np.array([a.acceleration_deg_s2 for a in axes]) * DEG,
+        np.array([a.jerk_deg_s3 for a in axes]) * DEG,
+        tuple(_motor(a.motor) for a in axes),
+    )
+
+
+def _motor(entry: MotorEntry | None) -> Motor | None:
+    if entry is None:
+        return None
+    static = entry.coulomb_Nm if entry.static_Nm is None else entry.static_Nm
+    bristle = entry.bristle_Nm_rad
+    if bristle is None:
+        bristle = entry.coulomb_Nm / _BREAKAWAY
+    return Motor(
+        entry.torque_Nm,
+        entry.bandwidth_hz * _TURN,
+        entry.damping,
+        entry.integral_s,
+        entry.viscous_Nm_s,
+        entry.cogging_Nm,
+        entry.cogging_per_turn,
+        entry.coulomb_Nm,
+        static,
+        entry.stribeck_deg_s * DEG,
+        bristle,
+    )

@@ -1,0 +1,1 @@
+"""A vehicle: its path and the scenario of a drive."""

@@ -1,0 +1,258 @@
+"""Drives: a path, satellite fixes with their errors and outages, as TOML; and readings of them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.spatial.transform import Rotation
+
+from alignment import ImuReadings, Priors
+from alignment.arrays import Array
+from alignment.methods.vectors import Fixes
+from alignment.units import DEG
+from stand import toml_files as catalogue
+from stand.errors import StandError
+from stand.imu import Imu, ImuSpec
+from stand.samples import ImuBlock, Sensed
+from stand.vehicle.path import Change, Path, Start
+
+Positive = Annotated[float, Field(gt=0)]
+Zero = Annotated[float, Field(ge=0)]
+Slope = Annotated[float, Field(ge=-60, le=60)]
+
+Progress = Callable[[float], None]
+
+FOLDER = "trajectories"
+_BLOCK = 8192  # samples given to the unit at once
+
+
+class StartEntry(catalogue.Entry):
+    """Where and how the drive begins."""
+
+    latitude_deg: Annotated[float, Field(ge=-89.9, le=89.9)]
+    longitude_deg: Annotated[float, Field(ge=-180, le=360)] = 0.0
+    height_m: Annotated[float, Field(ge=-1000, le=20000)] = 0.0
+    heading_deg: float = 0.0
+    speed_m_s: Zero = 0.0
+    climb_deg: Slope = 0.0
+    roll_deg: Slope = 0.0
+
+    def start(self) -> Start:
+        """The same in SI."""
+        return Start(
+            self.latitude_deg * DEG,
+            self.longitude_deg * DEG,
+            self.height_m,
+            self.heading_deg * DEG,
+            self.speed_m_s,
+            self.climb_deg * DEG,
+            self.roll_deg * DEG,
+        )
+
+
+class Leg(catalogue.Entry):
+    """A stretch over which values go smoothly to what is said here; what is not said stays.
+
+    `turn_deg` is by how much the heading grows. `weave_deg` with `weaves`: the heading swings to
+    both sides, so many times, and ends where it began.
+    """
+
+    label: Annotated[str, Field(min_length=1)]
+    duration_s: Positive
+    speed_m_s: Zero | None = None
+    climb_deg: Slope | None = None
+    roll_deg: Slope | None = None
+    turn_deg: float = 0.0
+    weave_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    weaves: Annotated[int, Field(ge=0, le=1000)] = 0
+
+    @model_validator(mode="after")
+    def _either(self) -> "Leg":
+        if self.turn_deg and self.weaves:
+            raise ValueError("turn_deg and weaves: a leg turns or weaves, not both")
+        if bool(self.weave_deg) != bool(self.weaves):
+            raise ValueError("weave_deg and weaves: both or neither")
+        return self
+
+    def headings(self, before: float) -> list[Change]:
+        """What the heading does, from `before` [rad]."""
+        if not self.weaves:
+            return [Change(self.duration_s, before + self.turn_deg * DEG)]
+        quarter = self.duration_s / (4 * self.weaves)
+        swings = [self.weave_deg * DEG * (-1) ** k for k in range(2 * self.weaves)]
+        durations = [quarter, *[2 * quarter] * (len(swings) - 1)]
+        changes = [Change(d, before + s) for d, s in zip(durations, swings, strict=True)]
+        return [*changes, Change(quarter, before)]
+
+
+class SatelliteEntry(catalogue.Entry):
+    """How often fixes come, how wrong they are, and when none come.
+
+    White noise of every component, a drift correlated over `drift_time_s`, and outages as pairs
+    of times.
+    """
+
+    interval_s: Positive = 1.0
+    position_noise_m: Positive = 5.0
+    velocity_noise_m_s: Positive = 0.05
+    position_drift_m: Zero = 0.0
+    velocity_drift_m_s: Zero = 0.0
+    drift_time_s: Positive = 100.0
+    outages_s: tuple[tuple[Zero, Zero], ...] = ()
+
+    @model_validator(mode="after")
+    def _outages_last(self) -> "SatelliteEntry":
+        for a, b in self.outages_s:
+            if b <= a:
+                raise ValueError(f"outages_s: [{a:g}, {b:g}] must end after it begins")
+        return self
+
+    def times(self, duration: float) -> Array:
+        """When fixes come [s]; one at an outage's end has come through."""
+        count = int(duration / self.interval_s + 1e-9)
+        t = np.arange(count + 1) * self.interval_s
+        lost = np.zeros(len(t), bool)
+        for a, b in self.outages_s:
+            lost |= (t >= a) & (t < b)
+        return t[~lost]
+
+
+class DriveEntry(catalogue.Entry):
+    """A drive as its TOML file says it."""
+
+    title: Annotated[str, Field(min_length=1)]
+    description: Annotated[str, Field(min_length=1)]
+    start: StartEntry
+    leg: Annotated[tuple[Leg, ...], Field(min_length=1)]
+    satellite: SatelliteEntry = SatelliteEntry()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """A checked drive: its id and text, the path, and the satellites."""
+
+    id: str
+    title: str
+    text: str
+    path: Path
+    satellite: SatelliteEntry
+
+
+def load_drive(name: str) -> Drive:
+    """A drive by catalogue id or path of a file; `StandError` where it is not right."""
+    return drive_from(catalogue.find(FOLDER, "trajectory", name))
+
+
+def drive_from(source: catalogue.Source) -> Drive:
+    """Check a drive's text and build its path."""
+    entry = catalogue.parse(source, DriveEntry)
+    try:
+        path = path_of(entry.start.start(), entry.leg)
+    except StandError as error:
+        raise StandError(f"{source.name}: {error}") from error
+    drive = Drive(source.id, entry.title, source.text, path, entry.satellite)
+    if len(entry.satellite.times(path.duration)) < 2:
+        raise StandError(f"{source.name}: satellite: fewer than 2 fixes in {path.duration:g} s")
+    return drive
+
+
+def path_of(start: Start, legs: Sequence[Leg]) -> Path:
+    """The path through the legs."""
+    speed, heading, climb, roll = ([] for _ in range(4))
+    last = {"speed": start.speed, "heading": start.heading, "climb": start.climb}
+    last["roll"] = start.roll
+    for leg in legs:
+        turns = leg.headings(last["heading"])
+        last["heading"] = turns[-1].value
+        heading += turns
+        for changes, name, value, unit in (
+            (speed, "speed", leg.speed_m_s, 1.0),
+            (climb, "climb", leg.climb_deg, DEG),
+            (roll, "roll", leg.roll_deg, DEG),
+        ):
+            last[name] = last[name] if value is None else value * unit
+            changes.append(Change(leg.duration_s, last[name]))
+    return Path(start, speed, heading, climb, roll)
+
+
+def sense(path: Path, rate_hz: int, progress: Progress = lambda done: None) -> Sensed:
+    """What perfect sensors report along the whole path: means over samples."""
+    count = int(path.duration * rate_hz + 1e-6)
+    w, f = [], []
+    for first in range(0, count, _BLOCK):
+        last = min(first + _BLOCK, count)
+        block = path.means(np.arange(first, last + 1) / rate_hz)
+        w.append(block[0])
+        f.append(block[1])
+        progress(last / count)
+    ticks = np.arange(1, count + 1)
+    return Sensed(ticks * (10**9) // rate_hz, np.concatenate(w), np.concatenate(f))
+
+
+def reported(sensed: Sensed, unit: Imu) -> ImuBlock:
+    """What a unit reports of it."""
+    blocks = []
+    for k in range(0, len(sensed.t_ns), _BLOCK):
+        part = slice(k, k + _BLOCK)
+        own = Sensed(sensed.t_ns[part], sensed.w_ib_b[part], sensed.f_b[part])
+        blocks.append(unit.report(own))
+    columns = ([getattr(block, name) for block in blocks] for name in ImuBlock.__slots__)
+    return ImuBlock(*map(np.concatenate, columns))
+
+
+def readings_of(block: ImuBlock) -> ImuReadings:
+    """The same as estimators take it."""
+    return ImuReadings(block.t_ns * 1e-9, block.w_ib_b, block.f_b)
+
+
+def priors_of(imu: ImuSpec, gravity: float) -> Priors:
+    """What a data sheet says before the drive, as the solutions use it.
+
+    Scale errors act on gravity much as a bias, and on little else: they are counted as one.
+    """
+    return Priors(
+        gyro_bias=float(np.hypot(imu.gyro.bias, imu.gyro.instability)),
+        accel_bias=float(
+            np.linalg.norm([imu.accel.bias, imu.accel.instability, imu.accel.scale * gravity])
+        ),
+        gyro_walk=imu.gyro.noise,
+        accel_walk=imu.accel.noise,
+    )
+
+
+def fixes_of(path: Path, satellite: SatelliteEntry, rng: np.random.Generator) -> Fixes:
+    """Fixes along the path with their errors, outages left out."""
+    t = satellite.times(path.duration)
+    motion = path.at(t)
+
+    def errors(noise: float, drift: float) -> Array:
+        white = noise * rng.standard_normal((len(t), 3))
+        return white + drift * gauss_markov(t, satellite.drift_time_s, rng)
+
+    return Fixes(
+        t,
+        motion.r_e + errors(satellite.position_noise_m, satellite.position_drift_m),
+        motion.v_e + errors(satellite.velocity_noise_m_s, satellite.velocity_drift_m_s),
+        satellite.position_noise_m,
+        satellite.velocity_noise_m_s,
+        satellite.position_drift_m,
+        satellite.velocity_drift_m_s,
+        satellite.drift_time_s,
+    )
+
+
+def gauss_markov(t: Array, correlation: float, rng: np.random.Generator) -> Array:
+    """A stationary first-order process of variance one at times `t`: (m, 3)."""
+    x = rng.standard_normal((len(t), 3))
+    keep = np.exp(-np.diff(t) / correlation)
+    for k, a in enumerate(keep, start=1):
+        x[k] = a * x[k - 1] + np.sqrt(1 - a**2) * x[k]
+    return x
+
+
+def programmed(path: Path, sigma: float, rng: np.random.Generator) -> Rotation:
+    """A start attitude as programmed: wrong by `sigma` [rad] about each axis of n."""
+    error = Rotation.from_rotvec(sigma * rng.standard_normal(3))
+    return error * path.at(np.zeros(1)).C_nb[0]

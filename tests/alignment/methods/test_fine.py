@@ -1,0 +1,411 @@
+"""The fine filter: its sigmas against floors and chance, what turns tell, what it refuses."""
+
+import sys
+from dataclasses import replace
+from math import cos, pi, radians, sqrt
+
+import numpy as np
+import pytest
+from rocking import Angle, G, Motion, errors
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+from test_inertial import CAROUSEL, QUIET, SLOW, STILL, campaign, dwell, exact, nees, one, site
+
+from alignment import Dwell, ImuReadings, Options, Priors, Site
+from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
+from alignment.methods.fine import (
+    _ERRORS,
+    METHOD,
+    _inverse,
+    _Pass,
+    _updates,
+    filtered,
+    fine,
+    fine_tracks,
+    innovations,
+)
+from alignment.methods.inertial import inertial
+
+W = 7.292115e-5  # rad/s
+T, RATE = 60.0, 5.0
+LAT = radians(48.5)
+ARW = radians(2.3) * W * cos(LAT) * sqrt(T)  # white noise whose floor of heading is 2.3 deg
+HALF_TURN = Motion(yaw=Angle(0.7, moves=((28.0, 4.0, pi),)), pitch=Angle(0.05), roll=Angle(-0.05))
+LEVER = (0.1, 0.05, -0.08)
+ROCKING = Motion(
+    yaw=Angle(0.7, amplitude=0.04, frequency=0.13),
+    pitch=Angle(0.1, amplitude=0.09, phase=1.0),
+    roll=Angle(-0.05, amplitude=0.07, frequency=0.17, phase=0.3),
+    lever=LEVER,
+)
+SLOW_CENTRED = replace(SLOW, lever=(0.0, 0.0, 0.0))
+
+
+def floor(priors, motion, seconds=T):
+    return priors.gyro_walk / (W * cos(radians(motion.latitude_deg)) * sqrt(seconds))
+
+
+def sigma(estimate, axis=2):
+    return float(np.sqrt(estimate.covariance[axis, axis]))
+
+
+# --- exact readings ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("latitude", [0.0, 48.5, -33.0, 75.0])
+@pytest.mark.parametrize("motion", [STILL, CAROUSEL, HALF_TURN], ids=["still", "carousel", "half"])
+def test_perfect_sensors_give_the_attitude(motion, latitude):
+    motion = replace(motion, latitude_deg=latitude)
+    estimate, error = one(motion, T, 20.0, replace(QUIET, gyro_bias=1e-7), method=fine)
+    assert estimate.method == METHOD
+    assert (estimate.t_from, estimate.t_to) == (100.0, 160.0)
+    # Third order in the turn within two samples, (0.3 * 0.1)^3 of it in the fastest: below its
+    # sigma by a hundred in the still.
+    assert (np.abs(error) < 0.3 * np.sqrt(estimate.covariance.diagonal())).all()
+    assert not estimate.flags
+
+
+@pytest.mark.parametrize("latitude", [48.5, -33.0, 75.0])
+def test_rocking_off_the_crossing_with_its_lever_arm_estimated(latitude):
+    motion = replace(ROCKING, latitude_deg=latitude)
+    stretch, C = exact(motion, 120.0, 100.0)
+    run = filtered(stretch, site(motion), Options(priors=replace(QUIET, lever_arm=0.1)))
+    error = errors(run.C_nb[-1].as_matrix()[None], C)[0]
+    assert not run.flags
+    assert (np.abs(error) < 2 * np.sqrt(run.covariance[-1].diagonal())).all()
+    assert run.names == ("lever_arm",)
+    # Exact readings: what is left is the integration's own order, a part of the sigma.
+    assert (np.abs(run.constants[-1, 0] - LEVER) < 2 * run.sigmas[-1, 0]).all()
+    assert run.sigmas[-1, 0].max() < 1e-3
+
+
+def test_rocking_with_an_unstated_lever_arm_is_remarked_and_still_right():
+    estimate, error = one(ROCKING, 120.0, 100.0, QUIET, method=fine)
+    assert any("sway beyond noise and lever arm" in flag for flag in estimate.flags)
+    assert (np.abs(error) < 2 * np.sqrt(estimate.covariance.diagonal())).all()
+
+
+# --- sigmas against closed forms --------------------------------------------------------------
+
+
+def test_white_noise_at_rest_reaches_the_floor():
+    """With perfect accelerometers the ends of the record tell all of the drift: 1.00 of it."""
+    priors = Priors(gyro_walk=ARW, accel_walk=1e-6)
+    estimate, _ = one(STILL, T, 10.0, priors, method=fine)
+    coarse, _ = one(STILL, T, 10.0, priors)
+    assert 1 < sigma(estimate) / floor(priors, STILL) < 1.01
+    assert sigma(coarse) / sigma(estimate) == pytest.approx(sqrt(10 / 7), rel=0.01)
+
+
+@pytest.mark.parametrize("latitude", [48.5, -33.0])
+def test_constant_biases_at_rest_are_those_of_gyrocompassing(latitude):
+    """``b/(W cos lat)`` in heading, ``b/g`` in tilt, and ``tan(lat) b_E/g`` joining them."""
+    motion = replace(STILL, latitude_deg=latitude)
+    priors = Priors(1e-6, 5e-3, gyro_walk=1e-9, accel_walk=1e-7)
+    estimate, _ = one(motion, T, 10.0, priors, method=fine)
+    lat = radians(latitude)
+    tilt = 5e-3 / G
+    heading = 1e-6 / (W * cos(lat))
+    P = estimate.covariance
+    # The walks are a thousandth of the biases.
+    np.testing.assert_allclose(np.sqrt(P.diagonal()[:2]), tilt, rtol=0.005)
+    joined = np.tan(lat) * tilt  # eta_N = -f_E/g, eta_D = tan(lat) f_E/g
+    assert sqrt(P[2, 2]) == pytest.approx(np.hypot(heading, joined), rel=0.005)
+    assert P[0, 2] == pytest.approx(-tilt * joined, rel=0.02)
+
+
+def test_half_turn_tells_bias_from_earth_rate():
+    """Before it heading is known to b/(W cos lat), after it to noise alone."""
+    priors = Priors(gyro_bias=2e-5, gyro_walk=1e-6, accel_walk=1e-5)
+    level = replace(HALF_TURN, pitch=Angle(), roll=Angle())  # Y1 has no part in the others
+    stretch, _ = exact(level, T, 10.0)
+    run = filtered(stretch, site(level), Options(priors=priors))
+    heading = np.sqrt(run.covariance[:, 2, 2])
+    before, after = np.searchsorted(run.t, [127.9, 159.99])
+    limit = 2e-5 / (W * cos(LAT))
+    # Noise of 28 s adds 1.3 % in quadrature of little; the linearised bias is 0.4 rad of heading.
+    noise = floor(priors, HALF_TURN, 28.0)
+    assert heading[before] == pytest.approx(np.hypot(limit, noise), rel=0.01)
+    # Two rests of 28 s, differenced, and the turn's 4 s between them.
+    assert floor(priors, HALF_TURN) < heading[after] < 1.2 * floor(priors, HALF_TURN, 56.0)
+    bias = run.sigmas[:, run.names.index("gyro_bias")]
+    bias = bias[:, [0, 2]]  # X1 and Z1
+    # Half the sum of two rests' means: ARW/sqrt(56 s), of 2e-5.
+    assert bias[before].min() > 0.6 * 2e-5
+    np.testing.assert_allclose(bias[after], 1e-6 / sqrt(56.0), rtol=0.1)
+
+
+def test_turning_tells_bias_on_the_way():
+    """The carousel's heading sigma falls to the floor while at rest it stays at the bias."""
+    priors = Priors(gyro_bias=2e-5, gyro_walk=1e-6, accel_walk=1e-5)
+    turning, _ = one(CAROUSEL, T, 10.0, priors, method=fine)
+    resting, _ = one(STILL, T, 10.0, priors, method=fine)
+    assert sigma(resting) == pytest.approx(2e-5 / (W * cos(LAT)), rel=0.02)
+    assert 1 < sigma(turning) / floor(priors, CAROUSEL) < 1.25
+
+
+def test_scale_factor_error_of_a_turn_is_in_the_covariance():
+    """0.1 % of the half turn alone is 3 mrad about the vertical, which Earth rate must find."""
+    priors = Priors(gyro_bias=1e-6, gyro_scale=1e-3, gyro_walk=1e-6, accel_walk=1e-5)
+    options = Options(priors=priors)
+    t, w, f, C = HALF_TURN.readings(T, 10.0, 100.0)
+    run = filtered(dwell(t, w * (1 + 1e-3), f), site(HALF_TURN), options)
+    error = errors(run.C_nb[-1].as_matrix()[None], C)[0]
+    assert run.names == ("gyro_bias", "gyro_scale")
+    assert (np.abs(error) < 2 * np.sqrt(run.covariance[-1].diagonal())).all()
+
+
+def test_unstated_vertical_bias_is_not_taken_for_sway():
+    """Half a milli-g along the vertical, and no word of it: gravity's size is free."""
+    stretch, C = exact(STILL, T, 10.0)
+    r = stretch.readings
+    up = C.T @ [0.0, 0.0, -1.0]
+    moved = dwell(r.t, r.w_ib_b, r.f_b + 5e-3 * up)
+    estimate = fine([moved], site(STILL), Options(priors=QUIET))[0]
+    error = errors(estimate.C_nb.as_matrix()[None], C)[0]
+    assert not estimate.flags
+    assert (np.abs(error) < 0.1 * np.sqrt(estimate.covariance.diagonal())).all()
+
+
+# --- nothing is used twice --------------------------------------------------------------------
+
+
+def test_the_reference_is_only_a_point_of_linearisation(monkeypatch):
+    """Started 6 deg beside the inertial match the filter ends at the same answer and sigma."""
+    rng = np.random.default_rng(3)
+    priors = Priors(gyro_bias=1e-6, accel_bias=1e-3, gyro_walk=ARW / 5, accel_walk=1e-4)
+    t, w, f, _ = STILL.readings(T, RATE, 100.0)
+    w = w + priors.gyro_walk * sqrt(RATE) * rng.normal(size=w.shape)
+    stretch, options = dwell(t, w, f), Options(priors=priors)
+    plain = fine([stretch], site(STILL), options)[0]
+    module = sys.modules["alignment.methods.fine"]  # the package has the function under that name
+    match = module.match
+
+    def beside(carried, where):
+        found = match(carried, where)
+        return replace(found, C_ni=Rotation.from_rotvec([0.01, -0.01, 0.1]) * found.C_ni)
+
+    monkeypatch.setattr(module, "match", beside)
+    moved = fine([stretch], site(STILL), options)[0]
+    between = (moved.C_nb * plain.C_nb.inv()).as_rotvec()
+    sigmas = np.sqrt(plain.covariance.diagonal())
+    # Linearised within 0.01 rad: the second order of that, and of a prior of 10 rad (1e-4).
+    assert (np.abs(between) < 0.02 * sigmas).all()
+    np.testing.assert_allclose(moved.covariance, plain.covariance, rtol=0.02, atol=1e-12)
+
+
+def test_a_reference_far_off_is_found_by_passes_of_fewer_updates(monkeypatch):
+    """Five updates in one while the correction exceeds 0.01 rad; then all of them once."""
+    module = sys.modules["alignment.methods.fine"]
+    original, counts = module._filter, []
+
+    def counted(model, reference, variance):
+        counts.append(len(reference.carried.t))
+        return original(model, reference, variance)
+
+    monkeypatch.setattr(module, "_filter", counted)
+    rng = np.random.default_rng(5)
+    t, w, f, _ = SLOW_CENTRED.readings(T, 20.0, 100.0)
+    rate, force = 2e-5, 1e-4  # 24 deg of heading by the bias alone, until it is told
+    w = w + rate + 1e-6 * rng.normal(size=w.shape)
+    priors = Priors(gyro_bias=rate, gyro_walk=1e-6 / sqrt(20), accel_walk=force)
+    filtered(dwell(t, w, f), site(SLOW_CENTRED), Options(priors=priors))
+    assert counts.count(601) == 1  # 60 s of 0.1 s
+    assert set(counts) == {121, 601}
+    assert counts[-1] == 601
+    counts.clear()
+    exactly = replace(priors, gyro_bias=0.0, gyro_walk=1e-9)
+    t, w, f, _ = STILL.readings(T, 20.0, 100.0)
+    filtered(dwell(t, w, f), site(STILL), Options(priors=replace(exactly, accel_walk=1e-6)))
+    assert counts == [601]
+
+
+# --- the recursion ----------------------------------------------------------------------------
+
+
+def test_inverse_of_a_covariance_by_hand():
+    """(4 2 0; 2 5 2; 0 2 2): determinant 4 (10 - 4) - 2 (4 - 0) = 16, cofactors by hand."""
+    expected = np.array([[6, -4, 4], [-4, 8, -8], [4, -8, 16]]) / 16
+    found = _inverse(np.array([[4.0, 2, 0], [2, 5, 2], [0, 2, 2]]))
+    np.testing.assert_allclose(found, expected, rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize("drifting", [False, True])
+def test_updates_are_those_of_the_textbook(drifting):
+    """Against the filter as it is printed (Groves 3.2.2), on random matrices whose constants stay.
+
+    Rounding of matrices of size 10, over 40 updates: 1e-10.
+    """
+    rng = np.random.default_rng(8)
+    m, size, free = 40, _ERRORS + 6, _ERRORS
+    F = np.tile(np.eye(size), (m - 1, 1, 1))
+    F[:, :free] += 0.1 * rng.normal(size=(m - 1, free, size))
+    Q = np.zeros((m - 1, size, size))
+    root = rng.normal(size=(m - 1, free, free))
+    Q[:, :free, :free] = 0.01 * root @ root.transpose(0, 2, 1)
+    if drifting:
+        own = np.arange(free, size)
+        Q[:, own, own] = rng.uniform(0.01, 0.1, (m - 1, len(own)))
+    H, z = rng.normal(size=(m, 3, size)), rng.normal(size=(m, 3))
+    root = rng.normal(size=(size, size))
+    x, P = rng.normal(size=size), root @ root.T
+    state = np.column_stack([P, x])
+    shapes = (m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,)
+    out = _Pass(*(np.empty(shape) for shape in shapes))
+    for part in (slice(0, 25), slice(25, m)):  # as chunks: each but the last propagates to the next
+        steps = slice(part.start, min(part.stop, m - 1))
+        _updates(state, (F[steps], Q[steps], H[part], z[part], 0.2), part, out)
+    for k in range(m):
+        S = H[k] @ P @ H[k].T + 0.2 * np.eye(3)
+        K, innovation = P @ H[k].T @ np.linalg.inv(S), z[k] - H[k] @ x
+        x, P = x + K @ innovation, (np.eye(size) - K @ H[k]) @ P
+        np.testing.assert_allclose(out.x[k], x, atol=1e-10)
+        np.testing.assert_allclose(out.variances[k], P.diagonal(), atol=1e-10)
+        np.testing.assert_allclose(out.attitude[k], P[:3, :3], atol=1e-10)
+        np.testing.assert_allclose(out.values[k], innovation, atol=1e-10)
+        np.testing.assert_allclose(out.expected[k], S.diagonal(), atol=1e-10)
+        misfit = innovation @ np.linalg.solve(S, innovation)
+        assert out.misfit[k] == pytest.approx(misfit, abs=1e-10)
+        if k < m - 1:
+            x, P = F[k] @ x, F[k] @ P @ F[k].T + Q[k]
+
+
+# --- Monte Carlo ------------------------------------------------------------------------------
+
+SMALL = ARW / 5
+NOISE = Priors(gyro_walk=ARW, accel_walk=1e-4)
+BIASED = Priors(1e-6, 1e-3, gyro_walk=SMALL, accel_walk=1e-4)
+REGIMES = {
+    "noise": (STILL, NOISE),
+    "noise, rocking": (SLOW_CENTRED, NOISE),
+    "accelerometer noise": (STILL, Priors(gyro_walk=ARW / 15, accel_walk=1e-3)),
+    "biases, rocking, north": (replace(SLOW_CENTRED, latitude_deg=75.0), BIASED),
+    "biases, south": (replace(STILL, latitude_deg=-33.0), BIASED),
+    "biases, half turn": (HALF_TURN, replace(BIASED, gyro_bias=1e-5)),
+    "biases, scale, carousel": (
+        CAROUSEL,
+        Priors(1e-5, 1e-3, 1e-5, 1e-4, gyro_walk=SMALL, accel_walk=1e-4),
+    ),
+}
+RUNS = 60
+
+
+@pytest.mark.slow
+def test_normalised_errors_are_chi_square_in_every_regime():
+    tail = 0.025 / len(REGIMES)
+    low, high = chi2.ppf([tail, 1 - tail], 3 * RUNS) / RUNS  # family-wise 95 %
+    found = {}
+    for k, (name, (motion, priors)) in enumerate(REGIMES.items()):
+        rate = RATE if motion.yaw.moves == () else 2 * RATE  # half a turn in 4 s is fast
+        error, covariance = campaign(200 + k, motion, T, rate, RUNS, priors, method=fine)
+        assert np.sqrt(covariance[:, 2, 2]).max() < radians(8)
+        found[name] = nees(error, covariance).mean()
+    assert all(low < value < high for value in found.values()), (low, high, found)
+
+
+@pytest.mark.slow
+def test_lever_arm_state_does_not_make_it_too_sure():
+    """The updates are coarse on purpose there: sigmas of tilt are wide by a fifth, not narrow."""
+    priors = replace(NOISE, lever_arm=0.1)
+    error, covariance = campaign(41, SLOW, T, 10.0, 60, priors, method=fine)
+    value = nees(error, covariance).mean()
+    low, high = chi2.ppf([0.025, 0.975], 180) / 60
+    assert 0.7 * low < value < high
+    heading = error[:, 2] / np.sqrt(covariance[:, 2, 2])
+    low, high = chi2.ppf([0.005, 0.995], 60) / 60
+    assert low < np.mean(heading**2) < high
+    # No pull of the arm toward zero, and of tilt with it: means within 3.3 standard errors.
+    normalised = error / np.sqrt(np.einsum("kii->ki", covariance))
+    assert np.abs(normalised.mean(axis=0)).max() < 3.3 / sqrt(60)
+
+
+# --- innovations and tracks -------------------------------------------------------------------
+
+
+def test_innovations_are_white_and_of_their_sigma():
+    rng = np.random.default_rng(8)
+    t, w, f, _ = SLOW_CENTRED.readings(120.0, 100.0, 100.0)
+    priors = Priors(gyro_walk=1e-6, accel_walk=1e-3)
+    w = w + priors.gyro_walk * sqrt(100) * rng.normal(size=w.shape)
+    f = f + priors.accel_walk * sqrt(100) * rng.normal(size=f.shape)
+    found = innovations(dwell(t, w, f), site(SLOW_CENTRED), Options(priors=priors))
+    assert found.values.shape == found.sigmas.shape == (1201, 3)
+    np.testing.assert_allclose(np.diff(found.t), 0.1, rtol=0, atol=1e-9)
+    normal = (found.values / found.sigmas)[20:]  # the first ones tell what nobody knew
+    n = normal.size
+    low, high = chi2.ppf([0.001, 0.999], n) / n
+    assert low < np.mean(normal**2) < high
+    # Correlation of neighbours: 1/sqrt(n), 1.7 %, four sigmas.
+    assert abs(np.mean(normal[1:] * normal[:-1])) < 0.07
+    with pytest.raises(ValueError, match="read-only"):
+        found.values[0, 0] = 1.0
+
+
+def test_track_ends_at_the_estimate_and_stays_within_its_sigmas():
+    rng = np.random.default_rng(9)
+    motion = SLOW_CENTRED
+    t, w, f, _ = motion.readings(T, 20.0, 100.0)
+    priors = Priors(gyro_walk=2e-6, accel_walk=1e-4)
+    w = w + priors.gyro_walk * sqrt(20) * rng.normal(size=w.shape)
+    f = f + priors.accel_walk * sqrt(20) * rng.normal(size=f.shape)
+    stretch, options = dwell(t, w, f), Options(priors=priors)
+    (track,) = fine_tracks(stretch, site(motion), options)
+    estimate = fine([stretch], site(motion), options)[0]
+    np.testing.assert_allclose(
+        track.C_nb[-1].as_matrix(), estimate.C_nb.as_matrix(), rtol=0, atol=2e-15
+    )
+    np.testing.assert_array_equal(track.covariance[-1], estimate.covariance)
+    assert np.diff(track.t).min() == pytest.approx(0.5, abs=1e-6)
+    truth, _, _ = motion.state(track.t - 100.0)
+    turned = (track.C_nb * Rotation.from_matrix(truth).inv()).as_rotvec()
+    sigmas = np.sqrt(np.einsum("kii->ki", track.covariance))
+    assert sigmas[0, 2] < 0.5
+    assert sigmas[-1, 2] < sigmas[0, 2] / 3
+    assert (np.abs(turned) < 4.5 * sigmas).all()  # 300 values, correlated: 1 in 500
+    mean = np.mean((turned / sigmas) ** 2)
+    assert 0.05 < mean < 4  # one path of few independent errors
+
+
+def test_noise_is_told_from_the_readings_where_no_prior_gives_it():
+    rng = np.random.default_rng(10)
+    t, w, f, C = SLOW_CENTRED.readings(T, 50.0, 100.0)
+    w = w + ARW * sqrt(50) * rng.normal(size=w.shape)
+    f = f + 1e-4 * sqrt(50) * rng.normal(size=f.shape)
+    told = fine([dwell(t, w, f)], site(STILL), Options())[0]
+    given = fine([dwell(t, w, f)], site(STILL), Options(priors=NOISE))[0]
+    # 240 independent lines of the octave: 5 % in variance of each axis, 3 sigma of the sigma.
+    assert sigma(told) == pytest.approx(sigma(given), rel=0.08)
+    error = errors(told.C_nb.as_matrix()[None], C)[0]
+    assert (np.abs(error) < 3.5 * np.sqrt(told.covariance.diagonal())).all()
+
+
+# --- refusals ---------------------------------------------------------------------------------
+
+
+def test_refusals_are_those_of_the_coarse_method():
+    stretch, _ = exact(STILL, 20.0, 10.0)
+    with pytest.raises(PoleError):
+        fine([stretch], Site(radians(-89.99)), Options())
+    r = stretch.readings
+    keep = np.r_[0:50, 75:200]
+    holed = Dwell("p", 100.0, 120.0, ImuReadings(r.t[keep], r.w_ib_b[keep], r.f_b[keep]))
+    with pytest.raises(AlignmentError, match=r"p: gap of 2\.6 s"):
+        fine([holed], site(STILL), Options())
+    short, _ = exact(STILL, 3.0, 10.0)
+    with pytest.raises(TooShort):
+        fine([short], site(STILL), Options(priors=QUIET))
+    moving = replace(STILL, sway=(Angle(amplitude=16.0, frequency=0.02), Angle(), Angle()))
+    with pytest.raises(NotAtRest, match="the instrument travels"):
+        one(moving, 120.0, 10.0, method=fine)
+
+
+def test_coarse_and_fine_agree_on_the_same_readings():
+    rng = np.random.default_rng(12)
+    t, w, f, _ = STILL.readings(T, 10.0, 100.0)
+    w = w + SMALL * sqrt(10) * rng.normal(size=w.shape)
+    stretch = dwell(t, w, f)
+    options = Options(priors=replace(BIASED, gyro_bias=0.0, accel_bias=0.0))
+    (first,), (second,) = (m([stretch], site(STILL), options) for m in (inertial, fine))
+    between = (first.C_nb * second.C_nb.inv()).as_rotvec()
+    # Both see the same noise; the coarse one weighs it worse by sqrt(10/7 - 1) of a sigma.
+    assert abs(between[2]) < 3 * sigma(second) * sqrt(3 / 7)

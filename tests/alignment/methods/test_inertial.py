@@ -1,0 +1,395 @@
+"""Inertial-frame alignment: against exact rocking, the white-noise floor, and chi-square bounds."""
+
+from dataclasses import replace
+from math import cos, pi, radians, sqrt
+
+import numpy as np
+import pytest
+from rocking import Angle, G, Motion, earth_n, errors, noisy
+from scipy.integrate import cumulative_trapezoid
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from alignment import Dwell, ImuReadings, Options, Priors, Site
+from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
+from alignment.methods.inertial import (
+    METHOD,
+    Noise,
+    functional_covariance,
+    gravity_velocity,
+    inertial,
+    inertial_tracks,
+    noise_of,
+    white_levels,
+)
+from alignment.strapdown import carry
+
+W = 7.292115e-5  # rad/s
+STILL = Motion(yaw=Angle(0.7), pitch=Angle(0.1), roll=Angle(-0.05))
+ROCKING = Motion(
+    yaw=Angle(0.7, amplitude=0.04, frequency=0.13),
+    pitch=Angle(0.1, amplitude=0.09, phase=1.0),
+    roll=Angle(-0.05, amplitude=0.07, frequency=0.17, phase=0.3),
+    lever=(0.1, 0.05, -0.08),
+)
+# The same slowly: for few samples a second.
+SLOW = Motion(
+    yaw=Angle(-2.0, amplitude=0.04, frequency=0.03),
+    pitch=Angle(0.1, amplitude=0.09, frequency=0.05, phase=1.0),
+    roll=Angle(-0.05, amplitude=0.07, frequency=0.04, phase=0.3),
+    lever=(0.1, 0.05, -0.08),
+)
+CAROUSEL = Motion(yaw=Angle(0.4, rate=2 * pi / 30), pitch=Angle(0.02), roll=Angle(-0.05))
+X1_UP = Motion(yaw=Angle(0.3), pitch=Angle(pi / 2, amplitude=0.05), roll=Angle(amplitude=0.05))
+QUIET = Priors(gyro_walk=1e-7, accel_walk=1e-5)
+
+
+def site(motion):
+    return Site(radians(motion.latitude_deg), local_gravity=G)
+
+
+def dwell(t, w, f, label="p"):
+    return Dwell(label, float(2 * t[0] - t[1]), float(t[-1]), ImuReadings(t, w, f))
+
+
+def exact(motion, seconds, rate):
+    t, w, f, C = motion.readings(seconds, rate, 100.0)
+    return dwell(t, w, f), C
+
+
+def one(motion, seconds, rate, priors=QUIET, method=inertial):
+    stretch, C = exact(motion, seconds, rate)
+    estimate = method([stretch], site(motion), Options(priors=priors))[0]
+    return estimate, errors(estimate.C_nb.as_matrix()[None], C)[0]
+
+
+def campaign(seed, motion, seconds, rate, runs, priors, known=None, method=inertial):
+    """Errors (runs, 3) and covariances (runs, 3, 3): noise and constants drawn from `priors`;
+    the estimator is told `known`, or all of it."""
+    rng = np.random.default_rng(seed)
+    t, w, f, C = motion.readings(seconds, rate, 100.0)
+    sigmas = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
+    biases = sigmas * rng.normal(size=(runs, 6))
+    scales = 1 + np.repeat([priors.gyro_scale, priors.accel_scale], 3) * rng.normal(size=(runs, 6))
+    found, covariances = [], []
+    options = Options(priors=priors if known is None else known)
+    for first in range(0, runs, 250):  # a few at once: bounds the memory
+        part = slice(first, min(first + 250, runs))
+        rates, forces = noisy(
+            rng,
+            w,
+            f,
+            rate,
+            part.stop - part.start,
+            priors.gyro_walk,
+            priors.accel_walk,
+            biases[part],
+        )
+        rates = rates + (scales[part, None, :3] - 1) * w
+        forces = forces + (scales[part, None, 3:] - 1) * f
+        dwells = [dwell(t, a, b) for a, b in zip(rates, forces, strict=True)]
+        for estimate in method(dwells, site(motion), options):
+            found.append(estimate.C_nb.as_matrix())
+            covariances.append(estimate.covariance)
+    return errors(np.array(found), C), np.array(covariances)
+
+
+def nees(error, covariance):
+    return np.einsum("ki,ki->k", error, np.linalg.solve(covariance, error[..., None])[..., 0])
+
+
+# --- the reference ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("latitude", [48.5, -33.0, 89.0])
+def test_gravity_turns_with_the_earth(latitude):
+    """Against fine quadrature of ``-g`` turned about the Earth's axis, seen from the end."""
+    t = np.linspace(50.0, 50.0 + 7200.0, 7201)
+    where = Site(radians(latitude), local_gravity=G, deflection=(3e-4, -2e-4))
+    v, p = gravity_velocity(t, where)
+    back = Rotation.from_rotvec((t - t[-1])[:, None] * earth_n(latitude))
+    f = back.apply(where.f_n)
+    want = cumulative_trapezoid(f, t, axis=0, initial=0)
+    # Trapezoids of 1 s: (W * 1 s)^2/12 of 70 km/s; of the second integral likewise.
+    np.testing.assert_allclose(v, want, rtol=0, atol=5e-5)
+    np.testing.assert_allclose(p, cumulative_trapezoid(want, t, axis=0, initial=0), atol=0.2)
+    # By hand: the first second points up, and horizontally where n has turned from: the Earth
+    # carried the vertical toward east, so an earlier one lies west by W cos lat T of gravity.
+    early = v[1] / 1.0
+    assert early[2] == pytest.approx(-G, rel=0.2)
+    assert early[1] == pytest.approx(-G * cos(radians(latitude)) * np.sin(W * 7200), abs=0.01)
+
+
+# --- exact readings ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("latitude", [0.0, 48.5, -33.0, 75.0, -75.0])
+@pytest.mark.parametrize("motion", [STILL, CAROUSEL, X1_UP], ids=["still", "carousel", "X1 up"])
+def test_perfect_sensors_give_the_attitude(motion, latitude):
+    motion = replace(motion, latitude_deg=latitude)
+    estimate, error = one(motion, 60.0, 20.0)
+    assert estimate.method == METHOD
+    assert (estimate.t_from, estimate.t_to) == (100.0, 160.0)
+    # The steps' third order in |w| 0.1 s: under 1e-9 of g in tilt, over W cos lat T in heading.
+    np.testing.assert_allclose(error[:2], 0, rtol=0, atol=2e-8)
+    assert abs(error[2]) < 1e-4
+    assert not estimate.flags
+
+
+@pytest.mark.parametrize("latitude", [48.5, -33.0, 75.0])
+def test_sway_with_a_lever_arm_leaves_less_than_its_sigma(latitude):
+    """Five degrees at 0.2 Hz, 14 cm off the crossing: the analytic method would see 6 deg/s."""
+    motion = replace(ROCKING, latitude_deg=latitude)
+    estimate, error = one(motion, 120.0, 100.0)
+    sigma = np.sqrt(estimate.covariance.diagonal())
+    assert (np.abs(error) < 2 * sigma).all()
+    # 60 r/(g T^2 W T cos lat) with r = 1.5 cm, and what its sigma must not exceed.
+    assert abs(error[2]) < 60 * 0.015 / (G * 120**3 * W * cos(radians(latitude)))
+    assert abs(error[2]) < radians(0.1)
+
+
+def test_answer_does_not_depend_on_the_start_of_the_clock_or_the_label():
+    first, _ = one(ROCKING, 60.0, 50.0)
+    stretch, _ = exact(ROCKING, 60.0, 50.0)
+    r = stretch.readings
+    later = Dwell("q", 1e5, 1e5 + 60.0, ImuReadings(r.t - 100.0 + 1e5, r.w_ib_b, r.f_b))
+    second = inertial([later], site(ROCKING), Options(priors=QUIET))[0]
+    # Stamps of 1e5 s round to 1e-11 s: 1e-10 of each increment, times W T's lever of 300.
+    np.testing.assert_allclose(second.C_nb.as_matrix(), first.C_nb.as_matrix(), atol=1e-7)
+
+
+# --- covariance -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("motion", [SLOW, CAROUSEL, STILL], ids=["rocking", "carousel", "still"])
+@pytest.mark.parametrize("constant", ["gyro_bias", "accel_bias", "gyro_scale", "accel_scale"])
+def test_sensitivity_to_constants_by_differencing_the_estimator(motion, constant):
+    """What a prior adds to the covariance is the outer product of the estimator's own slopes."""
+    size = 1e-9 if constant == "gyro_bias" else 1e-5
+    t, w, f, _ = motion.readings(60.0, 10.0, 100.0)
+    options = Options(priors=QUIET)
+    base = inertial([dwell(t, w, f)], site(motion), options)[0]
+    slopes = []
+    for axis in np.eye(3):
+        rates, forces = w, f
+        if constant == "gyro_bias":
+            rates = w + size * axis
+        elif constant == "gyro_scale":
+            rates = w * (1 + size * axis)
+        elif constant == "accel_bias":
+            forces = f + size * axis
+        else:
+            forces = f * (1 + size * axis)
+        moved = inertial([dwell(t, rates, forces)], site(motion), options)[0]
+        slopes.append(errors(moved.C_nb.as_matrix()[None], base.C_nb.as_matrix())[0])
+    with_prior = replace(QUIET, **{constant: size})
+    wider = inertial([dwell(t, w, f)], site(motion), Options(priors=with_prior))[0]
+    want = np.array(slopes).T @ np.array(slopes)
+    got = wider.covariance - base.covariance
+    root = np.sqrt(want.diagonal())
+    root = np.maximum(root, 1e-4 * root.max())  # a tilt of 0.1 % of the heading is none
+    # Sums over blocks against samples, and the slopes' own second order.
+    np.testing.assert_allclose(got / np.outer(root, root), want / np.outer(root, root), atol=0.03)
+
+
+def test_white_noise_of_unlike_axes_is_told_apart():
+    """A gyro noisy about the vertical alone leaves heading; about the horizontal it does not."""
+    motion = Motion(yaw=Angle(pi / 2))  # X1 east, Y1 up
+    stretch, _ = exact(motion, 60.0, 10.0)
+    carried = carry(stretch.readings, 1.0)
+    m = len(carried.spans)
+    gyro = np.tile(np.eye(3), (m, 1, 1))  # the sum of all rotations, in n
+    C_ni = motion.state(np.zeros(1))[0][0]
+    noise = Noise(np.array([1e-5, 2e-5, 3e-5]), np.zeros(3))
+    P = functional_covariance(gyro, 0 * gyro, C_ni, carried, noise, Priors())
+    # X1 points east, Y1 up, Z1 south: walks of 60 s, on the diagonal to the Earth's turn of 0.004.
+    want = 60 * np.array([3e-5, 1e-5, 2e-5]) ** 2
+    np.testing.assert_allclose(P, np.diag(want), atol=0.005 * want.max())
+
+
+# --- Monte Carlo ------------------------------------------------------------------------------
+
+T, RATE = 60.0, 5.0
+FLOOR = radians(2.3)  # of heading: below 8 deg also where it is 3.5 times as large
+ARW = FLOOR * W * cos(radians(48.5)) * sqrt(T)
+
+
+@pytest.mark.slow
+def test_heading_reaches_the_published_part_of_the_floor():
+    """1.1 to 1.3 of ``ARW/(W cos lat sqrt T)``; centred velocity curves promise sqrt(10/7)."""
+    runs = 2000
+    priors = Priors(gyro_walk=ARW, accel_walk=1e-5)
+    error, covariance = campaign(12, SLOW, T, RATE, runs, priors)
+    ratio = np.sqrt(np.mean(error[:, 2] ** 2)) / FLOOR
+    low, high = np.sqrt(runs / chi2.ppf([0.975, 0.025], runs)) * ratio
+    assert low < 1.3
+    assert high > 1.1
+    assert low < sqrt(10 / 7) < high
+    assert np.sqrt(covariance[:, 2, 2].mean()) / FLOOR == pytest.approx(sqrt(10 / 7), rel=0.01)
+    assert ratio > 1  # nothing lies below the floor
+
+
+NOISE = Priors(gyro_walk=ARW, accel_walk=1e-4)
+SMALL = ARW / 5
+REGIMES = {
+    "noise": (STILL, NOISE),
+    "noise, rocking": (SLOW, NOISE),
+    "accelerometer noise": (STILL, Priors(gyro_walk=ARW / 15, accel_walk=1e-3)),
+    "biases": (STILL, Priors(1e-6, 1e-3, gyro_walk=SMALL, accel_walk=1e-4)),
+    "biases, rocking, north": (
+        replace(SLOW, latitude_deg=75.0),
+        Priors(1e-6, 1e-3, gyro_walk=SMALL, accel_walk=1e-4),
+    ),
+    "biases, rocking, south": (
+        replace(SLOW, latitude_deg=-33.0),
+        Priors(2e-6, 3e-3, gyro_walk=SMALL, accel_walk=1e-4),
+    ),
+    "carousel": (CAROUSEL, Priors(4e-6, 1e-3, 1e-6, 1e-4, gyro_walk=SMALL, accel_walk=1e-4)),
+}
+RUNS = 200
+
+
+@pytest.mark.slow
+def test_normalised_errors_are_chi_square_in_every_regime():
+    tail = 0.025 / len(REGIMES)
+    low, high = chi2.ppf([tail, 1 - tail], 3 * RUNS) / RUNS  # family-wise 95 %
+    found = {}
+    for k, (name, (motion, priors)) in enumerate(REGIMES.items()):
+        error, covariance = campaign(100 + k, motion, T, RATE, RUNS, priors)
+        assert np.sqrt(covariance[:, 2, 2]).max() < radians(8)
+        found[name] = nees(error, covariance).mean()
+    assert all(low < value < high for value in found.values()), (low, high, found)
+
+
+@pytest.mark.slow
+def test_noise_told_from_rocking_readings_serves_as_well():
+    """At 20 Hz 60 s give the levels to 7 %: what that adds to the NEES is below its bounds."""
+    error, covariance = campaign(31, SLOW, T, 20.0, 200, NOISE, known=Priors())
+    low, high = chi2.ppf([0.025, 0.975], 600) / 200
+    assert low < nees(error, covariance).mean() < high * 1.02
+
+
+def test_shortest_record_has_a_track_of_one_point():
+    stretch, _ = exact(STILL, 3.2, 10.0)
+    (track,) = inertial_tracks(stretch, site(STILL), Options(priors=QUIET))
+    assert len(track.t) == 1
+
+
+# --- noise from the readings ------------------------------------------------------------------
+
+
+def test_white_levels_under_sway():
+    rng = np.random.default_rng(5)
+    t, w, f, _ = ROCKING.readings(300.0, 50.0)
+    levels = np.array([1e-6, 1e-4])
+    rates = w + levels[0] * sqrt(50) * rng.normal(size=w.shape)
+    forces = f + levels[1] * sqrt(50) * rng.normal(size=f.shape)
+    noise = noise_of(ImuReadings(t, rates, forces), Priors())
+    # The octave from 6 to 12 Hz holds 1900 lines, half of them independent: 1.6 %, of six 4 sigma.
+    np.testing.assert_allclose(noise.gyro, levels[0], rtol=0.065)
+    np.testing.assert_allclose(noise.accel, levels[1], rtol=0.065)
+
+
+def test_dither_is_not_taken_for_noise():
+    """White 1e-7 rad/rt-s, and angle noise that makes single samples 40 times noisier."""
+    rng = np.random.default_rng(6)
+    n, dt = 60_000, 0.005
+    angle = 40 * 1e-7 * sqrt(dt) * rng.normal(size=(n + 1, 2)) / sqrt(2)
+    rates = 1e-7 / sqrt(dt) * rng.normal(size=(n, 2)) + np.diff(angle, axis=0) / dt
+    # Sixteen lines of the lowest octave: 1 sigma 20 %.
+    np.testing.assert_allclose(white_levels(rates, dt), 1e-7, rtol=0.6)
+
+
+def test_priors_come_before_the_readings():
+    stretch, _ = exact(STILL, 20.0, 10.0)
+    noise = noise_of(stretch.readings, Priors(gyro_walk=3.0, accel_walk=4.0))
+    np.testing.assert_array_equal(noise.gyro, [3.0] * 3)
+    np.testing.assert_array_equal(noise.accel, [4.0] * 3)
+
+
+# --- tracks -----------------------------------------------------------------------------------
+
+
+def test_track_ends_at_the_estimate_and_its_sigma_falls():
+    stretch, _ = exact(SLOW, 90.0, 10.0)
+    options = Options(priors=Priors(gyro_walk=1e-6, accel_walk=1e-4))
+    (track,) = inertial_tracks(stretch, site(SLOW), options)
+    (estimate,) = inertial([stretch], site(SLOW), options)
+    assert track.t[-1] == estimate.t_to
+    np.testing.assert_allclose(track.C_nb[-1].as_matrix(), estimate.C_nb.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(track.covariance[-1], estimate.covariance, rtol=1e-9)
+    sigma = np.sqrt(track.covariance[:, 2, 2])
+    assert sigma[len(sigma) // 3] > 1.5 * sigma[-1]
+    # Each point is the attitude then: exact readings stay within its sigma.
+    now, _, _ = SLOW.state(track.t - 100.0)
+    late = track.t > 130.0
+    turned = (track.C_nb * Rotation.from_matrix(now).inv()).as_rotvec()
+    assert (np.abs(turned[late, 2]) < 2 * sigma[late]).all()
+
+
+def test_an_accelerometers_drift_feigns_a_turn():
+    """``d/(g W T cos lat)`` of heading, as the notes say: north, as gravity turns east."""
+    t, w, f, C = STILL.readings(T, 10.0, 100.0)
+    north = C.T @ [1.0, 0.0, 0.0]
+    drifting = dwell(t, w, f + 1e-5 * ((t - 100.0) / T)[:, None] * north)
+    estimate = inertial([drifting], site(STILL), Options(priors=QUIET))[0]
+    error = errors(estimate.C_nb.as_matrix()[None], C)[0]
+    assert abs(error[2]) == pytest.approx(1e-5 / (G * W * T * cos(radians(48.5))), rel=0.01)
+
+
+def test_perfect_sensors_without_priors_are_answered_in_silence():
+    """No noise at all in the readings: the covariance is of sway alone, and nothing is NaN."""
+    estimate, _ = one(ROCKING, 120.0, 50.0, Priors())
+    assert not estimate.flags
+    assert np.isfinite(estimate.covariance).all()
+
+
+# --- refusals ---------------------------------------------------------------------------------
+
+
+def test_pole_and_unknown_latitude_are_refused():
+    stretch, _ = exact(STILL, 20.0, 10.0)
+    with pytest.raises(PoleError):
+        inertial([stretch], Site(radians(89.99)), Options())
+    with pytest.raises(AlignmentError, match="latitude"):
+        inertial([stretch], Site(None), Options())
+
+
+def test_a_gap_is_refused():
+    stretch, _ = exact(STILL, 20.0, 10.0)
+    r = stretch.readings
+    keep = np.r_[0:50, 75:200]
+    holed = Dwell("p", 100.0, 120.0, ImuReadings(r.t[keep], r.w_ib_b[keep], r.f_b[keep]))
+    with pytest.raises(AlignmentError, match=r"p: gap of 2\.6 s"):
+        inertial([holed], site(STILL), Options())
+
+
+def test_too_few_samples_are_refused():
+    stretch, _ = exact(STILL, 3.0, 10.0)
+    with pytest.raises(TooShort, match="30 samples, at least 32"):
+        inertial([stretch], site(STILL), Options(priors=QUIET))
+    stretch, _ = exact(STILL, 5.0, 10.0)
+    with pytest.raises(TooShort, match="noise needs 64"):
+        inertial([stretch], site(STILL), Options())
+
+
+def test_a_vehicle_that_speeds_up_and_brakes_is_refused():
+    """2 m/s back and forth in 50 s: a displacement of 16 m, far beyond any stand."""
+    moving = replace(STILL, sway=(Angle(amplitude=16.0, frequency=0.02), Angle(), Angle()))
+    with pytest.raises(NotAtRest, match="the instrument travels"):
+        one(moving, 120.0, 10.0)
+
+
+def test_slow_motion_below_the_limit_is_remarked():
+    moving = replace(STILL, sway=(Angle(amplitude=0.05, frequency=0.02), Angle(), Angle()))
+    estimate, _ = one(moving, 120.0, 10.0)
+    assert any("velocity wanders" in flag for flag in estimate.flags)
+
+
+def test_wrong_gravity_and_unsure_heading_are_remarked():
+    stretch, _ = exact(STILL, 20.0, 10.0)
+    elsewhere = Site(radians(48.5), local_gravity=9.6)
+    estimate = inertial([stretch], elsewhere, Options(priors=QUIET))[0]
+    assert any("is not gravity" in flag for flag in estimate.flags)
+    estimate, _ = one(STILL, 20.0, 10.0, replace(QUIET, gyro_walk=1e-3))
+    assert any("above 8 deg" in flag for flag in estimate.flags)

@@ -1,0 +1,338 @@
+"""Two gyros on a rocking base: the published azimuth and bound, and what they leave out."""
+
+from math import atan, cos, degrees, pi, radians, sin, sqrt, tan
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import norm
+
+from alignment import Dwell, ImuReadings, Options, Priors, Site, Turn
+from alignment.errors import AlignmentError, PoleError, TooShort
+from alignment.methods.two_gyro import (
+    Sway,
+    azimuth,
+    azimuth_as_published,
+    rocking_rate_variance,
+    sway_bound,
+    sway_of,
+    two_gyro,
+    white_density,
+)
+
+W = 7.292115e-5  # rad/s
+G = 9.8093587  # m/s^2
+DEG_H = pi / 180 / 3600
+DEG_RT_H = pi / 180 / 60  # rad/sqrt(s)
+MINUTE = pi / 180 / 60
+MILLI_G = 9.80665e-3
+N, E, D = np.eye(3)
+LEVEL = np.column_stack([N, -D, E])  # X1 north, Y1 up, Z1 east
+LAT = radians(48.5)
+HERE = Site(LAT)
+
+
+def attitudes(azimuth_, beta, gamma):
+    """Yaw, then Z1 raised by beta, then X1 by gamma [rad]; arrays (n,) to (n, 3, 3)."""
+    angles = np.stack(np.broadcast_arrays(-azimuth_, -beta, gamma), axis=-1)
+    return LEVEL @ Rotation.from_euler("YXZ", angles).as_matrix()
+
+
+def earth_rates(C, latitude):
+    """What the gyros along X1 and Z1 see of Earth rate."""
+    w = C.swapaxes(-1, -2) @ np.array([W * cos(latitude), 0, -W * sin(latitude)])
+    return w[..., 0], w[..., 2]
+
+
+# --- the two forms --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("latitude", [0.0, 48.5, -33.0, 70.0])
+def test_published_azimuth_is_exact_at_north(latitude):
+    lat = radians(latitude)
+    rng = np.random.default_rng(1)
+    beta, gamma = rng.uniform(-0.3, 0.3, size=(2, 50))
+    f1, f2 = earth_rates(attitudes(0.0, beta, gamma), lat)
+    found = azimuth_as_published(f1, f2, beta, gamma, lat)
+    np.testing.assert_allclose(found, 0, atol=1e-14)  # rounding
+
+
+def test_elsewhere_only_the_second_form_holds():
+    tilt = 1e-3
+    for alpha in (0.5, -1.2, 2.0, pi / 2, -3.0):
+        for beta, gamma in ((tilt, 0.0), (0.0, tilt), (tilt, -2 * tilt)):
+            f1, f2 = earth_rates(attitudes(alpha, beta, gamma), LAT)
+            found = azimuth(f1, f2, beta, gamma, LAT)
+            # second order: tan(lat) and its square times 5e-6
+            assert (found - alpha + pi) % (2 * pi) - pi == pytest.approx(0, abs=1.5e-5)
+    # By hand: nose at 60 deg, X1 raised: tan(lat) sin(60) of the tilt, which [S1] takes for 0.
+    f1, f2 = earth_rates(attitudes(pi / 3, 0.0, tilt), LAT)
+    published = float(azimuth_as_published(f1, f2, 0.0, tilt, LAT))
+    assert published - pi / 3 == pytest.approx(-tan(LAT) * sin(pi / 3) * tilt, rel=5e-3)
+
+
+def test_azimuth_by_hand():
+    # Level: f1 = cos 30, f2 = -sin 30 of anything; clockwise 30 deg.
+    assert float(azimuth(sqrt(0.75), -0.5, 0, 0, LAT)) == pytest.approx(radians(30))
+    assert float(azimuth_as_published(sqrt(0.75), -0.5, 0, 0, LAT)) == pytest.approx(radians(30))
+    # Raised Z1 by 1 mrad looking north: tan(48.5) mrad clockwise less of it.
+    assert float(azimuth(1.0, 0.0, 1e-3, 0.0, LAT)) == pytest.approx(1e-3 * tan(LAT), rel=1e-5)
+    sigma = atan(sin(LAT) * sin(1e-3) / cos(LAT))
+    assert float(azimuth_as_published(1.0, 0.0, 1e-3, 0.0, LAT)) == pytest.approx(sigma)
+
+
+# --- the law --------------------------------------------------------------------------------------
+
+
+def test_sway_of_samples_by_hand():
+    tilts = np.array([[0.01, 0.02], [0.03, -0.02], [0.02, 0.03]])
+    f = G * attitudes(0.0, tilts[:, 0], tilts[:, 1]).swapaxes(1, 2) @ -D
+    sway = sway_of(f)
+    assert (sway.beta, sway.gamma) == pytest.approx((0.02, 0.01), rel=1e-12)
+    assert sway.variance_beta == pytest.approx(1e-4, rel=1e-12)  # unbiased: (1 + 1)/2 e-4
+    assert sway.variance_gamma == pytest.approx(7e-4, rel=1e-12)  # (1 + 9 + 4)/2 e-4
+    assert sway.covariance == pytest.approx(-2e-4, rel=1e-12)  # (-1 - 3 + 0)/2 e-4
+    assert sway.rms == pytest.approx(sqrt(8e-4), rel=1e-12)
+
+
+def per_sample_errors(latitude, beta, gamma, beta0=0.0, gamma0=0.0):
+    """[S1]: each sample's gyros with the mean tilts, Earth rate alone, X1 north."""
+    f1, f2 = earth_rates(attitudes(0.0, beta, gamma), latitude)
+    return azimuth_as_published(f1, f2, beta0, gamma0, latitude)
+
+
+SAMPLES = 40000
+SWAY = radians(0.2)
+
+
+@pytest.mark.parametrize("latitude", range(20, 76, 5))
+def test_tangent_of_latitude(latitude):
+    """RMS error tan(lat) sqrt(D xi) by the sway of Z1; that of X1 does nothing."""
+    lat = radians(latitude)
+    rng = np.random.default_rng(2)
+    xi, eta = SWAY * rng.normal(size=(2, SAMPLES))
+    both = np.std(per_sample_errors(lat, xi, eta), ddof=1)
+    sway = Sway(0.0, 0.0, np.var(xi, ddof=1), np.var(eta, ddof=1), 0.0)
+    law = tan(lat) * sqrt(sway.variance_beta)
+    assert sway_bound(sway, lat) == pytest.approx(law, rel=1e-12)
+    # Drawn variance used, so what is left is second order: tan(lat) xi eta, 1.3 % at 75 deg
+    # squared, and Monte Carlo 1/sqrt(2 n) of such cross terms.
+    assert both == pytest.approx(law, rel=1e-3)
+    alone = np.std(per_sample_errors(lat, np.zeros(SAMPLES), eta), ddof=1)
+    assert alone < 1e-12 * both  # X1 stays in the meridian: nothing at all
+
+
+def test_the_bound_of_a_tilted_base():
+    lat = radians(60)
+    rng = np.random.default_rng(3)
+    L = np.linalg.cholesky([[1.0, 0.6], [0.6, 1.0]])
+    xi, eta = SWAY * L @ rng.normal(size=(2, SAMPLES))
+    beta0, gamma0 = radians(8), radians(-5)
+    errors = per_sample_errors(lat, beta0 + xi, gamma0 + eta, beta0, gamma0)
+    C = np.cov(xi, eta)
+    sway = Sway(beta0, gamma0, C[0, 0], C[1, 1], C[0, 1])
+    found, rms = sway_bound(sway, lat), np.std(errors, ddof=1)
+    # A bound adds absolutely what adds with signs
+    assert rms <= found * 1.01
+    # By differences of the error itself: its linear part is below the bound
+    h = 1e-6
+    slopes = [
+        float(per_sample_errors(lat, beta0 + h * b, gamma0 + h * c, beta0, gamma0)) / h
+        for b, c in ((1, 0), (0, 1))
+    ]
+    assert rms == pytest.approx(sqrt(np.array(slopes) @ C @ slopes), rel=0.01)  # second order
+    assert found < 1.6 * rms
+
+
+def test_real_gyros_feel_the_sways_own_rate():
+    """22 500 times the tilt at 0.2 Hz and latitude 50, along the axis that the law calls deaf."""
+    lat, f, size = radians(50), 0.2, radians(0.5)
+    assert 2 * pi * f / (W * sin(lat)) == pytest.approx(22500, rel=0.002)
+    dt = 0.01
+    t = np.arange(0, 20 + dt / 2, dt)
+    wave = size * np.sin(2 * pi * f * t)
+    shares = {}
+    for axis, (beta, gamma) in {"Z1": (wave, 0 * wave), "X1": (0 * wave, wave)}.items():
+        C = attitudes(0.0, beta, gamma)
+        own = Rotation.from_matrix(C[:-1].swapaxes(1, 2) @ C[1:]).as_rotvec() / dt
+        tilt = np.std(earth_rates(C, lat)[1])
+        shares[axis] = (np.std(own[:, 2]), np.std(own[:, 0]), tilt)
+    # raising X1 is a rate about Z1, the gyro across the meridian: azimuth is all sway
+    assert shares["X1"][0] == pytest.approx(2 * pi * f * size / sqrt(2), rel=1e-3)
+    assert shares["X1"][2] < 1e-12 * W  # and no tilt effect
+    # raising Z1 is a rate about X1, which at azimuth 0 scales and does not turn
+    assert shares["Z1"][0] < 1e-3 * shares["Z1"][1]
+    assert shares["X1"][0] / shares["Z1"][2] == pytest.approx(22500, rel=0.01)
+
+
+# --- the estimator --------------------------------------------------------------------------------
+
+
+def rocking(
+    alpha=1.0,
+    beta0=0.0,
+    gamma0=0.0,
+    size=0.0,
+    latitude=LAT,
+    seconds=120.0,
+    hz=10,
+    rng=None,
+    errors=None,
+    label="r",
+):
+    """A rocking dwell and its mean attitude; `size` rms [rad] of each axis, 0.1 to 0.4 Hz.
+
+    `errors`: bias (6,), scale (6,), sigmas of samples (6,).
+    """
+    n = round(seconds * hz)
+    t = np.arange(n + 1) / hz
+    tilts = []
+    for mean in (beta0, gamma0):
+        wave = np.zeros(n + 1)
+        if size:
+            for f in rng.uniform(0.1, 0.4, 6):
+                wave += size / sqrt(3) * np.sin(2 * pi * f * t + rng.uniform(0, 2 * pi))
+        tilts.append(mean + wave)
+    C = attitudes(alpha, *tilts)
+    own = Rotation.from_matrix(C[:-1].swapaxes(1, 2) @ C[1:]).as_rotvec() * hz
+    C_mid = attitudes(alpha, *((x[1:] + x[:-1]) / 2 for x in tilts))
+    C_bn = C_mid.swapaxes(1, 2)
+    w = own + C_bn @ np.array([W * cos(latitude), 0, -W * sin(latitude)])
+    y = np.concatenate([w, C_bn @ np.array([0, 0, -G])], axis=1)
+    if errors is not None:
+        bias, scale, sigmas = errors
+        y = y * (1 + scale) + bias + sigmas * rng.normal(size=y.shape)
+    readings = ImuReadings(100.0 + t[1:], y[:, :3], y[:, 3:])
+    means = [np.mean((x[1:] + x[:-1]) / 2) for x in tilts]
+    told = Rotation.from_matrix(LEVEL)
+    return Dwell(label, 100.0, 100.0 + seconds, readings, told), attitudes(alpha, *means)
+
+
+def error(found, truth):
+    return Rotation.from_matrix(found @ truth.T).as_rotvec()
+
+
+@pytest.mark.parametrize("alpha", [0.0, 1.0, -2.5, pi / 2])
+@pytest.mark.parametrize("latitude", [48.5, -33.0])
+def test_attitude_at_rest(alpha, latitude):
+    lat = radians(latitude)
+    dwell, C = rocking(alpha, 2e-3, -1e-3, latitude=lat)
+    (found,) = two_gyro([dwell], Site(lat, local_gravity=G), Options())
+    eta = error(found.C_nb.as_matrix(), C)
+    np.testing.assert_allclose(eta[:2], 0, atol=1e-13)  # rounding
+    assert abs(eta[2]) < 1.5e-5  # second order of 2 mrad
+    assert (found.method, found.label, found.t_from, found.t_to) == ("two-gyro", "r", 100, 220)
+
+
+def test_rocking_fails_visibly_and_says_so():
+    rng = np.random.default_rng(4)
+    errors = []
+    for _ in range(40):
+        dwell, C = rocking(0.3, size=radians(0.5), seconds=300.0, hz=5, rng=rng)
+        (found,) = two_gyro([dwell], HERE, Options())
+        errors.append(error(found.C_nb.as_matrix(), C)[2])
+        assert "heading sigma above 8 deg: beyond first order" in found.flags
+        # sqrt(2) 0.5 deg/300 s over 9.97 deg/h: 49 deg; the draw's size varies
+        assert 25 < degrees(sqrt(found.covariance[2, 2])) < 90
+        (bound,) = [flag for flag in found.flags if flag.startswith("published bound")]
+    assert bound.endswith("'")
+    # methods.md section 3: some 44 deg (of the arc tangent of such rates)
+    assert 25 < degrees(np.std(errors)) < 65
+
+
+def test_second_order_of_steady_tilts_is_flagged():
+    dwell, C = rocking(1.0, radians(5), radians(-3))
+    (found,) = two_gyro([dwell], HERE, Options())
+    (flag,) = [f for f in found.flags if f.startswith("second order")]
+    off = abs(error(found.C_nb.as_matrix(), C)[2])
+    assert off < 3 * tan(LAT) * (radians(5) ** 2 + radians(3) ** 2) / 2
+    assert "may reach" in flag
+
+
+def test_refusals():
+    with pytest.raises(AlignmentError, match=r"r: Y1 is 11\.0 deg off up"):
+        two_gyro([rocking(beta0=radians(11))[0]], HERE, Options())
+    swaying = rocking(size=radians(5), rng=np.random.default_rng(5))[0]
+    with pytest.raises(AlignmentError, match=r"r: sway too large: \d\.\d deg rms, 5 are"):
+        two_gyro([swaying], HERE, Options())
+    with pytest.raises(TooShort, match="r: 31 samples, at least 32"):
+        two_gyro([rocking(seconds=3.1)[0]], HERE, Options())
+    with pytest.raises(PoleError):
+        two_gyro([rocking()[0]], Site(pi / 2), Options())
+    with pytest.raises(AlignmentError, match="latitude: not known"):
+        two_gyro([rocking()[0]], Site(None), Options())
+
+
+# --- variances ------------------------------------------------------------------------------------
+
+
+def test_white_density_and_what_rocking_hides():
+    rng = np.random.default_rng(6)
+    n, runs, dt = 3000, 400, 0.1
+    walk = 1e-5
+    white = walk / sqrt(dt) * rng.normal(size=(n, runs))
+    found = white_density(white, dt)
+    # each from some n/2 independent values: 2/sqrt(n), and over 400 runs
+    assert np.mean(found) == pytest.approx(walk**2, rel=4 * 2 / sqrt(n * runs))
+    t = np.arange(n + 1) * dt
+    sway = np.zeros((n + 1, runs))
+    for _ in range(8):
+        f, phase = rng.uniform(0.1, 0.4, runs), rng.uniform(0, 2 * pi, runs)
+        sway += 0.01 * sqrt(2 / 8) * np.sin(2 * pi * f * t[:, None] + phase)
+    own = np.diff(sway, axis=0) / dt
+    # third differences of 0.4 Hz at 10 Hz: (0.25)^3 of the rate, yet far above 1e-5: it says more
+    T = n * dt
+    for rates, want, slack in ((white, walk**2 / T, 0.0), (own, 2 * 0.01**2 / T**2, 0.02)):
+        predicted = rocking_rate_variance(rates, dt)
+        # runs scatter by 10 %: over 400, four times; line fit of a sway takes some percent
+        assert np.mean(predicted) == pytest.approx(want, rel=0.02 + slack)
+        # and the means scatter as predicted: chi-square of 400, four sigma
+        ratio = np.mean(rates.mean(axis=0) ** 2 / predicted)
+        assert ratio == pytest.approx(1, abs=4 * sqrt(2 / runs) + 0.02)
+
+
+RUNS = 150
+REGIMES = {  # priors, gyro [deg/rt-h], accelerometer [ug/rt-Hz], sway [deg]
+    "noise": (Priors(), 0.03, 50, 0.0),
+    "bias": (Priors(gyro_bias=0.1 * DEG_H, accel_bias=2 * MILLI_G), 1e-3, 100, 0.0),
+    "accelerometer bias": (Priors(accel_bias=3 * MILLI_G, accel_scale=1e-4), 3e-3, 100, 0.0),
+    "sway": (Priors(), 1e-3, 500, 0.01),
+}
+LATITUDES = (48.5, -33.0, 70.0, -70.0)
+CASES = [(r, lat) for r in REGIMES for lat in LATITUDES]
+K = norm.ppf(1 - 0.025 / len(CASES))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("regime", "latitude"), CASES)
+def test_covariance(regime, latitude):
+    priors, arw, vrw, sway = REGIMES[regime]
+    lat = radians(latitude)
+    site = Site(lat, local_gravity=G)
+    rng = np.random.default_rng([91, CASES.index((regime, latitude))])
+    sigmas = np.repeat([arw * DEG_RT_H, vrw * 9.80665e-6], 3) * sqrt(5)
+    stated_bias = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
+    stated_scale = np.repeat([priors.gyro_scale, priors.accel_scale], 3)
+    nees, heading = [], []
+    for _ in range(RUNS):
+        errors = stated_bias * rng.normal(size=6), stated_scale * rng.normal(size=6), sigmas
+        alpha = rng.uniform(-pi, pi)
+        dwell, C = rocking(alpha, 3e-4, -4e-4, radians(sway), lat, 90.0, 5, rng=rng, errors=errors)
+        (found,) = two_gyro([dwell], site, Options(priors=priors))
+        eta = error(found.C_nb.as_matrix(), C)
+        nees.append(eta @ np.linalg.solve(found.covariance, eta))
+        heading.append(sqrt(found.covariance[2, 2]))
+    assert degrees(np.mean(heading)) < 8
+    # Variances scatter by 10 %: 1 % more; second order of tilts of 0.4 mrad at 70 deg: 1e-6 rad.
+    spread = K * sqrt(2 * 3 / RUNS)
+    assert 3 - spread < np.mean(nees) < 3 * 1.03 + spread
+
+
+def test_a_turning_stretch_has_no_mean_attitude():
+    n = 200
+    t = np.arange(1, n + 1) / 10
+    w, f = np.tile([1e-5, 0.1, 0.0], (n, 1)), np.tile([0, G, 0.0], (n, 1))
+    turn = Turn(np.array([0.0, 1, 0]), 0.1 * t)
+    turning = Dwell("T", 0.0, 20.0, ImuReadings(t, w, f), None, turn)
+    with pytest.raises(AlignmentError, match="T: turns at a constant rate"):
+        two_gyro([turning], HERE, Options())

@@ -1,0 +1,181 @@
+"""How far a mean can be trusted, against closed forms and chi-square bounds."""
+
+from math import cos, radians, sin
+
+import numpy as np
+import pytest
+from scipy import signal
+from scipy.stats import chi2
+
+from alignment.errors import NotAtRest, TooShort
+from alignment.noise import BLOCKS, block_means, check_at_rest, mean_and_variance, mean_variance
+from alignment.readings import Dwell, ImuReadings
+
+G = 9.81
+
+
+def test_block_means_by_hand():
+    values = np.array([[1.0, 10], [3, 20], [5, 60], [7, 80], [12, 0]])
+    # Five rows in two blocks: two and three.
+    np.testing.assert_allclose(block_means(values, 2), [[2, 15], [8, 140 / 3]], rtol=1e-15)
+    np.testing.assert_array_equal(block_means(values, 5), values)
+    with pytest.raises(TooShort, match="5 samples: at least 6 are needed"):
+        block_means(values, 6)
+
+
+def test_mean_variance_by_hand():
+    # Fewer samples than blocks: the textbook variance of the mean, s^2/n.
+    values = np.array([[1.0, 2.0], [2.0, 2.0], [6.0, 8.0]])
+    np.testing.assert_allclose(mean_variance(values), [7 / 3, 12 / 3], rtol=1e-15)
+
+
+@pytest.mark.parametrize("n", [32, 128, 960])
+def test_variance_of_the_mean_of_white_noise(n):
+    columns, sigma = 1500, np.where(np.arange(1500) % 2, 3.0, 0.5)
+    values = np.random.default_rng(n).normal(size=(n, columns)) * sigma
+    freedom = BLOCKS - 1
+    # Blocks are equally long, so each ratio is chi-square with 31 degrees of freedom.
+    total = freedom * np.sum(mean_variance(values) / (sigma**2 / n))
+    low, high = chi2.ppf([0.0025, 0.9975], freedom * columns)
+    assert low < total < high
+
+
+@pytest.mark.parametrize("n", [33, 48, 63, 100])
+def test_blocks_of_unequal_length_err_on_the_safe_side(n):
+    columns = 1500
+    values = np.random.default_rng(n).normal(size=(n, columns))
+    edges = np.arange(BLOCKS + 1) * n // BLOCKS
+    expected = np.mean(1 / np.diff(edges)) / BLOCKS  # at most 12.5 % above 1/n
+    assert 1 / n <= expected <= 1.125 / n
+    # The estimate's own relative scatter is near sqrt(2/31/columns) = 0.7 %; four of those.
+    assert np.mean(mean_variance(values)) == pytest.approx(expected, rel=0.027)
+
+
+def test_correlated_noise_is_seen():
+    n, columns, a = 3200, 400, 0.9
+    rng = np.random.default_rng(2)
+    driven = signal.lfilter([1.0], [1.0, -a], rng.normal(size=(n + 200, columns)), axis=0)
+    values = np.asarray(driven)[200:]
+    estimate = float(np.mean(mean_variance(values)))
+    white = float(np.mean(values.var(axis=0, ddof=1))) / n
+    # Closed form for a first-order process; the factor over the white formula is (1+a)/(1-a) = 19.
+    lags = np.arange(1, n)
+    true = (1 + 2 * np.sum((1 - lags / n) * a**lags)) / (1 - a**2) / n
+    assert true / white == pytest.approx(19.0, rel=0.02)  # scatter of 400 variances: 0.6 %
+    # Blocks of 100 samples hang together at their ends, which makes the estimate low by
+    # 2 a/((1 - a^2) 100) = 9.5 %; its scatter is sqrt(2/31/400) = 1.3 %, four times that here.
+    assert estimate / true == pytest.approx(0.905, abs=0.05)
+    assert estimate > 10 * white
+
+
+def test_a_constant_bias_is_not_in_the_variance():
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=(320, 3))
+    # 1e6 costs six of sixteen digits of a scatter of order one: 1e-10, squared and summed 1e-9.
+    np.testing.assert_allclose(
+        mean_variance(values + np.array([0, 5, 1e6])), mean_variance(values), rtol=1e-8
+    )
+
+
+def at_rest(n=1020, rate=100.0, seed=4):
+    """Rates of a few deg/h and forces of 1 g, noise far below the bounds of rest.
+
+    10.2 s, so ten blocks whichever way the stamps round.
+    """
+    rng = np.random.default_rng(seed)
+    t = 100.0 + np.arange(1, n + 1) / rate
+    w = [1e-5, 5e-5, -3e-5] + 1e-5 * rng.normal(size=(n, 3))
+    f = [0.0, G, 0.0] + 1e-3 * rng.normal(size=(n, 3))
+    return t, w, f
+
+
+def dwell_of(t, w, f):
+    return Dwell("Y1 up", t[0] - (t[1] - t[0]), t[-1], ImuReadings(t, w, f))
+
+
+def test_mean_and_variance_put_rates_first():
+    t, w, f = at_rest()
+    means, variances = mean_and_variance(ImuReadings(t, w, f))
+    # sigma/sqrt(1020), four times; variances scatter by 25 %, three times.
+    np.testing.assert_allclose(means[:3], [1e-5, 5e-5, -3e-5], rtol=0, atol=1.3e-6)
+    np.testing.assert_allclose(means[3:], [0, G, 0], rtol=0, atol=1.3e-4)
+    np.testing.assert_allclose(variances, [1e-13] * 3 + [1e-9] * 3, rtol=0.75)
+
+
+def test_blocks_of_unequal_length_have_their_weight():
+    rng = np.random.default_rng(5)
+    t = np.arange(1.0, 51.0)
+    w, f = rng.normal(size=(2, 50, 3))  # 18 blocks of two samples, 14 of one
+    means, _ = mean_and_variance(ImuReadings(t, w, f))
+    # rounding of 50 sums of order one
+    np.testing.assert_allclose(means, [sum(c) / 50 for c in (*w.T, *f.T)], rtol=0, atol=1e-15)
+
+
+def leaning(angle, n=1020):
+    """Half of the time leant one way, half of it the other, by `angle` [rad] off the mean."""
+    t, w, f = at_rest(n)
+    lean = np.where(np.arange(n) < n // 2, 1.0, -1.0)[:, None]
+    f = np.hstack([G * sin(angle) * lean, np.full((n, 1), G * cos(angle)), f[:, 2:]])
+    return dwell_of(t, w, f)
+
+
+def test_tilt_of_half_a_degree_is_the_bound():
+    # Noise tilts a 1 s mean by 1e-3/9.81/sqrt(100) rad = 0.0006 deg.
+    check_at_rest(leaning(radians(0.495)))
+    with pytest.raises(NotAtRest, match=r"tilt 0\.51 deg.*allowed 0\.5 deg, 0\.1 deg/s"):
+        check_at_rest(leaning(radians(0.505)))
+
+
+def swinging(rate, axis, n=1020):
+    t, w, f = at_rest(n)
+    w[:, axis] += np.where(np.arange(n) < n // 2, rate, -rate)
+    return dwell_of(t, w, f)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_rate_of_a_tenth_of_a_degree_per_second_is_the_bound(axis):
+    # Noise moves a 1 s mean by 1e-5/sqrt(100) rad/s = 6e-5 deg/s.
+    check_at_rest(swinging(radians(0.0995), axis))
+    with pytest.raises(NotAtRest, match=r"rate 0\.10[01] deg/s off their means"):
+        check_at_rest(swinging(radians(0.1005), axis))
+
+
+def test_the_message_tells_when_and_where():
+    t, w, f = at_rest()
+    w[714:816, 1] += radians(1.0)  # the eighth block, from 107.15 s
+    with pytest.raises(NotAtRest, match=r"^Y1 up: not at rest near 107\.[12] s: tilt 0\.00 deg"):
+        check_at_rest(dwell_of(t, w, f))
+
+
+def test_only_the_dwell_itself_must_be_at_rest():
+    t, w, f = at_rest()
+    w[:200, 2] += 0.5
+    f[900:] = [G, 0.0, 0.0]
+    check_at_rest(Dwell("Y1 up", 102.0, 109.0, ImuReadings(t, w, f)))
+
+
+def test_biases_and_a_steady_turn_look_like_rest():
+    t, w, f = at_rest()
+    w_bias, f_bias = np.array([0.01, -0.02, radians(5.0)]), np.array([0.3, 0.2, -0.1])
+    check_at_rest(dwell_of(t, w + w_bias, f + f_bias))
+
+
+def test_noise_faster_than_a_second_is_averaged_out():
+    t, w, f = at_rest()
+    # An unfinished period leaves at most 1/(pi 20 Hz 1.02 s) = 1.6 %: 0.05 deg/s, 0.05 deg.
+    wave = np.sin(2 * np.pi * 20.0 * t)[:, None]
+    check_at_rest(dwell_of(t, w + radians(3.0) / np.sqrt(3) * wave, f + 0.5 * wave))
+
+
+def test_no_specific_force_is_not_rest():
+    t, w, f = at_rest()
+    with pytest.raises(NotAtRest, match="specific force is zero"):
+        check_at_rest(dwell_of(t, w, np.zeros_like(f)))
+
+
+def test_short_dwells_are_still_split_in_two():
+    t, w, f = at_rest(50)  # half a second
+    check_at_rest(dwell_of(t, w, f))
+    f[25:] = [G * sin(radians(2)), G * cos(radians(2)), 0.0]
+    with pytest.raises(NotAtRest, match=r"tilt 1\.0"):
+        check_at_rest(dwell_of(t, w, f))

@@ -1,0 +1,140 @@
+"""Limits: peaks by hand, and one line that says what would do."""
+
+import math
+
+import numpy as np
+import pytest
+
+from alignment.units import DEG
+from stand.errors import StandError
+from stand.motion.limits import Peak, check, uses
+from stand.motion.planner import plan
+from stand.physics.mjcf import describe, load_model
+from stand.procedure.procedure import procedure_from
+from stand.table.table import load_table
+from stand.toml_files import Source
+
+STAND = describe(load_model())
+TABLE = load_table("laboratory")
+HEAD = 'title = "T"\n[site]\nlatitude_deg = 10\n[estimate]\nmethods = []\n'
+
+
+def used(steps: str, torque=None) -> list[dict[str, Peak]]:
+    procedure = procedure_from(Source("p", "p.toml", HEAD + steps))
+    return [
+        {peak.quantity: peak for peak in use.peaks}
+        for use in uses(plan(procedure, STAND, TABLE), TABLE, torque)
+    ]
+
+
+def refusal(steps: str, torque=None) -> str:
+    procedure = procedure_from(Source("p", "p.toml", HEAD + steps))
+    with pytest.raises(StandError) as caught:
+        check(procedure, plan(procedure, STAND, TABLE), TABLE, torque)
+    return str(caught.value)
+
+
+def sine(amplitude: float, frequency: float, axis: str = "base_roll") -> str:
+    wave = f"{{ amplitude_deg = {amplitude}, frequency_hz = {frequency} }}"
+    return (
+        f'[[step]]\nkind = "sine"\nlabel = "rock"\naxes = {{ {axis} = {wave} }}\n'
+        "duration_s = 20\nfade_s = 20\n"
+    )
+
+
+def rate(value: float, axis: str = "outer") -> str:
+    return (
+        f'[[step]]\nkind = "rate"\nlabel = "spin"\naxis = "{axis}"\nrate_deg_s = {value}\n'
+        "duration_s = 10\n"
+    )
+
+
+def test_peaks_of_a_sine_by_hand():
+    peaks = used(sine(5, 0.5))[0]
+    w = 2 * math.pi * 0.5
+    # nine points on each tenth of a period miss a peak by at most (pi/80)^2 / 2 = 0.08 %
+    for quantity, value in (("angle", 5), ("rate", 5 * w), ("acceleration", 5 * w**2)):
+        assert abs(peaks[quantity].value) == pytest.approx(value, rel=1e-3)
+        assert peaks[quantity].axis == "base_roll"
+        assert 0 <= peaks[quantity].t <= 60
+    assert abs(peaks["jerk"].value) == pytest.approx(5 * w**3, rel=2e-3)
+    assert peaks["angle"].limit == pytest.approx(15, rel=1e-15)
+    assert peaks["rate"].ratio == pytest.approx(5 * w / 30, rel=1e-3)
+
+
+def test_moves_ride_on_their_limits_and_pass():
+    steps = (
+        '[[step]]\nkind = "move"\nlabel = "M"\n'
+        "joints_deg = { outer = 179, inner = 170, base_yaw = 15 }\n"
+    )
+    (peaks,) = used(steps)
+    assert max(p.ratio for p in peaks.values()) == pytest.approx(1, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("steps", "line"),
+    [
+        # 30 deg/s allowed of 40 x 2 pi 0.15 = 37.7; travel 15 of 40 is the first to be named
+        (
+            sine(40, 0.15),
+            'p.toml: step 1 "rock", base_roll: angle 40 deg at 21.667 s, table laboratory allows '
+            "15; 0.375 of the angle would do",
+        ),
+        (
+            rate(250),
+            'p.toml: step 1 "spin", outer: rate 250 deg/s at 1.450 s, table laboratory allows '
+            "200; a rate of 200 deg/s or less would do",
+        ),
+        (
+            rate(-250, "middle"),
+            'p.toml: step 1 "spin", middle: rate -250 deg/s at 1.450 s, table laboratory allows '
+            "200; a rate of 200 deg/s or less would do",
+        ),
+    ],
+)
+def test_lines(steps, line):
+    said = refusal(steps).replace("angle -40", "angle 40")
+    # which of several equal peaks is met first depends on rounding: the time may be another
+    assert said.split(" at ")[0] == line.split(" at ")[0]
+    assert said.split(", table")[1] == line.split(", table")[1]
+
+
+def test_the_change_that_is_advised_does():
+    line = refusal(sine(10, 0.6))
+    # jerk 10 (2 pi 0.6)^3 = 535.9 of 300; acceleration 142.1 of 60, the worst; rate 37.7 of 30
+    assert 'step 1 "rock", base_roll: acceleration' in line
+    slower, smaller = (
+        float(x) for x in (line.split("; ")[1].split()[0], line.split("or ")[1].split()[0])
+    )
+    assert slower == pytest.approx(math.sqrt(142.12 / 60), abs=2e-3)
+    assert smaller == pytest.approx(60 / 142.12, abs=2e-3)
+    for steps in (sine(10, 0.6 / slower), sine(10 * smaller, 0.6)):
+        assert max(p.ratio for p in used(steps)[0].values()) < 1.001
+
+
+def test_a_peak_that_lies_in_the_second_step():
+    assert 'step 2 "rock"' in refusal(rate(10) + sine(5, 1.5))
+
+
+def test_torque_is_set_against_the_motors(monkeypatch):
+    """A made-up stand: 3 kg m^2 about the outer axis, 2 N m held there."""
+
+    def torque(q, v, a):
+        needed = np.zeros_like(a)
+        needed[:, 3] = 3.0 * a[:, 3] + 2.0
+        return needed
+
+    limits = np.full(6, 10.0)
+    monkeypatch.setattr(type(TABLE), "torque", property(lambda self: limits))
+    wave = sine(20, 0.5, "outer")
+    w2 = (2 * math.pi * 0.5) ** 2
+    peak = used(wave, torque)[0]["torque"]
+    needed = 3 * 20 * DEG * w2 + 2
+    assert peak.value == pytest.approx(needed, rel=1e-3)
+    assert peak.ratio == pytest.approx(needed / 10, rel=1e-3)
+    # of 10 N m, 2 are needed to hold it: 8 are left for I w^2 A
+    assert peak.slower == pytest.approx(math.sqrt((needed - 2) / 8), rel=1e-3)
+    assert "outer: torque" in refusal(wave, torque)
+    limits[3] = 1.5
+    assert used(wave, torque)[0]["torque"].slower == math.inf
+    assert "slower" not in refusal(wave, torque)

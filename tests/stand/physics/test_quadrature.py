@@ -1,0 +1,311 @@
+"""Rules and steps of the means: closed forms by hand, and samples of every motion at 1 kHz."""
+
+from pathlib import Path
+
+import chain
+import numpy as np
+import pytest
+from scipy.special import roots_legendre
+
+from alignment import Site
+from stand.motion.moves import joined, move_piece, rest_piece
+from stand.motion.polynomial import Motion
+from stand.motion.sway import sway, vibration
+from stand.motion.waves import coning, scorsby, sines
+from stand.physics.geometry import with_errors
+from stand.physics.mjcf import describe, load_model
+from stand.physics.quadrature import LOBATTO, SIMPSON, Law, Steps, longest_steps
+from stand.physics.truth import Sampling, Truth
+from stand.procedure.steps import (
+    ConingMotion,
+    ScorsbyMotion,
+    SineMotion,
+    SwayMotion,
+    VibrationMotion,
+)
+from stand.table.joints import JOINTS
+from stand.table.table import load_table
+from stand.table.table_errors import PERFECT, draw
+
+OUTER = JOINTS.index("outer")
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_model()
+
+
+def turning(rate_deg_s, duration):
+    """Outer axis at a constant rate, middle and inner one tilted."""
+    coefficients = np.zeros((2, 1, 6))
+    coefficients[1, 0, OUTER + 1 :] = 0.3, -0.4
+    coefficients[0, 0, OUTER] = np.radians(rate_deg_s)
+    return Motion(np.array([0.0, duration]), coefficients)
+
+
+def mean_of_power(power, ends, long):
+    steps = Steps(np.array(ends), np.array(long))
+    values = steps.nodes[:, None] ** power * np.array([1.0, -2.0, 3.0])
+    return steps.means(values, np.array([0, len(ends) - 1]))[0]
+
+
+@pytest.mark.parametrize("power", range(6))
+def test_rules_are_exact_for_their_powers(power):
+    """Mean of t^p over [0, 2] by hand: 2^p/(p + 1); Simpson's rule is exact to the third."""
+    ends = [0.0, 0.3, 1.1, 2.0]
+    expected = 2.0**power / (power + 1) * np.array([1.0, -2.0, 3.0])
+    for long in ([True] * 3, [False, True, False], [False] * 3):
+        found = mean_of_power(power, ends, long)
+        exact = all(long) or power < 4
+        assert (np.abs(found - expected).max() < 1e-14) == exact  # rounding of 16/3 and less
+
+
+def test_errors_of_the_rules_by_hand():
+    """h^4/2880 of 24, the fourth derivative of t^4; h^6/1512000 of 720, the sixth of t^6."""
+    h = 1.5
+    simpson = mean_of_power(4, [0.0, h], [False])[0] - h**4 / 5
+    assert simpson == pytest.approx(h**4 * 24 / 2880, rel=1e-12)
+    lobatto = mean_of_power(6, [0.0, h], [True])[0] - h**6 / 7
+    assert lobatto == pytest.approx(h**6 * 720 / 1512000, rel=1e-12)
+
+
+def test_several_means_from_steps_of_both_kinds():
+    steps = Steps(np.array([0.0, 1.0, 2.0, 4.0]), np.array([True, False, True]))
+    assert list(steps.ends_at(np.arange(4))) == [0, 3, 5, 8]
+    values = (steps.nodes**3)[:, None] * np.ones(3)
+    # t^3 from 0 to 2: 4/2; from 2 to 4: 60/2
+    np.testing.assert_allclose(steps.means(values, np.array([0, 2, 3]))[:, 0], [2, 30], rtol=1e-14)
+
+
+@pytest.mark.parametrize("rate_deg_s", [0.5, 4.0, 100.0])
+@pytest.mark.parametrize(
+    ("rule", "turned"),
+    [
+        (SIMPSON, 0.02328),  # rad: g w^4 h^4/2880 = 1e-9, so w h = (2.88e-6/9.80665)^(1/4)
+        (LOBATTO, 0.23176),  # g w^6 h^6/1512000 = 1e-9: w h = (1.512e-3/9.80665)^(1/6)
+    ],
+)
+def test_step_of_a_uniform_turn_is_that_of_its_gravity(rate_deg_s, rule, turned):
+    """One axis that turns evenly: its rate and centripetal force stand still in b."""
+    (step,) = longest_steps(rule, turning(rate_deg_s, 3.0), np.array([0]), [])
+    assert step * np.radians(rate_deg_s) == pytest.approx(turned, rel=1e-3)
+
+
+def test_step_of_a_rate_by_hand():
+    """q = 1e4 t^5 for 1 ms: 1.2e6 h^4/2880 = 1e-11, h = (2.4e-14)^(1/4) = 0.3936 ms. Of its
+    force g times the angle's fourth derivative is most, 1.2e4 m/s^6: that would allow 4 ms.
+    Lobatto's rule is exact."""
+    coefficients = np.zeros((6, 1, 6))
+    coefficients[0, 0, OUTER] = 1e4
+    motion = Motion(np.array([0.0, 1e-3]), coefficients)
+    first = np.array([0])
+    assert longest_steps(SIMPSON, motion, first, [])[0] == pytest.approx(0.3936e-3, rel=1e-3)
+    assert longest_steps(LOBATTO, motion, first, [])[0] > 1e-3
+    parts, lobatto = Law(motion, []).choose(first, np.array([1e-3]))
+    assert (list(parts), list(lobatto)) == ([1], [True])
+
+
+def test_an_axis_that_slows_down_is_no_faster_than_at_its_start():
+    """From 90 deg/s to rest in 100 s: of g turned by q, ``g (w^4 + 6 w^2 b + 3 b^2)`` at its start
+    bounds the fourth derivative, b its braking. Centripetal force is a square of time."""
+    w = np.radians(90.0)
+    b = w / 100
+    coefficients = np.zeros((3, 1, 6))
+    coefficients[:2, 0, OUTER] = -b / 2, w
+    motion = Motion(np.array([0.0, 100.0]), coefficients)
+    (step,) = longest_steps(SIMPSON, motion, np.array([0]), [])
+    bound = 9.80665 * (w**4 + 6 * w**2 * b + 3 * b**2)
+    assert step == pytest.approx((2880e-9 / bound) ** 0.25, rel=1e-9)
+
+
+def test_a_motion_at_rest_takes_any_step():
+    rest = Motion(np.array([0.0, 1.0]), np.zeros((4, 1, 6)))
+    for rule in (SIMPSON, LOBATTO):
+        assert longest_steps(rule, rest, np.array([0]), PERFECT.waves)[0] > 1000
+    parts, lobatto = Law(rest, PERFECT.waves).choose(np.array([0]), np.array([1.0]))
+    assert (list(parts), list(lobatto)) == ([1], [False])
+
+
+def test_a_piece_sets_its_own_step_alone():
+    slow, fast = (turning(rate, 1.0).coefficients for rate in (1.0, 90.0))
+    both = Motion(np.array([0.0, 1.0, 2.0]), np.concatenate([slow, fast], axis=1))
+    for rule in (SIMPSON, LOBATTO):
+        each = [longest_steps(rule, turning(x, 1.0), np.array([0]), [])[0] for x in (1.0, 90.0)]
+        np.testing.assert_array_equal(longest_steps(rule, both, np.array([0, 1]), []), each)
+        np.testing.assert_array_equal(longest_steps(rule, both, np.array([1]), []), each[1:])
+
+
+def test_the_cheapest_rule_by_hand():
+    """At 1 rad/s Simpson's step of two evaluations goes 23.28 ms, Lobatto's of three 231.8 ms."""
+    law = Law(turning(np.degrees(1.0), 3.0), [])
+    lengths = np.array([0.001, 0.0232, 0.0234, 0.231, 0.233, 0.5])
+    parts, lobatto = law.choose(np.zeros(6, np.int64), lengths)
+    assert list(parts) == [1, 1, 1, 1, 2, 3]
+    assert list(lobatto) == [False, False, True, True, True, True]
+
+
+def test_a_choice_does_not_depend_on_what_else_is_asked():
+    """Five hundred pieces of all sizes, with the waves of a drawn table: bounded together or
+    alone."""
+    rng = np.random.default_rng(5)
+    lengths = rng.uniform(1e-3, 5e-3, 500)
+    quiet = np.repeat(rng.uniform(0, 1, 25), 20)[:, None] ** 10  # stretches of them
+    c = rng.normal(size=(6, 500, 6)) * quiet * np.array([1e4, 1e3, 1e2, 3, 1, 1])[:, None, None]
+    motion = Motion(np.append(0.0, np.cumsum(lengths)), c)
+    waves = draw(load_table("mid-class"), 3, None, True).waves
+    numbers = np.arange(500)
+    parts, lobatto = Law(motion, waves).choose(numbers, lengths)
+    assert 50 < np.count_nonzero(lobatto) < 450  # some of each
+    law = Law(motion, waves)
+    for first, last in ((0, 1), (3, 170), (171, 175), (160, 500)):
+        some = slice(first, last)
+        again = law.choose(numbers[some], lengths[some])
+        np.testing.assert_array_equal(again[0], parts[some])
+        np.testing.assert_array_equal(again[1], lobatto[some])
+
+
+# --- the promise, on every kind of motion
+
+
+def tumbling():
+    limits = np.radians([20, 20, 20, 60, 60, 60]), np.full(6, 1.0), np.full(6, 4.0)
+    target = np.radians([14, -13, 18, 170, -160, 150.0])
+    return joined([move_piece(np.zeros(6), target, *limits), rest_piece(target, 0.7303)])
+
+
+def rng_of(axis):
+    return np.random.default_rng([7, JOINTS.index(axis)])
+
+
+def rocking(seconds=20.0):
+    entry = SwayMotion.model_validate(
+        {
+            "axes": {
+                "base_roll": {"rms_deg": 2.0, "frequency_hz": 0.15, "damping": 0.1},
+                "base_yaw": {"rms_deg": 1.0, "frequency_hz": 0.25, "damping": 0.2},
+            }
+        }
+    )
+    return sway(entry, seconds, 5.0, rng_of, Path())
+
+
+def waving():
+    axes = {
+        "outer": {"amplitude_deg": 20.0, "frequency_hz": 0.3},
+        "inner": {"amplitude_deg": 1.0, "frequency_hz": 1.0, "phase_deg": 40.0},
+    }
+    return sines(SineMotion.model_validate({"axes": axes}), 10.0, 4.0)
+
+
+def rolling():
+    amplitude = {"base_roll": 5.0, "base_pitch": 5.0, "base_yaw": 5.0}
+    entry = ScorsbyMotion.model_validate({"amplitude_deg": amplitude, "period_s": 6.0})
+    return scorsby(entry, 12.0, 4.0)
+
+
+def nutating():
+    entry = ConingMotion.model_validate({"axis": "X1", "half_angle_deg": 3.0, "frequency_hz": 0.5})
+    return coning(entry, 6.0, 2.0, np.zeros(6), describe(load_model()))
+
+
+def shaking(axes=("outer",)):
+    """200 deg/s^2 between 5 and 30 Hz."""
+    jitter = {"rms_deg_s2": 200.0, "low_hz": 5.0, "high_hz": 30.0}
+    entry = VibrationMotion.model_validate({"axes": dict.fromkeys(axes, jitter)})
+    return vibration(entry, 2.0, 1.0, rng_of)
+
+
+MOTIONS = {
+    "slow turn": lambda: turning(4.0, 20.0),
+    "fast turn": lambda: turning(200.0, 4.0),
+    "moves": tumbling,
+    "sway": rocking,
+    "sines": waving,
+    "scorsby": rolling,
+    "coning": nutating,
+    "vibration": lambda: shaking(("base_roll", "outer", "inner")),
+}
+
+
+@pytest.mark.parametrize("errors", ["perfect", "drawn"])
+@pytest.mark.parametrize("name", MOTIONS)
+def test_slow_samples_are_the_means_of_fast_ones(model, name, errors):
+    """Both err by no more than the law's bounds."""
+    motion, table = MOTIONS[name](), load_table("mid-class")
+    wrong = PERFECT if errors == "perfect" else draw(table, 3, None, True)
+    truth = Truth(with_errors(model, wrong), Site(np.radians(48.5)), errors=wrong)
+    whole = int(motion.duration)
+    fast = truth.block(motion, 1000, Sampling.MEAN, 0, 1000 * whole)
+    for hz in (1, 20, 50, 100):
+        slow = truth.block(motion, hz, Sampling.MEAN, 0, hz * whole)
+        force = fast.f_b.reshape(hz * whole, -1, 3).mean(axis=1)
+        rate = fast.w_ib_b.reshape(hz * whole, -1, 3).mean(axis=1)
+        assert np.abs(slow.f_b - force).max() < 2e-9
+        assert np.abs(slow.w_ib_b - rate).max() < 2e-11
+
+
+RATES = (20, 100, 200, 1000)
+VERTICAL_RATE = 7.292115e-5 * np.sin(np.radians(48.5))
+
+
+@pytest.mark.parametrize("hz", RATES)
+def test_mean_rate_of_a_sine_by_hand(model, hz):
+    """1 deg, 3 Hz about the vertical for 4 s after 1 s of fade: the difference of the angle over
+    the time, and the Earth's rate up. Y1 is up."""
+    sine = {"outer": {"amplitude_deg": 1.0, "frequency_hz": 3.0}}
+    motion = sines(SineMotion.model_validate({"axes": sine}), 4.0, 1.0)
+    block = Truth(model, Site(np.radians(48.5))).block(motion, hz, Sampling.MEAN, hz, 5 * hz)
+    angle = np.radians(1.0) * np.sin(6 * np.pi * (np.arange(hz, 5 * hz + 1) / hz - 1.0))
+    # beside the bound, 1e-12 for the rounding of angles (1e-17) times hz and of the polynomials
+    assert np.abs(block.w_ib_b[:, 1] - np.diff(angle) * hz - VERTICAL_RATE).max() < 1.1e-11
+
+
+@pytest.mark.parametrize("hz", RATES)
+def test_mean_rate_of_vibration_by_hand(model, hz):
+    """Likewise; one step of Simpson's on each 4 ms of the spline would err by 2e-6 rad/s."""
+    motion = shaking()
+    block = Truth(model, Site(np.radians(48.5))).block(motion, hz, Sampling.MEAN, 0, 4 * hz)
+    angle = motion.joints(np.arange(4 * hz + 1) / hz)[0][:, OUTER]
+    assert np.abs(block.w_ib_b[:, 1] - np.diff(angle) * hz - VERTICAL_RATE).max() < 1.1e-11
+
+
+@pytest.mark.parametrize("hz", RATES)
+@pytest.mark.parametrize("name", ["vibration", "sines", "moves"])
+def test_means_match_a_fine_gauss_rule_of_the_closed_form(model, name, hz):
+    """Eight points between edges and knots, exact to the fifteenth power, of `chain.sensors`."""
+    motion, site = MOTIONS[name](), Site(np.radians(48.5))
+    block = Truth(model, site).block(motion, hz, Sampling.MEAN, hz, 3 * hz)
+    edges = np.arange(hz, 3 * hz + 1) / hz
+    inside = motion.knots[(motion.knots > edges[0]) & (motion.knots < edges[-1])]
+    ends = np.unique(np.concatenate([edges, inside]))
+    points, weights = roots_legendre(8)
+    h = np.diff(ends)
+    t = ends[:-1, None] + h[:, None] * (points + 1) / 2
+    q, v, a = motion.joints(t.ravel())
+    felt = np.hstack(chain.sensors(q, v, a, site.latitude, site.gravity)).reshape(-1, 8, 6)
+    parts = np.einsum("k,nkj->nj", weights / 2, felt) * h[:, None]
+    means = np.add.reduceat(parts, np.searchsorted(ends, edges[:-1]), axis=0) * hz
+    assert np.abs(block.w_ib_b - means[:, :3]).max() < 1e-11
+    assert np.abs(block.f_b - means[:, 3:]).max() < 1e-9
+
+
+def test_evaluations_of_slow_and_fast_turns(model, monkeypatch):
+    """Of 0.0035 and 0.00035 rad a sample: Simpson's rule, two; of 0.05 rad, Lobatto's, three."""
+    truth, rows = Truth(model, Site(0.3)), []
+    original = truth.instants
+    monkeypatch.setattr(truth, "instants", lambda q, v, a: rows.append(len(q)) or original(q, v, a))
+    truth.block(turning(4.0, 20.0), 20, Sampling.MEAN, 0, 400)
+    truth.block(turning(4.0, 20.0), 200, Sampling.MEAN, 0, 4000)
+    truth.block(turning(60.0, 20.0), 20, Sampling.MEAN, 0, 400)
+    assert rows == [801, 8001, 1201]
+
+
+@pytest.mark.parametrize("hz", [20, 190])
+def test_slow_samples_do_not_depend_on_the_block_length(model, hz):
+    truth, motion = Truth(model, Site(0.5)), rocking()
+    (whole,) = truth.blocks(motion, hz, Sampling.MEAN, block_s=100.0)
+    parts = list(truth.blocks(motion, hz, Sampling.MEAN, block_s=0.31))
+    assert len(parts) > 50
+    for name in ("t_ns", "w_ib_b", "f_b", "q_wb", "joints"):
+        joined_parts = np.concatenate([getattr(p, name) for p in parts])
+        np.testing.assert_array_equal(joined_parts, getattr(whole, name), err_msg=name)
