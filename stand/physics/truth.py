@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array, IntArray
 from alignment.earth import Site
 from stand.motion.polynomial import Motion
-from stand.physics.mjcf import SITE
+from stand.physics.mjcf import SENSORS, SITE
 from stand.physics.quadrature import Law, Steps
 from stand.samples import Sensed, TruthBlock
 from stand.table.joints import JOINTS
@@ -41,13 +41,6 @@ SAME_TIME = 1e-9  # s: a knot nearer to an edge is on it
 HINGES = 6  # at most on one body of MuJoCo's
 NANOSECOND = 1_000_000_000
 
-_SENSORS = (
-    (mujoco.mjtSensor.mjSENS_ACCELEROMETER, 3),
-    (mujoco.mjtSensor.mjSENS_GYRO, 3),
-    (mujoco.mjtSensor.mjSENS_VELOCIMETER, 3),
-    (mujoco.mjtSensor.mjSENS_MAGNETOMETER, 3),
-    (mujoco.mjtSensor.mjSENS_FRAMEQUAT, 4),
-)
 _UNUSED_STAGES = (
     mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     | mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -124,7 +117,7 @@ def lean_model(
             armature=ARMATURE,
         )
     body.add_site(name=SITE)
-    for kind, _ in _SENSORS:
+    for kind in SENSORS:  # those of the stand at the same site
         spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=SITE)
     for i, place in enumerate(() if places is None else places):
         body.add_site(name=f"place{i}", pos=place)

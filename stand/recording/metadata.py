@@ -40,6 +40,7 @@ FIX_UNITS = {
     "velocity_drift": "m_s",
     "drift_time": "s",
 }
+MODEL_FOLDER = "model/"  # of the attached files of a stand of one's own
 NEVER = "never"  # of a dwell in the record `settled`: the table did not come to rest
 
 

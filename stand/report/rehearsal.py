@@ -102,7 +102,7 @@ def page(result: Rehearsal) -> str:
         "observability": _observability(result),
         "unseen": [(o.method, o.unseen) for o in result.observability if o.unseen],
         "verified": None if result.verification is None else section(result.verification),
-        "gallery": gallery(_positions(result)),
+        "gallery": gallery(_positions(result), i.model),
         "provenance": provenance(files, i.sha256, i.versions),
     }
     return render("rehearsal.html.j2", content)

@@ -64,7 +64,7 @@ class Trials:
         self._filtered = bool(
             np.isfinite([self._spec.gyro.bandwidth, self._spec.accel.bandwidth]).any()
         )
-        self._model = load_model()
+        self._model = load_model(settings.table.model)
         self._same = not self._drawn and first.errors.perfect and first.feels_truth
         self._felt: list[_Felt] = []
         self._blocks: list[Block] = []
