@@ -20,6 +20,7 @@ from stand.table.joints import JOINTS, Body, Geom, Joint, StandModel
 
 MAIN = "turntable.xml"
 SITE = "imu"
+NO_SITE = f"MJCF: no site {SITE!r}: the instrument's point and axes"
 HASH = "files_sha256"  # the text of a loaded model that holds the hash of its files
 
 # What is read at the site, in the order in which the truth takes it.
@@ -185,14 +186,24 @@ def _compiled(path: Path, sha256: str) -> mujoco.MjModel:
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.add_text(name=HASH, data=sha256)
-        model = spec.compile()
-    except ValueError as error:
-        raise StandError(f"{path}: {' '.join(str(error).split())}") from error
-    try:
+        model = _compile(spec)
         _check(model)
-    except StandError as error:
-        raise StandError(f"{path}: {str(error).removeprefix('MJCF: ')}") from error
+    except (ValueError, StandError) as error:
+        said = " ".join(str(error).removeprefix("MJCF: ").split())
+        raise StandError(f"{path}: {said}") from error
     return model
+
+
+def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """MuJoCo misses what is named by another element first: a hinge by its motor, the site by a
+    sensor; said here as what a stand must have."""
+    try:
+        return spec.compile()
+    except ValueError:
+        _check_names([joint.name for joint in spec.joints])
+        if SITE not in [site.name for site in spec.sites]:
+            raise StandError(NO_SITE) from None
+        raise
 
 
 def _hash(model: mujoco.MjModel) -> str:
@@ -220,11 +231,8 @@ def _check_joints(model: mujoco.MjModel) -> None:
     for body in range(model.nbody):
         if model.body_jntnum[body] > 1:
             raise StandError(f"MJCF: body {model.body(body).name!r} has several joints, may have 1")
-    names = tuple(model.joint(i).name for i in range(model.njnt))
-    if names != JOINTS:
-        missing = [repr(name) for name in JOINTS if name not in names]
-        what = f"no joint {', '.join(missing)}" if missing else f"joints {', '.join(names)}"
-        raise StandError(f"MJCF: {what}; must be {', '.join(JOINTS)}")
+    names = [model.joint(i).name for i in range(model.njnt)]
+    _check_names(names)
     for i, name in enumerate(names):
         if model.jnt_type[i] != mujoco.mjtJoint.mjJNT_HINGE:
             raise StandError(f"MJCF: joint {name!r} must be a hinge")
@@ -232,10 +240,17 @@ def _check_joints(model: mujoco.MjModel) -> None:
             raise StandError(f"MJCF: joint {name!r} must lie at its body's origin, with ref 0")
 
 
+def _check_names(names: list[str]) -> None:
+    if tuple(names) != JOINTS:
+        missing = [repr(name) for name in JOINTS if name not in names]
+        what = f"no joint {', '.join(missing)}" if missing else f"joints {', '.join(names)}"
+        raise StandError(f"MJCF: {what}; must be {', '.join(JOINTS)}")
+
+
 def _site(model: mujoco.MjModel) -> int:
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, SITE)
     if site < 0:
-        raise StandError(f"MJCF: no site {SITE!r}: the instrument's point and axes")
+        raise StandError(NO_SITE)
     return site
 
 
