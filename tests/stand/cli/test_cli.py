@@ -15,8 +15,8 @@ from mcap.writer import Writer
 
 import stand
 from alignment import ESTIMATORS
+from stand import cli
 from stand import toml_files as catalogue
-from stand.cli import app as cli
 from stand.imu import load_imu
 from stand.recording.mcap import read_imu, read_metadata, read_truth, write_imu_log
 
