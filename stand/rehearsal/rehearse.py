@@ -32,7 +32,7 @@ from stand.rehearsal.result import (
 )
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.traps import allan_lengths, doubts, from_margins
-from stand.simulation.settings import payload_of, temperature_of
+from stand.simulation.settings import base_arm_of, payload_of, temperature_of
 from stand.table.joints import StandModel
 from stand.table.table import Table
 
@@ -60,7 +60,7 @@ def request(
     procedure: Procedure, imu: ImuSpec, table: Table, site: Site, rate_hz: int = 200
 ) -> Request:
     """A request with the estimators told what the data sheets say."""
-    priors = priors_of(imu, table, procedure.entry.rocks)
+    priors = priors_of(imu, table, procedure.entry.rocks, base_arm_of(table))
     options = replace(procedure.entry.estimate.options(), priors=priors)
     return Request(procedure, imu, table, site, options, rate_hz)
 

@@ -303,6 +303,16 @@ def test_the_lever_arm_of_its_base(model):
     assert base_arm(describe(load_model())) == pytest.approx(BASE_ARM, abs=1e-12)
 
 
+def test_a_rocking_base_tells_estimators_of_its_lever_arm(own, settings):
+    swaying = load_procedure("random-sway")
+    unit = load_imu("ring-laser")
+    for table, arm in ((load_table(str(own)), 1.16), (load_table("rocking-platform"), BASE_ARM)):
+        asked = request(swaying, unit, table, settings.site)
+        assert asked.options.priors.lever_arm == pytest.approx(arm, abs=1e-12)
+    still = request(settings.procedure, unit, load_table(str(own)), settings.site)
+    assert still.options.priors.lever_arm == 0.0
+
+
 @pytest.fixture(scope="module")
 def recorded(own, settings, stand_command):
     out = own.with_name("run")
