@@ -54,7 +54,8 @@ def _main() -> None:
     parser.add_argument("--model", type=Path, help="MJCF of a stand of your own")
     given = parser.parse_args()
     try:
-        given.out.write_bytes(picture(dict(given.angles), given.camera, *given.size, model=given.model))
+        image = picture(dict(given.angles), given.camera, *given.size, model=given.model)
+        given.out.write_bytes(image)
     except StandError as error:
         sys.exit(f"error: {error}")
 
