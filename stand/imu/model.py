@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, set_owned
+from alignment.cross import cross_matrix
 from stand.errors import unknown
 from stand.imu.filter import LowPass
 from stand.imu.preset import ClockSpec, ImuSpec, TriadSpec
@@ -122,7 +123,8 @@ def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
 
     turn = spec.misalignment * normal("misalignment")
     pairs = spec.non_orthogonality * normal("non_orthogonality")
-    axes = np.eye(3) + _cross_matrix(turn) + _symmetric(pairs) / 2
+    # a case turned by `turn` reads components x - turn x x
+    axes = np.eye(3) - cross_matrix(turn) + _symmetric(pairs) / 2
     scale = 1 + spec.scale * normal("scale")
     return UnitErrors(
         matrix=scale[:, None] * axes,
@@ -136,12 +138,6 @@ def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
         g_sensitivity=spec.g_sensitivity * normal("g_sensitivity", 3),
         g2_sensitivity=spec.g2_sensitivity * normal("g2_sensitivity", 3),
     )
-
-
-def _cross_matrix(turn: Array) -> Array:
-    """What a case turned by `turn` (3,) [rad] does to components: x - turn x x."""
-    x, y, z = turn
-    return np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
 
 
 def _symmetric(pairs: Array) -> Array:
