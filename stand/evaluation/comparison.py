@@ -21,15 +21,13 @@ from alignment.earth import EARTH_RATE
 from alignment.errors import AlignmentError
 from alignment.units import DEG
 from stand.errors import StandError, unknown
-from stand.evaluation.score import TOLD, suited
+from stand.evaluation.score import circular, suited
 from stand.evaluation.statistics import Found, Outcome, Tally, tally
 from stand.imu import ImuSpec, without
 from stand.motion.plan import Plan
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
-
-ONE_GYRO = "single-gyro"
 
 Progress = Callable[[float], None]
 
@@ -134,7 +132,7 @@ class _Bench:
         found = tuple(
             against_truth(e, truth[e.label], floors(e, truth[e.label], own, site, self._imu))
             for e in estimates
-            if e.C_nb is not None and e.label in truth and e.window != "same"
+            if e.C_nb is not None and e.label in truth and not circular(e)
         )
         return Outcome(method, seed, found, seconds)
 
@@ -165,10 +163,10 @@ def floors(
     part of an azimuth error, so it divides by that. NaN for a method that was told the attitude.
     """
     seconds = used_time(e, dwells)
-    if site.latitude is None or seconds <= 0 or e.method in TOLD:
+    if site.latitude is None or seconds <= 0 or ESTIMATORS[e.method].carries_nominal:
         return nan, nan
     gyros = 1.0
-    if e.method == ONE_GYRO:
+    if ESTIMATORS[e.method].gyros == 1:
         gyros = 1 / float(np.abs(truth.as_matrix()[1]).max())
     north = EARTH_RATE * np.cos(site.latitude)
     heading = gyros * imu.gyro.noise / (north * np.sqrt(seconds))

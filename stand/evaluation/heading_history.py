@@ -15,7 +15,7 @@ from alignment.angles import wrapped
 from alignment.arrays import Array, set_owned
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeTrack
-from stand.evaluation.score import suited
+from stand.evaluation.score import circular, suited
 from stand.simulation.monte_carlo import Watched, watch
 from stand.simulation.settings import Settings
 
@@ -96,7 +96,7 @@ def _grown(
 def _latest(found: Sequence[AttitudeEstimate], label: str) -> AttitudeEstimate | None:
     """The estimate of the stretch under way, else the last there is."""
     whole = [
-        e for e in found if e.C_nb is not None and e.covariance is not None and e.window != "same"
+        e for e in found if e.C_nb is not None and e.covariance is not None and not circular(e)
     ]
     own = [e for e in whole if e.label == label]
     return (own or whole or [None])[-1]

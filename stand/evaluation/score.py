@@ -12,20 +12,7 @@ from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G
 
-# [S0], methods.md section 1: n-1 deviations over six positions [deg], roll, yaw, pitch
-PUBLISHED = {
-    "six-position": (0.009105, 0.006733, 0.017117),
-    "rk4": (0.213968, 0.222806, 0.385168),
-}
-# they carry the attitude that the table was told, and find none: no floor is under that
-TOLD = ("rk4", "two-sample")
 ANGLES = ("roll", "yaw", "pitch")
-_STRETCHES = {
-    "rest": "at rest",
-    "turning": "at constant rate",
-    "any": "to estimate from",
-    "fixes": "with satellite fixes",
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,8 +104,13 @@ def suited(method: str, dwells: Sequence[Dwell]) -> list[Dwell]:
     """The stretches a method is for; `AlignmentError` where there is none."""
     found = [dwell for dwell in dwells if ESTIMATORS[method].suited(dwell)]
     if not found:
-        raise AlignmentError(f"no stretch {_STRETCHES[ESTIMATORS[method].takes]}")
+        raise AlignmentError(ESTIMATORS[method].lacking)
     return found
+
+
+def circular(estimate: AttitudeEstimate) -> bool:
+    """Whether its errors are zero by construction, and say nothing of the method."""
+    return ESTIMATORS[estimate.method].window(estimate.window).circular
 
 
 @dataclass(frozen=True, slots=True)
