@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Site
-from alignment.angles import heading_from_C_nb, wrapped
+from alignment.against_truth import heading_errors, rotation_error
 from alignment.earth import EARTH_RATE
 from alignment.errors import AlignmentError
 from alignment.units import DEG
@@ -140,11 +140,8 @@ class _Bench:
 def against_truth(e: AttitudeEstimate, truth: Rotation, floor: tuple[float, float]) -> Found:
     """An estimate's errors beside its own sigmas and the floors of heading and tilt [rad]."""
     assert e.C_nb is not None
-    error = (e.C_nb * truth.inv()).as_rotvec()
-    heading, true_heading = e.heading, heading_from_C_nb(truth)
-    off, sigmas, nees = nan, (nan, nan), nan
-    if heading is not None and true_heading is not None:
-        off = float(wrapped(heading - true_heading))
+    error, off = rotation_error(e.C_nb, truth), float(heading_errors(e.C_nb, truth))
+    sigmas, nees = (nan, nan), nan
     if e.covariance is not None:
         sigmas = (sqrt(e.covariance[0, 0]), sqrt(e.covariance[1, 1]))
         if np.linalg.matrix_rank(e.covariance, hermitian=True) == len(error):

@@ -24,6 +24,7 @@ from alignment.methods.six_position import METHOD as SIX_POSITION
 from alignment.methods.triad import triad_attitude
 from alignment.methods.two_gyro import Sway, azimuth_as_published, sway_bound
 from alignment.methods.vectors import VectorOptions, compare
+from alignment.noise import FLICKER_FLOOR
 from alignment.units import ARC_MINUTE, ARC_SECOND, DEG, DEG_PER_HOUR, STANDARD_GRAVITY
 from stand.evaluation.score import ANGLES, Truths, evaluate, spreads
 from stand.imu import load_imu
@@ -39,7 +40,6 @@ RUNS = 8  # of the stand and of the drives
 EPSILON = 1e-9  # deg: 'zero by construction' with rounding
 CLASS = ("adis16488", "stim300", "hg4930", "hg1700", "ring-laser")  # from coarse to fine
 TARGET = 1.3 * ARC_MINUTE
-PLATEAU = 0.664  # Allan deviation at its floor, of the bias instability: sqrt(2 ln 2 / pi)
 
 Figures = tuple[PublishedFigure, ...]
 
@@ -295,7 +295,7 @@ def double_figures() -> Figures:
 def _time(name: str, latitude: float) -> str:
     gyro = load_imu(name).gyro
     seconds = time_needed(
-        TARGET, latitude, gyro.noise, PLATEAU * gyro.instability, gyro.random_walk
+        TARGET, latitude, gyro.noise, FLICKER_FLOOR * gyro.instability, gyro.random_walk
     )
     if seconds is None:
         return "never"

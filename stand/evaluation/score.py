@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
-from alignment.angles import angles_from_C_nb, heading_from_C_nb, wrapped
+from alignment.against_truth import angle_errors, heading_errors
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G
@@ -64,14 +64,15 @@ def angle_error(estimate: AttitudeEstimate, reference: Rotation | None) -> Array
     """
     if reference is None or estimate.angles is None or estimate.singular:
         return None
-    return wrapped(estimate.angles - angles_from_C_nb(estimate.sequence, reference))
+    assert estimate.C_nb is not None
+    return angle_errors(estimate.sequence, estimate.C_nb, reference)
 
 
 def _heading_error(estimate: AttitudeEstimate, truth: Rotation | None) -> float | None:
-    if truth is None or estimate.heading is None:
+    if truth is None or estimate.C_nb is None:
         return None
-    true_heading = heading_from_C_nb(truth)
-    return None if true_heading is None else float(wrapped(estimate.heading - true_heading))
+    error = float(heading_errors(estimate.C_nb, truth))
+    return None if np.isnan(error) else error
 
 
 def evaluate(

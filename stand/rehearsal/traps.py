@@ -7,6 +7,7 @@ import numpy as np
 
 from alignment import ESTIMATORS
 from alignment.earth import EARTH_RATE, Site
+from alignment.noise import FLICKER_FLOOR
 from alignment.units import DEG, DEG_PER_HOUR
 from stand.imu import ImuSpec
 from stand.imu.preset import TriadSpec
@@ -16,7 +17,6 @@ from stand.rehearsal.result import Finding, Judgement, Margin, Severity, StepFea
 NEAR_POLE = 1 * DEG_PER_HOUR  # horizontal Earth rate below which heading is not to be had
 BIAS_DOUBT = 1 * DEG  # heading error by the turn-on bias that is remarked where nothing is required
 ALLAN_LENGTHS = 10.0  # times the averaging time of a term: then it is told to 24 %
-_FLOOR = 0.664  # least Allan deviation over bias instability: sqrt(2 ln 2 / pi)
 
 
 def from_margins(steps: Sequence[StepFeasibility]) -> Iterator[Finding]:
@@ -120,7 +120,7 @@ def averaging_time(spec: TriadSpec, term: str) -> float:
     Each slope meets the one before it: ``N / sqrt(tau) = 0.664 B``, ``0.664 B = K sqrt(tau / 3)``,
     ``K sqrt(tau / 3) = R tau / sqrt(2)`` (IEEE Std 952, annex C).
     """
-    N, B, K, R = spec.noise, _FLOOR * spec.instability, spec.random_walk, spec.ramp
+    N, B, K, R = spec.noise, FLICKER_FLOOR * spec.instability, spec.random_walk, spec.ramp
     if term in ("N", "Q"):
         return 0.0
     if term == "B":

@@ -29,7 +29,8 @@ ANGLE_NOTE = (
 
 def method_text(method: str, window: str) -> str:
     """A method and which of its forms: 'six-position, fresh window'."""
-    words = ESTIMATORS[method].window(window).words
+    known = ESTIMATORS.get(method)  # a newer version's recording may name others
+    words = window if known is None else known.window(window).words
     return f"{method}, {words}" if words else method
 
 
