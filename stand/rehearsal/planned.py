@@ -13,14 +13,6 @@ def planned_stretch(step: PlannedStep) -> Stretch:
         return Stretch(step.label, step.steady_from, length, step.C_nb)
     turning = step.turning
     axis = turning.axis_b / np.linalg.norm(turning.axis_b)
-    angle = start_angle(step)
-    return Stretch(step.label, step.steady_from, length, step.C_nb, turning.rate, axis, angle)
-
-
-def start_angle(step: PlannedStep) -> float:
-    """Encoder angle [rad] of a turning step where its steady part begins."""
-    assert step.turning is not None
-    rate, stop = step.turning.rate, float(step.joints[step.turning.axis])
-    # a ramp down of limited jerk takes the same angle as half its time at full rate
-    ramp = (step.t_to - step.steady_to) if step.t_to > step.steady_to else 0.0
-    return stop - rate * (step.steady_to - step.steady_from) - rate * ramp / 2
+    return Stretch(
+        step.label, step.steady_from, length, step.C_nb, turning.rate, axis, turning.angle
+    )
