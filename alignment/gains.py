@@ -8,11 +8,12 @@ knows the instrument; whoever states its errors multiplies them in.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment.arrays import Array, set_owned
+from alignment.arrays import Array, owned, set_owned
 from alignment.earth import Site
 from alignment.information import Stretch
 from alignment.levelling import attitude_sensitivity
@@ -55,8 +56,11 @@ class Answer:
 
     def __post_init__(self) -> None:
         set_owned(self, gain=(self.gain, (3, None), float))
+        m = self.gain.shape[1]
+        biases = {label: owned(row, label, (m,)) for label, row in self.biases.items()}
+        object.__setattr__(self, "biases", MappingProxyType(biases))
         if self.window_gain is not None:
-            set_owned(self, window_gain=(self.window_gain, (3, None), float))
+            set_owned(self, window_gain=(self.window_gain, (3, m), float))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
