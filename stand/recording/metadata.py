@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
-from alignment import Options, Priors, Site
+from alignment import DEFAULT_METHOD, Options, Priors, Site
 from alignment.angles import SequenceRule
 from alignment.readings import EDGE, Fixes
 from alignment.units import ARC_SECOND, DEG
@@ -206,7 +206,7 @@ def settings_of(
             SequenceRule(estimate.get("sequences", SequenceRule.REGULAR.value)),
             _priors(estimate),
         ),
-        tuple(estimate["methods"].split(",")) if "methods" in estimate else ("triad",),
+        tuple(estimate["methods"].split(",")) if "methods" in estimate else (DEFAULT_METHOD,),
     )
 
 

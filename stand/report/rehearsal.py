@@ -24,6 +24,7 @@ from stand.rehearsal.result import (
     Verdict,
 )
 from stand.rehearsal.result_json import rehearsal_json
+from stand.report.document import method_text
 from stand.report.figures import Against, Bar, Budget, budget, requirements, timeline
 from stand.report.gallery import Position, gallery
 from stand.report.junit import junit
@@ -31,7 +32,7 @@ from stand.report.page import refuse_existing, render, span_text, write_whole
 from stand.report.provenance import provenance
 from stand.report.tables import TableData
 from stand.report.verified import fact, outcome, section
-from stand.report.wording import deg_text, digits, margin_in_words, method_text, percent, sigma_text
+from stand.report.wording import deg_text, digits, margin_in_words, percent, sigma_text
 
 PAGE, JSON, JUNIT = "rehearsal.html", "rehearsal.json", "junit.xml"
 GRADES = {Verdict.PASS: "good", Verdict.FAIL: "bad", Verdict.INDETERMINATE: "open"}
