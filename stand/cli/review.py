@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stand.cli.options import ForceOption, file_in
+from stand.cli.options import ForceOption
 from stand.cli.progress import working
 
 
@@ -36,4 +36,4 @@ def view(
     """Open a recording in the rerun viewer."""
     from stand.recording.viewer import view as open_viewer
 
-    open_viewer(file_in(recording, "run.rrd"))
+    open_viewer(recording / "run.rrd" if recording.is_dir() else recording)
