@@ -20,7 +20,7 @@ from alignment.information.model import felt
 from alignment.levelling import attitude_sensitivity
 from alignment.methods.carousel import SAME_AXIS, carousel_attitude, combined, lag_of
 from alignment.methods.harmonics import Harmonics, TurningVector, turning_vector
-from alignment.methods.position_fit import ROUNDING, drift_variances, local_vectors
+from alignment.methods.position_fit import ROUNDING, local_vectors
 from alignment.methods.positions import ANOMALY, LEAST_TURN
 from alignment.methods.single_gyro import single_gyro_sensitivity
 from stand.motion.plan import PlannedStep
@@ -102,12 +102,11 @@ def _known(stretches: Sequence[Stretch], case: Case) -> Information:
     unit, setting = assumed(priors)
     anomaly = ANOMALY if case.site.local_gravity is None else 0.0
     setting = Setting(placement=setting.placement, mounting=priors.seat, gravity=anomaly)
-    drift = np.sqrt(drift_variances(priors, len(stretches)) + ROUNDING**2)
-    drifting = [
-        Stretch(s.label, s.start, s.duration, s.C_pb, s.rate, s.axis_b, s.angle, drift)
+    rounded = [
+        Stretch(s.label, s.start, s.duration, s.C_pb, s.rate, s.axis_b, s.angle, ROUNDING)
         for s in stretches
     ]
-    return information(drifting, _NORTH, case.site, unit, setting)
+    return information(rounded, _NORTH, case.site, unit, setting)
 
 
 def known_of(steps: Sequence[PlannedStep], case: Case) -> Information:

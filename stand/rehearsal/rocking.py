@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from alignment import ImuReadings, Options, Site
 from alignment.arrays import Array
+from alignment.constant_errors import BY_AXIS, in_one_attitude
 from alignment.information import GaussMarkov, Unit
-from alignment.information.model import BY_AXIS
 from alignment.methods.fine import _START, CONSTANTS, STILL, UPDATE, _matrices, _Model, _Reference
 from alignment.methods.inertial import (
     EVERY,
@@ -98,7 +98,7 @@ def inertial(readings: ImuReadings, site: Site, options: Options) -> Functional:
 def fine(readings: ImuReadings, site: Site, options: Options) -> Functional:
     """The Kalman filter with its gains frozen, run backward from its last attitude."""
     site.horizontal_rate()
-    priors = options.priors
+    priors = in_one_attitude(options.priors, site.gravity)
     carried = carry(readings, STEP)
     matched = match(carried, site)
     noise = noise_of(readings, priors)
