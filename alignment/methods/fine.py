@@ -18,6 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
+from alignment.constant_errors import in_one_attitude
 from alignment.cross import cross_matrix
 from alignment.doubts import heading_doubt
 from alignment.earth import Site
@@ -222,7 +223,7 @@ def innovations(dwell: Dwell, site: Site, options: Options) -> Innovations:
 def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     """The filter over one stretch; parameters and errors as for `fine`."""
     site.horizontal_rate()
-    readings, priors = checked_readings(dwell), options.priors
+    readings, priors = checked_readings(dwell), in_one_attitude(options.priors, site.gravity)
     noise = noise_of(readings, priors)
     carried = carry(readings, UPDATE)
     matched = match(carried, site)

@@ -16,6 +16,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.constant_errors import in_one_attitude
 from alignment.cross import cross_matrix
 from alignment.doubts import heading_doubt
 from alignment.earth import Site
@@ -270,7 +271,8 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     """The attitude at the end of the record so far, as it grows: the last of them `inertial`'s."""
     site.horizontal_rate()
     readings = checked_readings(dwell)
-    noise = noise_of(readings, options.priors)
+    priors = in_one_attitude(options.priors, site.gravity)
+    noise = noise_of(readings, priors)
     carried = carry(readings, block_of(readings))
     m = len(carried.spans)
     ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
@@ -279,7 +281,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         part = carried.until(int(end))
         matched = match(part, site)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
-        found.append((C_nb, covariances(part, matched, noise, options.priors)[0]))
+        found.append((C_nb, covariances(part, matched, noise, priors)[0]))
     sequence = options.rule.sequence_for(found[-1][0].inv().apply([0.0, 0.0, -1.0]))
     return [
         AttitudeTrack(
@@ -313,8 +315,9 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     readings = checked_readings(dwell)
     carried = carry(readings, block_of(readings))
     matched = match(carried, site)
-    noise = noise_of(readings, options.priors)
-    covariance, wander = covariances(carried, matched, noise, options.priors)
+    priors = in_one_attitude(options.priors, site.gravity)
+    noise = noise_of(readings, priors)
+    covariance, wander = covariances(carried, matched, noise, priors)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += wander_doubt(dwell.label, carried, matched, wander)
     C_nb = told_at(dwell, matched.C_ni * Rotation.from_quat(carried.q[-1]))

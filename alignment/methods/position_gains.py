@@ -5,7 +5,6 @@ The gain is that of the best estimate under the priors that the method is told, 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +15,7 @@ from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.gains import Answer
 from alignment.information import Information, Setting, Stretch, assumed, information
-from alignment.methods.position_fit import ROUNDING, drift_variances
+from alignment.methods.position_fit import ROUNDING
 from alignment.methods.positions import ANOMALY, LEAST_TURN
 from alignment.options import Options
 
@@ -29,9 +28,11 @@ def known_to(stretches: Sequence[Stretch], site: Site, options: Options) -> Info
     unit, setting = assumed(priors)
     anomaly = ANOMALY if site.local_gravity is None else 0.0
     setting = Setting(placement=setting.placement, mounting=priors.seat, gravity=anomaly)
-    drift = np.sqrt(drift_variances(priors, len(stretches)) + ROUNDING**2)
-    drifting = [replace(s, disturbance=drift) for s in stretches]
-    return information(drifting, _NORTH, site, unit, setting)
+    rounded = [
+        Stretch(s.label, s.start, s.duration, s.C_pb, s.rate, s.axis_b, s.angle, ROUNDING)
+        for s in stretches
+    ]
+    return information(rounded, _NORTH, site, unit, setting)
 
 
 def two_position_gains(stretches: Sequence[Stretch], site: Site, options: Options) -> list[Answer]:

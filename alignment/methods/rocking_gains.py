@@ -7,6 +7,7 @@ linear functional of the errors of its sensors over time.
 import numpy as np
 
 from alignment.arrays import Array
+from alignment.constant_errors import in_one_attitude
 from alignment.cross import cross_matrix
 from alignment.earth import Site
 from alignment.gains import Functional, functional
@@ -58,7 +59,7 @@ def inertial_functional(readings: ImuReadings, site: Site, options: Options) -> 
 def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Functional:
     """The Kalman filter with its gains frozen, run backward from its last attitude."""
     checked_by = inertial_functional(readings, site, options)
-    priors = options.priors
+    priors = in_one_attitude(options.priors, site.gravity)
     carried = carry(readings, STEP)
     matched = match(carried, site)
     noise = noise_of(readings, priors)

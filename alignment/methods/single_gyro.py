@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.constant_errors import constant_covariance
 from alignment.doubts import heading_doubt
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError
@@ -19,7 +20,7 @@ from alignment.gains import Answer, each_alone, from_b
 from alignment.information import Stretch
 from alignment.levelling import attitude_covariance
 from alignment.methods.position_fit import ROUNDING, local_vectors
-from alignment.methods.triad import prior_variances, triad_attitude
+from alignment.methods.triad import triad_attitude
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from alignment.options import Options
 from alignment.readings import Dwell
@@ -134,7 +135,7 @@ def single_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[At
         With a latitude, one gyro tells the heading (another only its side, east or west);
         without it the three of them tell the latitude too.
     options : Options
-        `rule`; `priors`: biases and scale errors, which enter the covariance.
+        `rule`; `priors`: biases and all other constant errors, which enter the covariance.
 
     Returns
     -------
@@ -179,7 +180,7 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     except AlignmentError as error:
         raise type(error)(f"{dwell.label}: {error}") from error
     up = means[3:] if dwell.nominal is None else dwell.nominal.inv().apply([0.0, 0.0, -1.0])
-    whole = variances + prior_variances(means, options.priors) + ROUNDING**2
+    whole = np.diag(variances + ROUNDING**2) + constant_covariance(means, options.priors)
     covariance = attitude_covariance(C_nb, whole, G)
     sigma = None
     if latitude_row is not None:

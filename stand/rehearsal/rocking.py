@@ -10,9 +10,9 @@ import numpy as np
 
 from alignment import ImuReadings
 from alignment.arrays import Array
+from alignment.constant_errors import BY_AXIS
 from alignment.gains import Functional
 from alignment.information import GaussMarkov, Unit
-from alignment.information.model import BY_AXIS
 from stand.imu.recursion import Recursion
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
