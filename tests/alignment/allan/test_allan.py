@@ -127,7 +127,7 @@ def test_plateau_of_gauss_markov_processes():
 @pytest.mark.parametrize(("term", "alpha"), [("N", 0), ("B", -1), ("K", -2)])
 def test_degrees_of_freedom_are_greenhalls(term, alpha):
     n, m = 4096, (8, 16, 32, 64, 128, 256, 512)
-    ours = degrees_of_freedom(n, m, np.eye(5)[index(term)])
+    ours = degrees_of_freedom((n,), m, np.eye(5)[index(term)])
     theirs = [allantools.edf_greenhall(alpha, 2, k, n + 1, overlapping=True) for k in m]
     # Its tables hold for continuous noise: at 8 samples 10 % of discreteness are left.
     np.testing.assert_allclose(ours, theirs, rtol=0.11)
@@ -140,7 +140,7 @@ def test_degrees_of_freedom_at_hand():
     ``Var/E^2 = 2 (M + 2 (M - 1)/4) / M^2`` with M = n - 1: 2 M / 3 degrees for long records.
     """
     M = 999
-    assert degrees_of_freedom(1000, (1,), np.eye(5)[index("N")])[0] == pytest.approx(
+    assert degrees_of_freedom((1000,), (1,), np.eye(5)[index("N")])[0] == pytest.approx(
         M**2 / (M + (M - 1) / 2), rel=1e-3
     )
 
