@@ -69,7 +69,8 @@ def saturation_doubt(
             if not count:
                 continue
             share = count / len(readings)
-            told = f"{CHANNELS[first + axis]} at full scale in {100 * share:.2g} % of the samples"
+            percent = f"{100 * share:.2g}" if share < 0.1 else f"{100 * share:.0f}"
+            told = f"{CHANNELS[first + axis]} at full scale in {percent} % of the samples"
             if share > LARGEST_SHARE:
                 raise Saturated(f"{label}: {told}: what it felt there is lost")
             flags.append(told)

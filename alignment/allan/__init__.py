@@ -1,8 +1,8 @@
 """Allan analysis: noise terms of a unit at rest, each with its interval, or a refusal.
 
-Readings -> `stretches` (the longest without gaps, of each rest) -> `deviation` (allantools) -> `fit` of the five
-`terms`, weighted by `covariance` -> `analysis`: what the record shows, and how long it must be to
-show the rest.
+Readings -> `stretches` (the longest without gaps, of each rest) -> `deviation` (allantools) ->
+`fit` of the five `terms`, weighted by `covariance` -> `analysis`: what the record shows, and how
+long it must be to show the rest.
 """
 
 from alignment.allan.analysis import (
@@ -16,4 +16,13 @@ from alignment.allan.analysis import (
 )
 from alignment.allan.stretches import Interruption
 
-__all__ = ["Analysis", "Channel", "Found", "Interruption", "Missing", "Stretch", "analyse", "channel"]
+__all__ = [
+    "Analysis",
+    "Channel",
+    "Found",
+    "Interruption",
+    "Missing",
+    "Stretch",
+    "analyse",
+    "channel",
+]

@@ -8,7 +8,17 @@ from scipy.special import chdtri
 
 from alignment.allan.covariance import degrees_of_freedom
 from alignment.allan.deviation import FEWEST, Deviation, deviation, octaves
-from alignment.allan.fit import MEMORY, Fit, evidence, fit, holding, interval, problem, solve, worse_with
+from alignment.allan.fit import (
+    MEMORY,
+    Fit,
+    evidence,
+    fit,
+    holding,
+    interval,
+    problem,
+    solve,
+    worse_with,
+)
 from alignment.allan.stretches import Interruption, interruptions, longest
 from alignment.allan.terms import KEYS, design, index, value, variance, weight
 from alignment.arrays import Array, set_owned
@@ -16,6 +26,7 @@ from alignment.errors import TooShort
 from alignment.noise import check_rest
 from alignment.readings import ImuReadings
 from alignment.sampling import bursts, evened, repeats, sigma_below, step_of
+from alignment.saturation import saturation_doubt
 
 SENSORS = ("gyro", "accel")
 AXES = ("x", "y", "z")
@@ -184,6 +195,7 @@ def analyse(
     sheet: Sheet | None = None,
     terms: Iterable[str] = (),
     bandwidths: Mapping[str, float] | None = None,
+    ranges: Sequence[float] = (np.inf, np.inf),
 ) -> Analysis:
     """Noise terms of a unit at rest.
 
@@ -199,6 +211,8 @@ def analyse(
         Terms that must be shown by at least one channel.
     bandwidths : mapping sensor -> Hz, optional
         Where they are known the fit starts beyond them; else where it sees one.
+    ranges : (2,)
+        Of gyros [rad/s] and accelerometers [m/s^2], where they are known.
 
     Raises
     ------
@@ -207,6 +221,8 @@ def analyse(
         the message says how long the record must be.
     NotAtRest
         As `alignment.noise.check_rest` says.
+    Saturated
+        As `alignment.saturation.saturation_doubt` says.
 
     Notes
     -----
@@ -221,7 +237,9 @@ def analyse(
     rests = [readings] if isinstance(readings, ImuReadings) else list(readings)
     parts, events, notes = _stretches(rests)
     for number, (_, part) in enumerate(parts, 1):
-        check_rest(part, "record" if len(parts) == 1 else f"rest {number}")
+        label = "record" if len(parts) == 1 else f"rest {number}"
+        check_rest(part, label)
+        notes += saturation_doubt(label, part, ranges)
     stretches = tuple(_stretch(part, step) for step, part in parts)
     channels: list[Channel] = []
     for sensor in SENSORS:
@@ -269,9 +287,7 @@ def _stretches(rests: Sequence[ImuReadings]) -> tuple[list[Part], list[Interrupt
         events += found
     best = max(parts, key=lambda p: len(p[1]))
     usual = best[0]
-    alike = [
-        p for p in parts if abs(p[0] - usual) <= ALIKE_RATE * usual and len(p[1]) >= FEWEST
-    ]
+    alike = [p for p in parts if abs(p[0] - usual) <= ALIKE_RATE * usual and len(p[1]) >= FEWEST]
     return alike or [best], events, notes
 
 
@@ -292,10 +308,14 @@ def _new_ones(
     kept = [triad[starts] for triad, starts in zip(triads, fresh, strict=True)]
     times = sum(lengths) / sum(map(len, kept))
     step = times * span / sum(lengths)
-    return step, kept, [
-        f"{sensor}: every value stands {times:.3g} times: the new ones alone are used, "
-        f"{1 / step:.4g} Hz"
-    ]
+    return (
+        step,
+        kept,
+        [
+            f"{sensor}: every value stands {times:.3g} times: the new ones alone are used, "
+            f"{1 / step:.4g} Hz"
+        ],
+    )
 
 
 def _shaken(parts: Sequence[Part]) -> list[str]:

@@ -19,8 +19,8 @@ within the filter's memory; beyond it the integral's structure function is ``N^2
 order Butterworth), and that is white noise with a *negative* quantisation, ``Q^2 = -N^2 c/2``, in
 variance and covariance alike: ``sigma^2 = N^2/tau (1 - 3c/(2 tau))``. The weight of Q may therefore
 be negative in every fit, down to where c is half the shortest averaging time; only a positive one
-is quantisation. The fit starts at `MEMORY` / bandwidth where a bandwidth is known, and where it is
-seen otherwise.
+is quantisation. The fit starts at `MEMORY` / bandwidth where a bandwidth is known, and at
+`FORGOTTEN` c, as it is seen, where none is.
 
 A plateau is never flat: sums of Gauss-Markov processes ripple by 2 % of the deviation, so that B^2
 is allowed `PLATEAU` at each tau. Nor does it go on to the shortest tau: it is fitted without a
@@ -55,6 +55,7 @@ LEAST_PLATEAU = 30  # onsets that a plateau must be seen over
 LEAST_EIGENVALUE = 1e-3  # of the correlations between taus
 SHORTEST = 4  # c is at most half of the shortest averaging time: Q^2 at least -N^2 m/4
 MEMORY = 1.1  # periods of the bandwidth after which a low-pass forgets (first order: exp(-7))
+FORGOTTEN = 7.0  # c after which it does: first order exp(-7), second 4 % of what it takes
 ROUNDING = 1e-6  # least relative error of a variance: a ramp alone would have none
 _ROUNDS = 40
 _Q, _N, _B = index("Q"), index("N"), index("B")
@@ -173,9 +174,9 @@ class Fit:
     """Weights (5,) as in `terms`, the problem they solve, and how well.
 
     `solution` is in the problem's own weights, `weights` in the terms': below zero, that of Q is
-    what a low-pass took. `first` is the first tau used, `onset` where the plateau begins [samples; 0: nowhere],
-    `chi2` the misfit before any `problem.excess` was allowed and
-    `freedom` what it should be.
+    what a low-pass took. `first` is the first tau used, `onset` where the plateau begins [samples;
+    0: nowhere], `chi2` the misfit before any `problem.excess` was allowed and `freedom` what it
+    should be.
     """
 
     solution: Array
@@ -210,6 +211,10 @@ def fit(curve: Deviation, bandwidth: float = math.inf) -> Fit:
     most = max(0, len(curve.m) - FEWEST_TAUS)
     start = min(most, int(np.searchsorted(curve.tau, MEMORY / bandwidth)))
     whole = _fit(curve, start)
+    # selection by the curve itself costs certainty: only where nobody knows
+    while bandwidth == math.inf and start < most and FORGOTTEN * _smoothing(whole) > curve.m[start]:
+        start += 1
+        whole = _fit(curve, start)
     if _described(whole):
         return whole
     for first in range(start + 1, min(start + MOST_DROPPED, most) + 1):
@@ -217,6 +222,11 @@ def fit(curve: Deviation, bandwidth: float = math.inf) -> Fit:
             if _described(_fit_with(curve, first, onset)):
                 return _fit(curve, first)
     return _with_excess(whole)
+
+
+def _smoothing(found: Fit) -> float:
+    """c of a low-pass [samples], from what it takes."""
+    return 2 * max(0.0, -found.weights[_Q]) / max(found.weights[_N], 1e-300)
 
 
 def problem(curve: Deviation, first: int = 0, onset: float = 0.0) -> Problem:
@@ -382,9 +392,7 @@ def worse_with(posed: Problem, best: Array, term: int, at: float) -> float:
     asked, own = holding(posed, best, term)
     held = solve(asked, term, at, near=np.maximum(own, 0.0))
     white = asked.whiten(held)
-    return min(
-        white.cost(held) - asked.whiten(own).cost(own), white.chi2(held) - white.chi2(own)
-    )
+    return min(white.cost(held) - asked.whiten(own).cost(own), white.chi2(held) - white.chi2(own))
 
 
 def _interval(posed: Problem, best: Array, term: int, limit: float) -> tuple[float, float]:
