@@ -496,8 +496,9 @@ def _silent(sensor: str, axis: str, curve: Deviation) -> Channel:
 def _missing(curve: Deviation, fitted: Fit, term: int, upper: float, stated: float) -> Missing:
     step = curve.interval
     largest = upper if np.isfinite(upper) else float(np.max(curve.variance))
-    if term == _Q:  # a low-pass may hide as much as it takes
-        largest = max(largest, -float(fitted.weights[_Q]))
+    if term == _Q and -fitted.weights[_Q] > largest:  # a low-pass may hide as much as it takes
+        hidden = value(-float(fitted.weights[_Q]), term, step)
+        return Missing(KEYS[term], hidden, hidden, None)
     assumed = min(weight(stated, term, step), largest) if stated > 0 else largest
     asked, own = holding(fitted.problem, fitted.solution, term)
     others = asked.physical(solve(asked, term, assumed, near=np.maximum(own, 0.0)))
