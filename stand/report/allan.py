@@ -94,6 +94,8 @@ def _cell(channel: Channel, term: str) -> str:
     si = UNITS[channel.sensor, term].si
     if isinstance(outcome, Found):
         return in_percent(outcome.value / si, outcome.low / si, outcome.high / si)
+    if not channel.resolved:
+        return f"< {outcome.upper / si:.2g}, below resolution"
     hours = needs_hours(outcome)
     return f"< {outcome.upper / si:.2g}, {'never' if hours is None else _hours(hours * 3600)}"
 
@@ -149,10 +151,10 @@ def verdict(report: AllanReport, sensor: str, term: str) -> str:
     if stated is None:
         return ""
     channels = [c for c in report.analysis.channels if c.sensor == sensor]
-    outcomes = [(c.axis, _outcome(c, term)) for c in channels]
     words: dict[str, list[str]] = {}
-    for axis, outcome in outcomes:
-        words.setdefault(_judged(outcome, stated), []).append(axis)
+    for c in channels:
+        word = _judged(_outcome(c, term), stated) if c.resolved else "below resolution"
+        words.setdefault(word, []).append(c.axis)
     if len(words) == 1:
         return next(iter(words))
     return ", ".join(f"{''.join(axes)} {word}" for word, axes in words.items())
@@ -357,4 +359,5 @@ def _page_cell(channel: Channel, term: str) -> dict[str, str]:
         ).partition(" ")
         return {"kind": "found", "main": value, "more": bounds.strip("()")}
     upper = outcome.upper / si
-    return {"kind": "missing", "main": f"< {upper:.2g}", "more": needs_text(outcome)}
+    more = needs_text(outcome) if channel.resolved else "below resolution"
+    return {"kind": "missing", "main": f"< {upper:.2g}", "more": more}
