@@ -84,6 +84,12 @@ def integral_variance(values: Array) -> Array:
     return _integral_variance(*_sums(values))
 
 
+def low_density(values: Array) -> Array:
+    """Density (k,) of `values` (n, k), per sample, below twenty periods of the record."""
+    level, _, _ = _level(*_sums(values))
+    return level * len(values)
+
+
 def jitter_of(values: Array) -> Array:
     """Variance (k,) of that sum by what is no white noise of the `values`, in samples squared."""
     n = len(values)

@@ -62,7 +62,7 @@ _SHOWN = 0.5  # rad: a track begins when heading is known to this
 _SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multiply
 _ASTRAY = ("gyro_misalignment", "gyro_non_orthogonality")
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
-_TURNED = 0.05  # rad: of a stretch that turns by more, gyros that are misaligned are no bias
+_TURNED = 0.5  # rad: of a stretch that turns by more, gyros that are misaligned are no bias
 
 
 @dataclass(frozen=True, slots=True, eq=False)

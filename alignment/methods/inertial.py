@@ -33,7 +33,7 @@ EVERY = slice(None)
 BLOCK = 0.5  # s: the sums of the match run over blocks, the integration over samples
 _LEAST_BLOCKS = 16
 _WELL_RESOLVED, _RESOLVED = 64, 4096  # blocks into which a short, a long record is cut
-_LEAST_SPECTRUM, _MOST_SPECTRUM = 64, 2**17  # samples from which noise is told
+LEAST_SPECTRUM, _MOST_SPECTRUM = 64, 2**17  # samples from which noise is told
 _GRAVITY_DOUBT = 0.01  # part of gravity by which the mean specific force may differ unremarked
 _WANDER_ORDERS = slice(3, 6)  # Legendre orders of velocity that neither the fit nor a bias makes
 _SMOOTH_ORDER = 8  # velocity beyond it is sway, not drift
@@ -98,8 +98,8 @@ def white_levels(values: Array, interval: float) -> Array:
     reads low where a filter of the unit cuts below an eighth of the rate, high where motion
     fills all octaves. Of long records the middle 2^17 samples serve.
     """
-    if len(values) < _LEAST_SPECTRUM:
-        raise TooShort(f"{len(values)} samples: noise needs {_LEAST_SPECTRUM}, or give its prior")
+    if len(values) < LEAST_SPECTRUM:
+        raise TooShort(f"{len(values)} samples: noise needs {LEAST_SPECTRUM}, or give its prior")
     middle = max(0, len(values) - _MOST_SPECTRUM) // 2
     values = values[middle : middle + _MOST_SPECTRUM]
     n = len(values)
@@ -140,7 +140,7 @@ def is_told(priors: Priors) -> bool:
 def rest_of(readings: ImuReadings, priors: Priors) -> Rest:
     """What the readings show beside white noise, where they are at rest and no sheet tells it."""
     nothing = Rest(*np.zeros((3, 3)))
-    if is_told(priors) or len(readings) < _LEAST_SPECTRUM:
+    if is_told(priors) or len(readings) < LEAST_SPECTRUM:
         return nothing
     try:
         check_rest(readings, "")

@@ -9,7 +9,20 @@ import pytest
 from rocking import Angle, G, Motion, errors
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
-from test_inertial import CAROUSEL, QUIET, SLOW, STILL, campaign, dwell, exact, nees, one, site
+from test_inertial import (
+    ASTRAY,
+    CAROUSEL,
+    QUIET,
+    SLOW,
+    STILL,
+    astray,
+    campaign,
+    dwell,
+    exact,
+    nees,
+    one,
+    site,
+)
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
@@ -301,6 +314,15 @@ def test_normalised_errors_are_chi_square_in_every_regime():
         assert np.sqrt(covariance[:, 2, 2]).max() < radians(8)
         found[name] = nees(error, covariance).mean()
     assert all(low < value < high for value in found.values()), (low, high, found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", [CAROUSEL, HALF_TURN], ids=["carousel", "half turn"])
+def test_gyros_that_are_astray_are_told_by_what_turns(motion):
+    """States of their own: the NEES was 17 to 24 where a turning unit's axes passed for biases."""
+    error, covariance = astray(52, motion, 10.0, 40, ASTRAY, ASTRAY, method=fine)
+    low, high = chi2.ppf([0.0125, 0.9875], 120) / 40
+    assert low < nees(error, covariance).mean() < high
 
 
 @pytest.mark.slow

@@ -162,10 +162,24 @@ def test_answer_does_not_depend_on_the_start_of_the_clock_or_the_label():
 
 
 @pytest.mark.parametrize("motion", [SLOW, CAROUSEL, STILL], ids=["rocking", "carousel", "still"])
-@pytest.mark.parametrize("constant", ["gyro_bias", "accel_bias", "gyro_scale", "accel_scale"])
+@pytest.mark.parametrize(
+    "constant",
+    [
+        "gyro_bias",
+        "accel_bias",
+        "gyro_scale",
+        "accel_scale",
+        "gyro_misalignment",
+        "gyro_non_orthogonality",
+        "accel_misalignment",
+        "accel_non_orthogonality",
+    ],
+)
 def test_sensitivity_to_constants_by_differencing_the_estimator(motion, constant):
     """What a prior adds to the covariance is the outer product of the estimator's own slopes."""
-    size = 1e-9 if constant == "gyro_bias" else 1e-5
+    size = {"gyro_bias": 1e-9, "gyro_misalignment": 1e-6, "gyro_non_orthogonality": 1e-6}.get(
+        constant, 1e-5
+    )
     t, w, f, _ = motion.readings(60.0, 10.0, 100.0)
     options = Options(priors=QUIET)
     base = inertial([dwell(t, w, f)], site(motion), options)[0]
@@ -178,8 +192,14 @@ def test_sensitivity_to_constants_by_differencing_the_estimator(motion, constant
             rates = w * (1 + size * axis)
         elif constant == "accel_bias":
             forces = f + size * axis
-        else:
+        elif constant == "accel_scale":
             forces = f * (1 + size * axis)
+        else:
+            x, y, z = size * axis
+            turn_ = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])  # what is felt, times the axis
+            lean = np.array([[0, z, y], [z, 0, x], [y, x, 0]]) / 2
+            by = (lean if "ortho" in constant else -turn_).T
+            rates, forces = (w + w @ by, f) if "gyro" in constant else (w, f + f @ by)
         moved = inertial([dwell(t, rates, forces)], site(motion), options)[0]
         slopes.append(errors(moved.C_nb.as_matrix()[None], base.C_nb.as_matrix())[0])
     with_prior = replace(QUIET, **{constant: size})
@@ -259,6 +279,42 @@ def test_normalised_errors_are_chi_square_in_every_regime():
         assert np.sqrt(covariance[:, 2, 2]).max() < radians(8)
         found[name] = nees(error, covariance).mean()
     assert all(low < value < high for value in found.values()), (low, high, found)
+
+
+def astray(seed, motion, rate, runs, priors, known, method=inertial):
+    """As `campaign`, of gyros whose axes are off by `priors`' misalignment and leaning."""
+    rng = np.random.default_rng(seed)
+    t, w, f, C = motion.readings(T, rate, 100.0)
+    found, covariances = [], []
+    for _ in range(runs):
+        x, y, z = priors.gyro_misalignment * rng.normal(size=3)
+        a, b, c = priors.gyro_non_orthogonality * rng.normal(size=3) / 2
+        M = np.array([[0, z + c, b - y], [c - z, 0, x + a], [y + b, a - x, 0]])
+        rates = w @ (np.eye(3) + M).T + priors.gyro_bias * rng.normal(size=3)
+        rates += priors.gyro_walk * sqrt(rate) * rng.normal(size=w.shape)
+        forces = f + priors.accel_walk * sqrt(rate) * rng.normal(size=f.shape)
+        (estimate,) = method([dwell(t, rates, forces)], site(motion), Options(priors=known))
+        found.append(estimate.C_nb.as_matrix())
+        covariances.append(estimate.covariance)
+    return errors(np.array(found), C), np.array(covariances)
+
+
+ASTRAY = Priors(
+    1e-6, gyro_walk=SMALL, accel_walk=1e-4, gyro_misalignment=3e-4, gyro_non_orthogonality=2e-4
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", [CAROUSEL, SLOW], ids=["carousel", "rocking"])
+def test_gyros_that_are_astray_are_in_the_covariance_of_what_turns(motion):
+    """12 deg/s times 0.3 mrad is 13 deg/h across the vertical, as large as the Earth's rate."""
+    error, covariance = astray(51, motion, 5.0, 60, ASTRAY, ASTRAY)
+    low, high = chi2.ppf([0.0125, 0.9875], 180) / 60
+    assert low < nees(error, covariance).mean() < high
+    if motion is CAROUSEL:  # and without it they are not
+        blind = replace(ASTRAY, gyro_misalignment=0.0, gyro_non_orthogonality=0.0)
+        error, covariance = astray(51, motion, 5.0, 20, ASTRAY, blind)
+        assert nees(error, covariance).mean() > 2 * high
 
 
 @pytest.mark.slow
