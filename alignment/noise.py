@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from alignment.arrays import Array
+from alignment.doubts import drift_doubt
 from alignment.errors import NotAtRest, TooShort
 from alignment.readings import Dwell, ImuReadings
 from alignment.sampling import step_of
@@ -169,6 +170,11 @@ def _drift(cosines: Array, sines: Array, n: int) -> Array:
     if not ratios.mean() > _DRIFTS:
         return np.zeros_like(fit)
     return np.asarray(2 * np.pi / n * np.abs(fit))
+
+
+def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
+    """A flag where readings at rest drift, as `drift_of` has it."""
+    return drift_doubt(drift_of(readings.w_ib_b), drift_of(readings.f_b))
 
 
 def gap_doubt(readings: ImuReadings) -> tuple[str, ...]:

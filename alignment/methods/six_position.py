@@ -17,7 +17,13 @@ from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gains import Answer, after_offset, compass_gain, from_b
 from alignment.information import Stretch
 from alignment.levelling import attitude_covariance, attitude_from_means
-from alignment.noise import check_at_rest, gap_doubt, mean_and_variance, mean_variance
+from alignment.noise import (
+    check_at_rest,
+    gap_doubt,
+    mean_and_variance,
+    mean_variance,
+    rest_doubt,
+)
 from alignment.nominal import (
     TRACK_LEAD,
     ZeroOffset,
@@ -121,7 +127,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
             sequence,
             "fresh",
             covariance,
-            flags=flags + heading_doubt(covariance),
+            flags=flags + heading_doubt(covariance) + rest_doubt(fresh),
         )
     )
     return estimates
