@@ -81,11 +81,11 @@ def run(
         from stand.imu import without as switched_off
         from stand.imu.priors import priors_of
         from stand.motion.polynomial import MotionKind
-        from stand.physics.truth import Sampling
         from stand.procedure.procedure import load_procedure, table_of
         from stand.recorded_run import Settings, refuse_existing, run_id
         from stand.recorded_run import run as run_session
         from stand.recording import review  # noqa: F401  here rather than amid the samples
+        from stand.samples import Sampling
         from stand.table.table import load_table
 
     loaded, unit = load_procedure(procedure), load_imu(imu)

@@ -15,15 +15,13 @@ from alignment.arrays import Array, set_owned
 from alignment.information import GaussMarkov, Triad, Unit
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
-from stand.imu.filter import LowPass
+from stand.imu.filter import LAG, noise_variance
 from stand.imu.preset import TriadSpec
 from stand.imu.processes import plateau
 from stand.table.joints import JOINTS, StandModel
 from stand.table.table import Table
 
-FILTER_LAG = sqrt(2) / (2 * np.pi)  # of a Butterworth low-pass of second order, times bandwidth
 _NOTHING = 1e-15  # of a step squared: waves below it are none
-_SETTLED = 3.0  # times a low-pass's period: its answer to one sample is over by exp(-13)
 _WAVES = 200  # harmonics of a staircase: those beyond hold 0.3 % of what rounding does
 # the axis toward which each one leans, as `stand.physics.geometry` builds it
 _TOWARD = {"base_pitch": 0, "base_yaw": 1, "outer": 1, "middle": 3, "inner": 4}
@@ -31,7 +29,7 @@ _TOWARD = {"base_pitch": 0, "base_yaw": 1, "outer": 1, "middle": 3, "inner": 4}
 
 def unit_of(imu: ImuSpec) -> Unit:
     """The instrument's errors as standard deviations, but for `roundings_of` its samples."""
-    delay = FILTER_LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
+    delay = LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
     return Unit(_triad(imu.gyro, imu), _triad(imu.accel, imu), float(delay + imu.clock.latency))
 
 
@@ -114,12 +112,7 @@ def roundings_of(imu: ImuSpec, rate_hz: int) -> tuple[Rounding, Rounding]:
 
 def _sample_noise(spec: TriadSpec, rate_hz: int) -> float:
     """Standard deviation of one sample's white noise behind the low-pass."""
-    sigma = spec.noise * sqrt(rate_hz)
-    if not np.isfinite(spec.bandwidth):
-        return sigma
-    once = np.zeros((1, 2 + int(_SETTLED * max(rate_hz / spec.bandwidth, 1.0))))
-    once[0, 1] = 1.0
-    return sigma * float(np.linalg.norm(LowPass(spec.bandwidth, rate_hz).apply(once)))
+    return spec.noise * sqrt(rate_hz * noise_variance(spec.bandwidth, rate_hz))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,8 +9,8 @@ from stand.errors import StandError
 from stand.imu import ImuSpec, Temperature
 from stand.motion.polynomial import MotionKind
 from stand.physics.dynamics import Payload
-from stand.physics.truth import Sampling
 from stand.procedure.procedure import Procedure
+from stand.samples import Sampling
 from stand.table.table import Table
 from stand.table.table_errors import TableErrors, TableErrorsEntry, draw
 
