@@ -80,7 +80,7 @@ class LowPass:
     Moulton's rule of order four. The filter's answer to a parabola is closed; at rest it is the
     input itself, to the bit. It starts as if the first input had been for ever.
 
-    The filtered noise is told by its innovations (`_innovations`): one number per sample, which
+    The filtered noise is told by its innovations (`innovations`): one number per sample, which
     without a filter would have been its noise, makes the same process as continuous noise does.
     One complex state has both, signal and noise.
     """
@@ -103,7 +103,7 @@ class LowPass:
         self._lagging = 2 * (as_mean if self._means else at_end).real
         seen = 2 * (phi[1] if self._means else phi[0])  # of what was before
         self._into = seen * at_end
-        unit = _innovations(abs(pole), sampling)
+        unit = innovations(abs(pole), sampling)
         self._direct, self._kick = sigma * unit.direct, sigma * unit.kick
         before = np.zeros(3, complex)
         if start is not None:
@@ -158,10 +158,10 @@ class LowPass:
             self._last[:] = np.column_stack([begin, u[:, 0], u[:, 0], u[:, 0]])
         past = np.hstack([self._last[:, 1:], u])
         self._last[:, 1:] = past[:, -3:]
-        third, second, first = past[:, :-3], past[:, 1:-2], past[:, 2:-1]
-        if self._means:
-            return u, (11 * u - 7 * first + 2 * second) / 6 if ends is None else ends
-        return (9 * u + 19 * first - 5 * second + third) / 24, u
+        steps = np.diff(past)  # what rests is exact
+        if not self._means:
+            return u + (4 * steps[:, 1:-1] - 15 * steps[:, 2:] - steps[:, :-2]) / 24, u
+        return u, u + (5 * steps[:, 2:] - 2 * steps[:, 1:-1]) / 6 if ends is None else ends
 
 
 def _phi(pole: complex) -> Array:
@@ -176,7 +176,7 @@ def _phi(pole: complex) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Innovations:
+class Innovations:
     """Filtered white noise of unit strength, of one number e_k per sample.
 
     ``y_k = Re x_(k-1) + direct e_k``, ``x_k = exp(l) x_(k-1) + kick e_k``; `start` (2, 2) takes two
@@ -189,7 +189,7 @@ class _Innovations:
 
 
 @cache
-def _innovations(w0: float, sampling: Sampling) -> _Innovations:
+def innovations(w0: float, sampling: Sampling) -> Innovations:
     """The stationary Kalman filter of the samples: their innovations make the process anew.
 
     Notes
@@ -221,7 +221,7 @@ def _innovations(w0: float, sampling: Sampling) -> _Innovations:
     phi = _phi(whole)
     kick = complex(2 * (phi[1] if row else phi[0]) * own * unit)
     direct = unit / 2**doublings if row else unit
-    return _Innovations(float(direct), kick, _stationary(kick, whole))
+    return Innovations(float(direct), kick, _stationary(kick, whole))
 
 
 def _over_a_step(w0: float) -> tuple[Array, Array]:
