@@ -6,6 +6,7 @@ the same way in every position, so much of it cancels and some of it does not.
 """
 
 from dataclasses import dataclass
+from itertools import product
 from math import sqrt
 
 import numpy as np
@@ -23,6 +24,8 @@ from stand.table.table import Table
 
 _NOTHING = 1e-15  # of a step squared: waves below it are none
 _WAVES = 200  # harmonics of a staircase: those beyond hold 0.3 % of what rounding does
+_MIXED = 16  # of which pairs are looked at: those beyond hold 4 % of it
+_BLURRED = 60.0  # exp(-30) of a wave is none
 # the axis toward which each one leans, as `stand.physics.geometry` builds it
 _TOWARD = {"base_pitch": 0, "base_yaw": 1, "outer": 1, "middle": 3, "inner": 4}
 
@@ -61,9 +64,11 @@ class Rounding:
     Rounding of x takes away ``sum_n (-1)^n q/(pi n) sin(2 pi n x / q)``. The mean over normal noise
     of sigma multiplies each wave by ``exp(-2 (pi n sigma / q)^2)``: what is left depends on where
     in a step x lies, and no time averages it out. All else is noise anew in each sample, the rest
-    of ``q^2/12``. Where x lies nobody knows, for a bias is many steps: two readings that are apart
-    by d share ``cos(2 pi n d / q)`` of each wave, and as d is known to s only, that times
-    ``exp(-2 (pi n s / q)^2)``. Source: B. Widrow and I. Kollar, Quantization Noise (2008), ch. 9.
+    of ``q^2/12``. Where nobody knows in which part of a step x lies, as with a bias of many steps,
+    two readings that are apart by d share ``cos(2 pi n d / q)`` of each wave, and as d is known to
+    s only, that times ``exp(-2 (pi n s / q)^2)``. Where it is known better than to a third of a
+    step, waves of different n go together as well. Source: B. Widrow and I. Kollar, Quantization
+    Noise (2008), ch. 9.
     """
 
     step: float
@@ -98,6 +103,34 @@ class Rounding:
                 if square < _NOTHING * self.step**2:
                     break
                 result += square * np.cos(turn * apart) * np.exp(-((turn * doubt) ** 2) / 2)
+        return result
+
+    def moments(self, x: Array, known: Array) -> Array:
+        """Mean products (k, k) of what is left in readings planned at `x` (k,).
+
+        `known` (k, k): covariance of what they will be. Of normal y = x_i and z = x_j
+
+        ``E sin(a y) sin(b z) = (cos(a x_i - b x_j) exp(-Var(a y - b z) / 2)
+        - cos(a x_i + b x_j) exp(-Var(a y + b z) / 2)) / 2``,
+
+        summed over all pairs of waves. The first with a = b is what `shared` has.
+        """
+        size = known.diagonal()
+        squared = np.maximum(size[:, None] + size - 2 * known, 0.0)
+        result = self.shared(x[:, None] - x, np.sqrt(squared))
+        if not self.step:
+            return result
+        turns, squares = self._waves()
+        heights = np.sqrt(2 * squares) * (-1.0) ** np.arange(1, _WAVES + 1)
+        strong = np.flatnonzero(squares[:_MIXED] > _NOTHING * self.step**2)
+        for n, m, sign in product(strong, strong, (1, -1)):
+            if n == m and sign > 0:
+                continue
+            a, b = turns[n], sign * turns[m]
+            blurred = a**2 * size[:, None] + b**2 * size - 2 * a * b * known
+            if blurred.min() < _BLURRED:
+                wave = np.cos(a * x[:, None] - b * x) * np.exp(-blurred / 2)
+                result += sign * heights[n] * heights[m] / 2 * wave
         return result
 
 
