@@ -388,7 +388,7 @@ def test_rounding_at_a_place_known_to_a_part_of_a_step(sigma, doubt):
     # 16 waves in pairs: 1e-3 of a step squared at a noise of 0.07; products to 1/sqrt(200 000)
     sizes = np.sqrt(made.diagonal())
     np.testing.assert_allclose(told, made, atol=0.02 * np.outer(sizes, sizes).max() + 1e-5)
-    # what was told of all places alike, q^2/12 less the noise's part, is five times that of the first and more
+    # of all places alike it is q^2/12 less what noise makes noise of: five times this and more
     if doubt == 0.05:
         everywhere = Rounding(1.0, sigma).shared(np.zeros(1), np.zeros(1))[0]
         assert told[0, 0] < everywhere / 5
