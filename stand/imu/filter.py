@@ -75,7 +75,7 @@ class LowPass:
     Notes
     -----
     Over each sample the input is the parabola through its mean and its values at both ends: of a
-    sine it is wrong by (w dt)^4/720 at most. What is not given is worked out of samples before: the
+    sine it is wrong by (w dt)^4/500 at most. What is not given is worked out of samples before: the
     end ``(11 u_k - 7 u_(k-1) + 2 u_(k-2)) / 6`` of means, the mean of instants by Adams' and
     Moulton's rule of order four. The filter's answer to a parabola is closed; at rest it is the
     input itself, to the bit. It starts as if the first input had been for ever.
