@@ -6,6 +6,7 @@ the same way in every position, so much of it cancels and some of it does not.
 """
 
 from dataclasses import dataclass
+from itertools import product
 from math import sqrt
 
 import numpy as np
@@ -15,23 +16,23 @@ from alignment.arrays import Array, set_owned
 from alignment.information import GaussMarkov, Triad, Unit
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
-from stand.imu.filter import LowPass
+from stand.imu.filter import LAG, noise_variance
 from stand.imu.preset import TriadSpec
 from stand.imu.processes import plateau
 from stand.table.joints import JOINTS, StandModel
 from stand.table.table import Table
 
-FILTER_LAG = sqrt(2) / (2 * np.pi)  # of a Butterworth low-pass of second order, times bandwidth
 _NOTHING = 1e-15  # of a step squared: waves below it are none
-_SETTLED = 3.0  # times a low-pass's period: its answer to one sample is over by exp(-13)
 _WAVES = 200  # harmonics of a staircase: those beyond hold 0.3 % of what rounding does
+_MIXED = 16  # of which pairs are looked at: those beyond hold 4 % of it
+_BLURRED = 60.0  # exp(-30) of a wave is none
 # the axis toward which each one leans, as `stand.physics.geometry` builds it
 _TOWARD = {"base_pitch": 0, "base_yaw": 1, "outer": 1, "middle": 3, "inner": 4}
 
 
 def unit_of(imu: ImuSpec) -> Unit:
     """The instrument's errors as standard deviations, but for `roundings_of` its samples."""
-    delay = FILTER_LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
+    delay = LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
     return Unit(_triad(imu.gyro, imu), _triad(imu.accel, imu), float(delay + imu.clock.latency))
 
 
@@ -63,9 +64,11 @@ class Rounding:
     Rounding of x takes away ``sum_n (-1)^n q/(pi n) sin(2 pi n x / q)``. The mean over normal noise
     of sigma multiplies each wave by ``exp(-2 (pi n sigma / q)^2)``: what is left depends on where
     in a step x lies, and no time averages it out. All else is noise anew in each sample, the rest
-    of ``q^2/12``. Where x lies nobody knows, for a bias is many steps: two readings that are apart
-    by d share ``cos(2 pi n d / q)`` of each wave, and as d is known to s only, that times
-    ``exp(-2 (pi n s / q)^2)``. Source: B. Widrow and I. Kollar, Quantization Noise (2008), ch. 9.
+    of ``q^2/12``. Where nobody knows in which part of a step x lies, as with a bias of many steps,
+    two readings that are apart by d share ``cos(2 pi n d / q)`` of each wave, and as d is known to
+    s only, that times ``exp(-2 (pi n s / q)^2)``. Where it is known better than to a third of a
+    step, waves of different n go together as well. Source: B. Widrow and I. Kollar, Quantization
+    Noise (2008), ch. 9.
     """
 
     step: float
@@ -102,6 +105,34 @@ class Rounding:
                 result += square * np.cos(turn * apart) * np.exp(-((turn * doubt) ** 2) / 2)
         return result
 
+    def moments(self, x: Array, known: Array) -> Array:
+        """Mean products (k, k) of what is left in readings planned at `x` (k,).
+
+        `known` (k, k): covariance of what they will be. Of normal y = x_i and z = x_j
+
+        ``E sin(a y) sin(b z) = (cos(a x_i - b x_j) exp(-Var(a y - b z) / 2)
+        - cos(a x_i + b x_j) exp(-Var(a y + b z) / 2)) / 2``,
+
+        summed over all pairs of waves. The first with a = b is what `shared` has.
+        """
+        size = known.diagonal()
+        squared = np.maximum(size[:, None] + size - 2 * known, 0.0)
+        result = self.shared(x[:, None] - x, np.sqrt(squared))
+        if not self.step:
+            return result
+        turns, squares = self._waves()
+        heights = np.sqrt(2 * squares) * (-1.0) ** np.arange(1, _WAVES + 1)
+        strong = np.flatnonzero(squares[:_MIXED] > _NOTHING * self.step**2)
+        for n, m, sign in product(strong, strong, (1, -1)):
+            if n == m and sign > 0:
+                continue
+            a, b = turns[n], sign * turns[m]
+            blurred = a**2 * size[:, None] + b**2 * size - 2 * a * b * known
+            if blurred.min() < _BLURRED:
+                wave = np.cos(a * x[:, None] - b * x) * np.exp(-blurred / 2)
+                result += sign * heights[n] * heights[m] / 2 * wave
+        return result
+
 
 def roundings_of(imu: ImuSpec, rate_hz: int) -> tuple[Rounding, Rounding]:
     """Of gyros and of accelerometers; increments carry their remainders on, and lose nothing."""
@@ -114,12 +145,7 @@ def roundings_of(imu: ImuSpec, rate_hz: int) -> tuple[Rounding, Rounding]:
 
 def _sample_noise(spec: TriadSpec, rate_hz: int) -> float:
     """Standard deviation of one sample's white noise behind the low-pass."""
-    sigma = spec.noise * sqrt(rate_hz)
-    if not np.isfinite(spec.bandwidth):
-        return sigma
-    once = np.zeros((1, 2 + int(_SETTLED * max(rate_hz / spec.bandwidth, 1.0))))
-    once[0, 1] = 1.0
-    return sigma * float(np.linalg.norm(LowPass(spec.bandwidth, rate_hz).apply(once)))
+    return spec.noise * sqrt(rate_hz * noise_variance(spec.bandwidth, rate_hz))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

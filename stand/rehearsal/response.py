@@ -77,9 +77,7 @@ class Errors:
             for channel in range(3 * k, 3 * k + 3):
                 x, own = nodes[:, channel], slice(channel, None, 6)
                 known = told @ doubt[own, own] @ told.T
-                size = known.diagonal()
-                s2 = np.maximum(size[:, None] + size - 2 * known, 0.0)
-                left = one.shared(x[:, None] - x, np.sqrt(s2))
+                left = one.moments(x, known)
                 total[own, own] = project @ left @ project.T + np.diag(anew) * one.noise**2
             found[f"{SENSORS[k]} rounding"] = total
         return found
