@@ -173,6 +173,13 @@ def rehearse(
             "come to beside the predictions. Ctrl-C ends it with the runs made so far.",
         ),
     ] = None,
+    seed: Annotated[
+        int, typer.Option(metavar="N", help="Of a sway that is drawn, and of all runs.")
+    ] = 0,
+    motion: Annotated[
+        MotionChoice,
+        typer.Option(help="Of --verify: joints as planned, or as simulated motors make them."),
+    ] = MotionChoice.ideal,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write a page, JSON and JUnit XML there.")
     ] = None,
@@ -182,7 +189,7 @@ def rehearse(
     """Before the table is booked: can it run, how long, how accurate, why, and what would help.
 
     No sensor is simulated but for --verify. Exit code 0: feasible, and what [require] asks is
-    predicted; 1: not.
+    predicted; 1: not, nobody can say, or the runs contradict a prediction.
 
     Example: stand rehearse two-position --imu hg9900 --table precision --latitude 60
 
@@ -192,6 +199,7 @@ def rehearse(
         from dataclasses import replace
 
         from stand.imu import load_imu
+        from stand.motion.polynomial import MotionKind
         from stand.procedure.procedure import load_procedure, table_of
         from stand.rehearsal.advice import with_advice
         from stand.rehearsal.rehearse import request
@@ -209,7 +217,15 @@ def rehearse(
     loaded, unit = load_procedure(procedure), load_imu(imu)
     chosen = load_table(table) if table else table_of(loaded)
     asked = request(loaded, unit, chosen, site_of(loaded.entry.site, latitude, height), rate)
-    asked = replace(asked, revision=revision, allan_terms=asked_terms)
+    if seed < 0:
+        raise StandError(f"--seed {seed}: must be 0 or more")
+    asked = replace(
+        asked,
+        revision=revision,
+        allan_terms=asked_terms,
+        seed=seed,
+        motion=MotionKind(motion.value),
+    )
     if verify is not None and verify < 1:
         raise StandError(f"--verify {verify}: must be 1 or more")
     if report is not None and not force:

@@ -68,7 +68,9 @@ def _method(
     for number, (answer, response) in enumerate(zip(answers, responses, strict=True)):
         C_nb = answer.stretches[answer.own].C_pb
         why = partial(_why, answer)
-        told = angles(method, answer.window, answer.label, C_nb, response.attitude(), why)
+        told = angles(
+            method, answer.window, answer.label, C_nb, response.attitude(), why, response.bias()
+        )
         found += withheld(told, ("heading", "yaw"), "" if method in TOLD else coarse(scene))
         if number == 0:
             found += response.biases(method)

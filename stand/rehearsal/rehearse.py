@@ -14,6 +14,7 @@ from stand.errors import StandError
 from stand.imu import ImuSpec
 from stand.imu.priors import priors_of
 from stand.motion.planner import plan
+from stand.motion.polynomial import MotionKind
 from stand.physics.dynamics import inertias, required_torque, weights_model
 from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Truth
@@ -41,7 +42,8 @@ class Request:
     """What is to be rehearsed.
 
     `revision` of the part, for limits that depend on it; `allan_terms`: those a record is to
-    show; `seed` of the sway that is drawn.
+    show; `seed` of the sway that is drawn, and of runs (`stand.rehearsal.verify.first_seed`);
+    `motion` of the joints in these.
     """
 
     procedure: Procedure
@@ -53,6 +55,7 @@ class Request:
     revision: str = ""
     allan_terms: tuple[str, ...] = ()
     seed: int = 0
+    motion: MotionKind = MotionKind.IDEAL
 
 
 def request(
@@ -102,6 +105,8 @@ def rehearse(asked: Request) -> Rehearsal:
         asked.rate_hz,
         lambda: truth,
         temperature_of(asked.procedure),
+        entry.table_errors,
+        asked.motion is MotionKind.IDEAL,
     )
     methods = entry.estimate.methods
     predictions, observed = predict(scene, methods)

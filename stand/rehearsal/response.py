@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from alignment.arrays import Array
+from alignment.arrays import Array, IntArray
 from alignment.information import Setting, Unit, information
 from alignment.information.model import coefficient_weights, felt
 from stand.motion.plan import PlannedStep
@@ -24,10 +24,10 @@ _NORTH = Rotation.identity()
 class Errors:
     """What errors of unit and table do to the coefficients of some stretches.
 
-    `true` has the unit's. Of the table's l errors: `sources`, `sigmas` (l,), `readings` (m, l),
-    and the turn (s, 3, l) in b that each gives the attitude of every stretch where it is judged:
-    at its end, of a turning one taken back to encoder angle zero. `noises` by name: covariances
-    (m, m) of the coefficients.
+    `true` has the unit's. Of the table's l errors: `sources`, `sigmas` (l,) of those drawn, values
+    (l,) of those `known`, `readings` (m, l), and the turn (s, 3, l) in b that each gives the
+    attitude of every stretch where it is judged: at its end, of a turning one taken back to encoder
+    angle zero. `noises` by name: covariances (m, m) of the coefficients.
     """
 
     def __init__(self, answer: Answer, scene: Scene, unit: Unit) -> None:
@@ -36,10 +36,15 @@ class Errors:
         seen = [felt(s, _NORTH, scene.site) for s in stretches]
         poses = [_poses(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
         poses.append(np.array([step.joints for step in steps]))
-        found = leanings(scene.table, scene.model, np.concatenate(poses))
+        rounds = np.concatenate(
+            [_round_axes(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
+            + [np.full(len(steps), -1)]
+        )
+        found = leanings(scene.stated, scene.model, np.concatenate(poses), rounds)
         edges = np.cumsum([0, *(len(p) for p in poses)])
         self.sources = tuple(one.source for one in found)
         self.sigmas = np.array([one.sigma for one in found])
+        self.known = np.array([one.known for one in found])
         turns = np.array([one.turns for one in found]).reshape(len(found), edges[-1], 3)
         readings = []
         for k, (stretch, (w, f, _, project)) in enumerate(zip(stretches, seen, strict=True)):
@@ -107,6 +112,18 @@ class Response:
         judged = C @ self.errors.turns[own]
         return self._parts(self.answer.gain, self.true.attitude_rows(own), judged)
 
+    def bias(self) -> Array:
+        """Rotation (3,) about n of the estimate by the table's errors that are known [rad]."""
+        own = self.answer.own
+        C = self.answer.stretches[own].C_pb.as_matrix()
+        left = self.answer.gain @ self.errors.readings - C @ self.errors.turns[own]
+        return np.asarray(left @ self.errors.known)
+
+    def known_tilt(self) -> Array:
+        """Tilt (2,) [rad] of the offset's window by itself, by the table's known errors."""
+        assert self.answer.window_gain is not None
+        return np.asarray(self.answer.window_gain[:2] @ self.errors.readings @ self.errors.known)
+
     def feigned_tilt(self) -> Array:
         """Tilts (2, p) [rad] of the offset's window by itself, per sigma of the unit's errors."""
         assert self.answer.window_gain is not None
@@ -123,7 +140,8 @@ class Response:
             row = np.eye(len(labels))[labels.index(label)][None]
             parts = self._parts(gain[None], row, np.zeros((1, len(self.errors.sigmas))))
             sizes = {name: float(np.sqrt(max(P[0, 0], 0.0))) for name, P in parts.items()}
-            yield told(method, "", "all", label, (p.unit, p.per), sizes, np.inf, str)
+            bias = float(gain @ self.errors.readings @ self.errors.known)
+            yield told(method, "", "all", label, (p.unit, p.per), sizes, np.inf, str, bias)
 
     def _parts(self, gain: Array, row: Array, judged: Array) -> Parts:
         """Covariances (k, k) of ``gain coefficients - row errors``, less `judged` (k, l)."""
@@ -164,6 +182,11 @@ def _poses(step: PlannedStep, count: int) -> Array:
     if step.turning is not None:
         joints[:, step.turning.axis] = 2 * np.pi * np.arange(count) / count
     return joints
+
+
+def _round_axes(step: PlannedStep, count: int) -> IntArray:
+    """The axis (count,) that goes round in a stretch, -1 at rest."""
+    return np.full(count, -1 if step.turning is None else step.turning.axis)
 
 
 def _slope(d: Array) -> Array:

@@ -4,6 +4,7 @@ Nothing is shared with the predictions: each run draws its unit, its table and i
 readings, and the estimators are set against the truth of that run.
 """
 
+import hashlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
@@ -30,6 +31,7 @@ from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
 
 Progress = Callable[[float], None]
+_RUNS_BITS = 20
 BIASES = tuple(
     f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in ("X1", "Y1", "Z1")
 )
@@ -57,7 +59,7 @@ def with_verification(
     result : Rehearsal
         Of `asked`.
     asked : Request
-        The runs' seeds begin with its own.
+        The runs' seeds begin with the `first_seed` of it.
     runs : int
     progress : callable
         Told the part done, 0 to 1.
@@ -88,6 +90,25 @@ def with_verification(
     return result
 
 
+def first_seed(asked: Request) -> int:
+    """The seed of the first run; those after it follow one by one.
+
+    From the request's own seed and all that makes the case, so that no two cases share a draw:
+    20 bits of a million runs are left free below 32 of a hash. Of ten thousand cases two meet with
+    a chance of one in a hundred.
+    """
+    site = asked.site
+    case = (
+        asked.procedure.text,
+        asked.imu.text,
+        asked.table.text,
+        repr((site.latitude, site.height, site.local_gravity)),
+        repr((asked.rate_hz, asked.motion.value, asked.seed)),
+    )
+    digest = hashlib.sha256("\0".join(case).encode()).digest()
+    return int.from_bytes(digest[:4], "big") << _RUNS_BITS
+
+
 def _warned(result: Rehearsal, kind: str, text: str, step: str = "") -> Rehearsal:
     finding = Finding(Severity.WARNING, kind, step, text)
     return replace(result, findings=(*result.findings, finding))
@@ -107,6 +128,7 @@ def _verified(
     result: Rehearsal, asked: Request, runs: int, progress: Progress, workers: int | None
 ) -> Verification:
     methods = tuple(dict.fromkeys(p.method for p in result.predictions))
+    first = first_seed(asked)
     settings = Settings(
         asked.procedure,
         asked.imu,
@@ -114,11 +136,12 @@ def _verified(
         asked.site,
         replace(asked.options, rule=SequenceRule.REGULAR),  # as predictions read the angles
         asked.rate_hz,
-        seed=asked.seed,
+        seed=first,
+        motion=asked.motion,
     )
     sums = Sums()
     begin = time.perf_counter()
-    seeds = range(asked.seed, asked.seed + runs)
+    seeds = range(first, first + runs)
     with closing(campaign(partial(_ready, settings, methods), seeds, workers)) as trials:
         try:
             for found in trials:
@@ -131,7 +154,7 @@ def _verified(
     achieved = list(_achieved(result, sums))
     among = sum(a.ratio is not None for a in achieved)
     together = tuple(replace(a, among=max(1, among)) for a in achieved)
-    return Verification(runs, sums.runs, asked.seed, seconds, together, sums.refused())
+    return Verification(runs, sums.runs, first, seconds, together, sums.refused())
 
 
 def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
@@ -140,7 +163,7 @@ def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
         key = (p.method, p.window, p.label, p.quantity)
         if key in sums:
             n, sizes = sums.sigma(key)
-            yield Achieved(*key, p.unit, p.per, p.sigma, n, *sizes)
+            yield Achieved(*key, p.unit, p.per, p.rms, n, *sizes)
     untold = {p.method for p in result.predictions if not p.label}
     for key in sums:
         if key[0] in untold and key[3] in QUANTITIES:
@@ -197,7 +220,8 @@ def errors_of(e: AttitudeEstimate, truth: Truths, biases: Array) -> dict[Key, fl
 
 
 class Sums:
-    """What is kept of all runs: numbers, sums of squares and of fourth powers of each error."""
+    """What is kept of all runs: numbers, and sums of the first, second and fourth powers of each
+    error."""
 
     def __init__(self) -> None:
         self.runs = 0
@@ -215,7 +239,7 @@ class Sums:
         self.runs += 1
         for key, error in found.errors.items():
             if np.isfinite(error):
-                self._of.setdefault(key, np.zeros(3))[:] += (1.0, error**2, error**4)
+                self._of.setdefault(key, np.zeros(4))[:] += (1.0, error, error**2, error**4)
         for method, reason in found.refusals.items():
             often, first = self._refused.get(method, (0, reason))
             self._refused[method] = often + 1, first
@@ -227,14 +251,16 @@ class Sums:
     def sigma(self, key: Key) -> tuple[int, tuple[float, float, float]]:
         """How many runs gave a number; root mean square of the errors with its 95 % interval.
 
-        Chi-square, with as many degrees of freedom as runs if errors are normal; where there are
-        `FEW` runs or more, with as many as their fourth moment says, but never with more.
+        Chi-square. Normal errors of mean m and variance v have as many degrees of freedom as there
+        are runs, times ``(m^2 + v)^2 / (v^2 + 2 m^2 v)``: the same bias in every run is soon known.
+        Where there are `FEW` runs or more, no more than their fourth moment says.
         """
-        n, squares, fourths = self._of[key]
+        n, total, squares, fourths = self._of[key]
         mean = squares / n
-        freedom = n
+        of_normal = mean**2 - (total / n) ** 4  # v^2 + 2 m^2 v
+        freedom = n * mean**2 / of_normal if n >= FEW and of_normal > 0 else n
         spread = fourths / n - mean**2
         if n >= FEW and spread > 0:
-            freedom = min(n, 2 * n * mean**2 / spread)
+            freedom = min(freedom, 2 * n * mean**2 / spread)
         sigma, (low, high) = np.sqrt(mean), np.sqrt(freedom / chdtri(freedom, [TAIL, 1 - TAIL]))
         return int(n), (float(sigma), float(sigma * low), float(sigma * high))
