@@ -285,8 +285,8 @@ def _nothing(quantity: str, before: Data, tried: Sequence[_Trial]) -> Advice:
     judged = _judged(best.result.judgements, quantity)
     longest = max(trial.result.duration.total for trial in tried)
     text = (
-        f"none of {len(tried)} procedures tried, of up to {_MOST:g} times the length and "
-        f"{longest:.0f} s, reaches {judged.required / DEG:g} deg with coverage {judged.coverage:g}: "
+        f"none of {len(tried)} procedures tried, up to {_MOST:g} times as long ({longest:.0f} s), "
+        f"reaches {judged.required / DEG:g} deg with coverage {judged.coverage:g}: "
         f"{_in_the_way(best.result, judged)}"
     )
     changed = "; ".join(_in_words(change) for change in _changes(before, best.data))

@@ -16,6 +16,7 @@ from stand.rehearsal.result import Prediction
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.telling import Parts, name_of, told
 from stand.rehearsal.warmth import warmed
+from stand.simulation.collector import ticks_of
 
 SENSORS = ("gyro", "accelerometer")
 _NORTH = Rotation.identity()
@@ -35,7 +36,9 @@ class Errors:
         self.true = information(stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
         seen = [felt(s, _NORTH, scene.site) for s in stretches]
         poses = [_poses(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
-        poses.append(np.array([step.joints for step in steps]))
+        ends = np.array([ticks_of(step, scene.rate_hz)[1] for step in steps]) / scene.rate_hz
+        last = scene.plan.motion.joints(ends)[0]
+        poses.append(last)
         rounds = np.concatenate(
             [_round_axes(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
             + [np.full(len(steps), -1)]
@@ -55,7 +58,7 @@ class Errors:
         self.readings = np.concatenate(readings, axis=1).T
         self.turns = np.array(
             [
-                _taken_back(step, stretch.axis_b) @ turns[:, edges[-2] + k].T
+                _taken_back(step, stretch.axis_b, last[k]) @ turns[:, edges[-2] + k].T
                 for k, (step, stretch) in enumerate(zip(steps, stretches, strict=True))
             ]
         )
@@ -169,11 +172,11 @@ def _waves(project: Array) -> Array:
     return project.T * k / np.array([1.0, 2.0, 2.0])[:h]
 
 
-def _taken_back(step: PlannedStep, axis_b: Array) -> Array:
-    """What a turn (3,) of b at a step's end is of b at encoder angle zero: (3, 3)."""
+def _taken_back(step: PlannedStep, axis_b: Array, joints: Array) -> Array:
+    """What a turn (3,) of b at joint angles (6,) is of b at encoder angle zero: (3, 3)."""
     if step.turning is None:
         return np.eye(3)
-    return Rotation.from_rotvec(step.joints[step.turning.axis] * axis_b).as_matrix()
+    return Rotation.from_rotvec(joints[step.turning.axis] * axis_b).as_matrix()
 
 
 def _poses(step: PlannedStep, count: int) -> Array:
