@@ -9,6 +9,7 @@ import types
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
+from math import cos, pi, sin
 from typing import Any, get_args
 
 import pytest
@@ -240,11 +241,26 @@ kind = "dwell"
 label = "rest"
 duration_s = 24.0
 """
+
+
+def profile(amplitude: float, period: float) -> str:
+    """There and back once: ``amplitude (1 - cos x)^2 / 4``, which begins and ends at rest."""
+    rows = ["time_s,outer_deg,outer_deg_s,outer_deg_s2"]
+    for k in range(41):
+        c, s, w = cos(2 * pi * k / 40), sin(2 * pi * k / 40), 2 * pi / period
+        rate, acceleration = w * (1 - c) * s, w**2 * (1 + c - 2 * c**2)
+        half = amplitude / 2
+        values = k * period / 40, half * (1 - c) ** 2 / 2, half * rate, half * acceleration
+        rows.append(",".join(f"{value:.9f}" for value in values))
+    return "\n".join(rows) + "\n"
+
+
+DENSITY = "frequency_hz,density_deg2_hz\n0.05,0\n0.1,{}\n0.3,{}\n0.4,0\n"
 FILES = {
-    "berth.csv": "frequency_hz,deg2_per_hz\n0.05,0\n0.1,0.2\n0.3,0.2\n0.4,0\n",
-    "steep.csv": "frequency_hz,deg2_per_hz\n0.05,0\n0.1,0.3\n0.2,0.1\n0.4,0\n",
-    "slow.csv": "time_s,outer_deg,outer_deg_s,outer_deg_s2\n0,0,0,0\n2,1,0,0\n4,0,0,0\n",
-    "other.csv": "time_s,outer_deg,outer_deg_s,outer_deg_s2\n0,0,0,0\n3,2,0,0\n6,0,0,0\n",
+    "berth.csv": DENSITY.format(0.2, 0.2),
+    "steep.csv": DENSITY.format(0.3, 0.1),
+    "slow.csv": profile(1.0, 8.0),
+    "other.csv": profile(2.0, 12.0),
 }
 BASES = {"rests": RESTS, "turns": TURNS, "rocked": ROCKED, "moved": MOVED}
 RUNS = {"rests": 30, "turns": 30, "rocked": 12, "moved": 30}
