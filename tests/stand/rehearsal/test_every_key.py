@@ -94,7 +94,7 @@ duration_s = 24.0
 kind = "move"
 label = "round"
 rate_deg_s = 90.0
-acceleration_deg_s2 = 90.0
+acceleration_deg_s2 = 70.0
 jerk_deg_s3 = 300.0
 joints_deg = {{ outer = 180.0 }}
 [[step]]
