@@ -182,7 +182,8 @@ class _Run:
         settings = self.settings
         return McapWriter(
             self.folder / "run.mcap",
-            model=self.stand,
+            model=self.simulation.built,
+            errors=self.simulation.errors,
             robot_description=urdf(self.stand),
             epoch_ns=EPOCH_NS,
             metadata=self._metadata(),

@@ -31,7 +31,7 @@ from stand.motion.polynomial import Motion
 from stand.physics.mjcf import SITE
 from stand.physics.quadrature import Law, Steps
 from stand.samples import Sensed, TruthBlock
-from stand.table.joints import JOINTS
+from stand.table.joints import JOINTS, across
 from stand.table.kinematics import C_NW
 from stand.table.table_errors import PERFECT, TableErrors
 
@@ -150,16 +150,9 @@ def _hinges(
         yield name, axis, anchor
         if errors.wobble[number]:
             body = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3)
-            first = body @ _across(model.jnt_axis[joint])
+            first = body @ across(model.jnt_axis[joint])
             yield f"{name}_nod_first", first, anchor
             yield f"{name}_nod_second", np.cross(axis, first), anchor
-
-
-def _across(axis: Array) -> Array:
-    """The first line across an axis: after east comes north, then up, then east again."""
-    line = np.eye(3)[(np.abs(axis).argmax() + 1) % 3]
-    line = line - (line @ axis) * axis
-    return line / np.linalg.norm(line)
 
 
 class Truth:

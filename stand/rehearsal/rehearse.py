@@ -32,7 +32,7 @@ from stand.rehearsal.result import (
     Severity,
 )
 from stand.rehearsal.scene import Scene
-from stand.rehearsal.traps import allan_lengths, doubts, from_margins
+from stand.rehearsal.traps import allan_lengths, doubts, from_margins, from_sheet
 from stand.simulation.settings import payload_of, temperature_of
 from stand.table.table import Table
 
@@ -113,6 +113,7 @@ def rehearse(asked: Request) -> Rehearsal:
     judgements = judge(entry.require, limits_of(asked), methods, predictions)
     findings = [
         *from_margins(steps),
+        *from_sheet(asked.imu),
         *allan_lengths(planned, asked.imu, asked.allan_terms),
         *doubts(planned, asked.imu, site, methods, judgements),
     ]

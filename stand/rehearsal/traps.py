@@ -10,7 +10,7 @@ from alignment.earth import EARTH_RATE, Site
 from alignment.methods.positions import LEAST_TURN
 from alignment.units import DEG, DEG_PER_HOUR
 from stand.imu import ImuSpec
-from stand.imu.preset import TriadSpec
+from stand.imu.preset import TriadSpec, unstated
 from stand.motion.plan import Plan
 from stand.rehearsal.result import Finding, Judgement, Margin, Severity, StepFeasibility, Verdict
 
@@ -30,6 +30,12 @@ def from_margins(steps: Sequence[StepFeasibility]) -> Iterator[Finding]:
                 where = f'step {step.number} "{step.label}"'
                 text = f"{where}: {_told(margin)}"
                 yield Finding(Severity.ERROR, margin.quantity, step.label, text)
+
+
+def from_sheet(imu: ImuSpec) -> Iterator[Finding]:
+    """What the unit's data sheet leaves out, so that no prediction holds it."""
+    for sentence in unstated(imu):
+        yield Finding(Severity.WARNING, "data sheet", "", sentence)
 
 
 def _told(m: Margin) -> str:

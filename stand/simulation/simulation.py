@@ -86,8 +86,10 @@ class Simulation:
             temperature_of(procedure),
         )
         servo = settings.motion is MotionKind.SERVO
+        built = with_errors(model, self.errors)
+        self.built: StandModel = describe(built)
         self._truth = Truth(
-            with_errors(model, self.errors),
+            built,
             settings.site,
             self.imu.spec.places,
             self.errors,
