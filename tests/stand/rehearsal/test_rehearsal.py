@@ -295,6 +295,7 @@ def test_where_nothing_helps_that_is_said():
     assert float(tried[2]) >= 3600 * 2  # twice the hour of the procedure, where no dwell helps
 
 
+@pytest.mark.slow
 def test_what_stands_in_the_way_is_that_of_the_best():
     """The bias limits TRIAD, 0.02 deg; once turned it is noise that limits the best there is."""
     result = with_advice(asked(required("static", "heading_deg = 1e-5"), "hg9900"))
@@ -332,6 +333,7 @@ def short_of_travel(tmp_path):
     return load_table(str(path))
 
 
+@pytest.mark.slow
 def test_what_the_table_cannot_do_is_not_advised(short_of_travel):
     """A second turn would do: half the variance. There is no travel for it, nor for a slower one
     that is long enough."""
@@ -351,6 +353,7 @@ def test_what_the_table_cannot_do_is_not_advised(short_of_travel):
             assert rehearse(replace(fresh, table=short_of_travel)).feasible, one.text
 
 
+@pytest.mark.slow
 def test_advice_is_in_whole_numbers_and_keeps_the_revision():
     """Revision C is required to 60 % of what 25 s reach: rests become longer by whole seconds."""
     text = HEAD + '[estimate]\nmethods = ["two-position"]\n' + DWELL.format("first", 25)
