@@ -271,7 +271,6 @@ OTHER: dict[str, Any] = {
     "description": "Another.",
     "label": "another",
     "table": "mid-class",
-    "methods": ["triad"],
     "sequences": "published",
     "gravity_m_s2": 9.78,
     "temperature_C": [25.0, 60.0],
@@ -291,6 +290,12 @@ OTHER: dict[str, Any] = {
     "file": "other.csv",
     "mounting_arc_s": [400.0, -600.0, 800.0],
     "base_azimuth_arc_s": 1200.0,
+}
+METHODS = {
+    "rests": ["triad"],
+    "turns": ["carousel"],  # the only one for turns
+    "rocked": ["fine"],
+    "moved": ["triad", "single-gyro"],
 }
 FIRST = {"kind"}  # says which model it is: another kind is another case
 
@@ -325,6 +330,9 @@ def changed(base: str, path: tuple[Any, ...]) -> dict[str, Any]:
     at: Any = data
     for key in path[:-1]:
         at = at[key]
+    if path[-1] == "methods":
+        at["methods"] = METHODS[base]
+        return data
     at[path[-1]] = another(path[-1], at[path[-1]], path[0] == "table_errors")
     if path[-1] == "label" and base == "rocked":  # what names it goes along
         for behind in data["background"]:
