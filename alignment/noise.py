@@ -10,6 +10,9 @@ from alignment.arrays import Array
 from alignment.errors import NotAtRest, TooShort
 from alignment.readings import Dwell, ImuReadings
 
+# least Allan deviation of flicker noise over its bias instability: sqrt(2 ln 2 / pi), with the
+# three digits that IEEE Std 952 (annex C) prints
+FLICKER_FLOOR = 0.664
 BLOCKS = 32  # the variance of a mean from 32 blocks is itself known to 25 % (1 sigma)
 
 GAP = 10.0  # usual steps: a longer one is a gap

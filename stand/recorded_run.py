@@ -26,9 +26,16 @@ from stand.evaluation.score import (
 from stand.folder import refuse_existing, written_beside
 from stand.motion.plan import PlannedStep
 from stand.motion.polynomial import MotionKind
+from stand.physics.mjcf import contents_of
 from stand.recording.curves import AngleCurves, InnovationCurves, Phase, innovations_csv
 from stand.recording.mcap.writer import EPOCH_NS, McapWriter
-from stand.recording.metadata import RUN, describe_estimate, describe_schedule, describe_site
+from stand.recording.metadata import (
+    MODEL_FOLDER,
+    RUN,
+    describe_estimate,
+    describe_schedule,
+    describe_site,
+)
 from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
 from stand.samples import ImuBlock, TruthBlock
@@ -82,6 +89,8 @@ class _Run:
             simulation.stand,
             simulation.plan,
         )
+        path = self.settings.table.model
+        self.own_model = {} if path is None else contents_of(path)  # the shipped one is no news
         self.saturated = np.zeros(len(CHANNELS), int)
         self.events: list[tuple[int, str, str]] = []
         self.phases = [_phase(step) for step in self.plan.steps]
@@ -191,6 +200,10 @@ class _Run:
                 "procedure.toml": ("application/toml", settings.procedure.text.encode()),
                 "imu.toml": ("application/toml", settings.imu.text.encode()),
                 "table.toml": ("application/toml", settings.table.text.encode()),
+            }
+            | {
+                MODEL_FOLDER + name: ("application/octet-stream", data)
+                for name, data in self.own_model.items()
             },
             rate_noise=np.full(3, self.simulation.imu.gyro_sigma**2),
             force_noise=np.full(3, self.simulation.imu.accel_sigma**2),
@@ -235,6 +248,7 @@ class _Run:
                 "frame_b": "X1 forward, Y1 up, Z1 right at zero table angles",
                 "model_sha256": self.stand.sha256,
             }
+            | ({"model": next(iter(self.own_model))} if self.own_model else {})
             | versions(),
             "site": describe_site(s.site),
             "estimate": describe_estimate(s.options, methods_of(s)),

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
+from alignment.cross import cross_matrix
 from alignment.earth import Site
 from alignment.errors import TooShort
 from alignment.information.drift import GaussMarkov, Span, ramp_coefficients
@@ -218,14 +219,6 @@ class Parameter:
 
 
 # --- how each error shows ------------------------------------------------------------------------
-
-
-def cross_matrix(v: Array) -> Array:
-    """Matrices (..., 3, 3) with ``M u = v x u``."""
-    M = np.zeros((*v.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        M[..., i, j], M[..., i, k] = -v[..., k], v[..., j]
-    return M
 
 
 def _diagonal(x: Array) -> Array:

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.angles import Sequence
 from alignment.arrays import Array
+from alignment.cross import cross_matrix
 from alignment.earth import EARTH_RATE, Site, normal_gravity
 from alignment.errors import PoleError
 from alignment.levelling import attitude_from_means
@@ -272,14 +273,6 @@ def _turned(eta: Array, C: Array) -> Array:
     return np.asarray(turns.reshape(*eta.shape, 3) @ C)
 
 
-def _cross_matrix(v: Array) -> Array:
-    """Matrices (..., 3, 3) with ``M u = v x u``."""
-    M = np.zeros((*v.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        M[..., i, j], M[..., i, k] = -v[..., k], v[..., j]
-    return M
-
-
 def _starts(
     y: Array, sigma: Array, relative: Array, unknowns: _Unknowns
 ) -> tuple[list[tuple[Array, Array]], Array | None]:
@@ -365,8 +358,8 @@ def _readings(
     for part, vector in ((slice(0, 3), w_n), (slice(3, 6), f_n)):
         v = C_kn @ vector[..., None, :, None]
         felt.append(v[..., 0])
-        J[..., part, :] = _cross_matrix(v[..., 0]) @ to_turn
-        J[..., part, 0:3] = C_kn @ _cross_matrix(vector)[..., None, :, :]
+        J[..., part, :] = cross_matrix(v[..., 0]) @ to_turn
+        J[..., part, 0:3] = C_kn @ cross_matrix(vector)[..., None, :, :]
     true = np.concatenate(felt, axis=-1)
     J[..., 3:9] = np.eye(6)
     scale = np.zeros((*lead, 1, 6))

@@ -15,6 +15,8 @@ from alignment.doubts import heading_doubt
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate
+from alignment.gains import Answer, each_alone, from_b
+from alignment.information import Stretch
 from alignment.levelling import attitude_covariance
 from alignment.methods.position_fit import ROUNDING, local_vectors
 from alignment.methods.triad import prior_variances, triad_attitude
@@ -155,6 +157,19 @@ def single_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[At
     for dwell in dwells:
         check_at_rest(dwell)
     return [_single(dwell, site, options) for dwell in dwells]
+
+
+def single_gyro_gains(stretches: Ordered[Stretch], site: Site, options: Options) -> list[Answer]:
+    """Each rest by itself, heading from the gyro nearest to east or west."""
+    latitude = site.known_latitude()
+    site.horizontal_rate()
+
+    def gain(C_nb: Rotation) -> Array:
+        C = C_nb.as_matrix()
+        best = int(np.argmax(np.abs(C[1])))
+        return from_b(single_gyro_sensitivity(C[:, best], latitude, site.gravity), C_nb)
+
+    return each_alone(stretches, gain)
 
 
 def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:

@@ -13,6 +13,8 @@ from alignment.doubts import heading_doubt
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, PoleError
 from alignment.estimate import AttitudeEstimate
+from alignment.gains import Answer, compass_gain, each_alone, from_b
+from alignment.information import Stretch
 from alignment.levelling import attitude_covariance, attitude_sensitivity
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from alignment.options import Options, Priors
@@ -130,6 +132,12 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
             variances = var_first, var_second
             pairs.append(_pair(pair, (first, second), variances, site, options.priors))
     return singles + pairs
+
+
+def triad_gains(stretches: Ordered[Stretch], site: Site, options: Options) -> list[Answer]:
+    """Each rest by itself: level, and east from the horizontal rate."""
+    G = compass_gain(site)
+    return each_alone(stretches, lambda C_nb: from_b(G, C_nb))
 
 
 def _single(

@@ -107,7 +107,8 @@ def align(
 
     if method is not None and method not in ESTIMATORS:
         raise unknown("method", method, ESTIMATORS)
-    vehicle = _vehicle(method == "vectors", start_attitude, start_sigma, fix_sigma)
+    by_fixes = method is not None and ESTIMATORS[method].takes == "fixes"
+    vehicle = _vehicle(by_fixes, start_attitude, start_sigma, fix_sigma)
     axis = None if turn_axis is None else _numbers("--turn-axis", turn_axis, 3)
     with working("reading", as_json):
         logs = [

@@ -17,7 +17,7 @@ def list_entries(
     as_json: JsonOption = False,
 ) -> None:
     """List the catalogue: what can be run, simulated, estimated."""
-    from stand.report.listing import listing
+    from stand.report.listing import listing, notes
 
     entries = listing(what.value)
     if as_json:
@@ -28,7 +28,7 @@ def list_entries(
 
     columns = tuple(entries[0])
     rows = tuple(tuple("" if e[c] is None else str(e[c]) for c in columns) for e in entries)
-    show(console(), [TableData(f"{what.value}", columns, rows)])
+    show(console(), [TableData(what.value, columns, rows, notes=notes(what.value))])
 
 
 def check_imu(

@@ -33,7 +33,9 @@ def report(
 def view(
     recording: Annotated[Path, typer.Argument(help="Folder of stand run, an .rrd or an .mcap.")],
 ) -> None:
-    """Open a recording in the rerun viewer."""
+    """Open a recording in the rerun viewer: the review of a run's folder, else its run.mcap."""
     from stand.recording.viewer import view as open_viewer
 
-    open_viewer(file_in(recording, "run.rrd"))
+    review = file_in(recording, "run.rrd")
+    alone = file_in(recording, "run.mcap")
+    open_viewer(alone if alone.is_file() and not review.is_file() else review)

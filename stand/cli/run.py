@@ -86,12 +86,14 @@ def run(
         from stand.recorded_run import Settings, refuse_existing, run_id
         from stand.recorded_run import run as run_session
         from stand.recording import review  # noqa: F401  here rather than amid the samples
+        from stand.simulation.settings import base_arm_of
         from stand.table.table import load_table
 
     loaded, unit = load_procedure(procedure), load_imu(imu)
     terms = tuple(term.strip() for term in without.split(",") if term.strip())
     chosen = load_table(table) if table else table_of(loaded)
-    priors = priors_of(switched_off(unit, terms), chosen, loaded.entry.rocks)
+    arm = base_arm_of(chosen)
+    priors = priors_of(switched_off(unit, terms), chosen, loaded.entry.rocks, arm)
     settings = Settings(
         loaded,
         unit,

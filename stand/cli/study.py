@@ -301,5 +301,6 @@ def export(
             raise StandError(f"--out {path}: exists; --force replaces it")
     if not out.parent.is_dir():
         raise StandError(f"--out {out}: no folder {out.parent}")
-    rows = write_motion(plan(loaded, describe(load_model()), chosen, seed), out)
+    stand = describe(load_model(chosen.model))
+    rows = write_motion(plan(loaded, stand, chosen, seed), out)
     print(f"{out}: {rows} rows\n{steps_file(out)}")

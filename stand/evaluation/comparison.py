@@ -16,20 +16,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Site
-from alignment.angles import heading_from_C_nb, wrapped
+from alignment.against_truth import heading_errors, rotation_error
 from alignment.earth import EARTH_RATE
 from alignment.errors import AlignmentError
 from alignment.units import DEG
 from stand.errors import StandError, unknown
-from stand.evaluation.score import TOLD, suited
+from stand.evaluation.score import circular, suited
 from stand.evaluation.statistics import Found, Outcome, Tally, tally
 from stand.imu import ImuSpec, without
 from stand.motion.plan import Plan
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
-
-ONE_GYRO = "single-gyro"
 
 Progress = Callable[[float], None]
 
@@ -134,7 +132,7 @@ class _Bench:
         found = tuple(
             against_truth(e, truth[e.label], floors(e, truth[e.label], own, site, self._imu))
             for e in estimates
-            if e.C_nb is not None and e.label in truth and e.window != "same"
+            if e.C_nb is not None and e.label in truth and not circular(e)
         )
         return Outcome(method, seed, found, seconds)
 
@@ -142,11 +140,8 @@ class _Bench:
 def against_truth(e: AttitudeEstimate, truth: Rotation, floor: tuple[float, float]) -> Found:
     """An estimate's errors beside its own sigmas and the floors of heading and tilt [rad]."""
     assert e.C_nb is not None
-    error = (e.C_nb * truth.inv()).as_rotvec()
-    heading, true_heading = e.heading, heading_from_C_nb(truth)
-    off, sigmas, nees = nan, (nan, nan), nan
-    if heading is not None and true_heading is not None:
-        off = float(wrapped(heading - true_heading))
+    error, off = rotation_error(e.C_nb, truth), float(heading_errors(e.C_nb, truth))
+    sigmas, nees = (nan, nan), nan
     if e.covariance is not None:
         sigmas = (sqrt(e.covariance[0, 0]), sqrt(e.covariance[1, 1]))
         if np.linalg.matrix_rank(e.covariance, hermitian=True) == len(error):
@@ -165,10 +160,10 @@ def floors(
     part of an azimuth error, so it divides by that. NaN for a method that was told the attitude.
     """
     seconds = used_time(e, dwells)
-    if site.latitude is None or seconds <= 0 or e.method in TOLD:
+    if site.latitude is None or seconds <= 0 or ESTIMATORS[e.method].carries_nominal:
         return nan, nan
     gyros = 1.0
-    if e.method == ONE_GYRO:
+    if ESTIMATORS[e.method].gyros == 1:
         gyros = 1 / float(np.abs(truth.as_matrix()[1]).max())
     north = EARTH_RATE * np.cos(site.latitude)
     heading = gyros * imu.gyro.noise / (north * np.sqrt(seconds))

@@ -11,19 +11,22 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment import ImuReadings, Priors
+from alignment import ESTIMATORS, ImuReadings, Priors
 from alignment.angles import C_nb_from_angles, Sequence
 from alignment.arrays import Array
 from alignment.earth import EARTH_RATE, normal_gravity
 from alignment.information.budget import PublishedFigure, published_figures
 from alignment.information.turns import time_needed
+from alignment.methods.integration import METHOD as RK4
 from alignment.methods.positions import half_turn_means
 from alignment.methods.single_gyro import single_gyro_attitude
+from alignment.methods.six_position import METHOD as SIX_POSITION
 from alignment.methods.triad import triad_attitude
 from alignment.methods.two_gyro import Sway, azimuth_as_published, sway_bound
 from alignment.methods.vectors import VectorOptions, compare
+from alignment.noise import FLICKER_FLOOR
 from alignment.units import ARC_MINUTE, ARC_SECOND, DEG, DEG_PER_HOUR, STANDARD_GRAVITY
-from stand.evaluation.score import ANGLES, PUBLISHED, Truths, evaluate, spreads
+from stand.evaluation.score import ANGLES, Truths, evaluate, spreads
 from stand.imu import load_imu
 from stand.imu.priors import priors_of
 from stand.procedure.procedure import load_procedure, table_of
@@ -37,7 +40,6 @@ RUNS = 8  # of the stand and of the drives
 EPSILON = 1e-9  # deg: 'zero by construction' with rounding
 CLASS = ("adis16488", "stim300", "hg4930", "hg1700", "ring-laser")  # from coarse to fine
 TARGET = 1.3 * ARC_MINUTE
-PLATEAU = 0.664  # Allan deviation at its floor, of the bias instability: sqrt(2 ln 2 / pi)
 
 Figures = tuple[PublishedFigure, ...]
 
@@ -65,7 +67,7 @@ def to_json(figure: PublishedFigure) -> dict[str, Any]:
 def six_position_figures() -> Figures:
     """Deviations over the six positions, by the stand with a tactical unit."""
     same, fresh, rival = _deviations()
-    method, runge = (np.array(PUBLISHED[name]) for name in ("six-position", "rk4"))
+    method, runge = (np.array(ESTIMATORS[name].published_deg) for name in (SIX_POSITION, RK4))
     white = _walk_for(float(method[1]) * DEG) / load_imu(UNIT).gyro.noise
     inside = bool(np.all((rival.min() <= runge) & (runge <= rival.max())))
     where = "roll, yaw, pitch over six positions, 300 s, against nominal angles"
@@ -106,10 +108,10 @@ def _deviations() -> tuple[Array, Array, Array]:
     for seed in range(RUNS):
         dwells, _ = trials.readings(seed)
         truths = [Truths(nominal=dwell.nominal) for dwell in dwells]
-        scores = evaluate(dwells, truths, settings.site, options, ("six-position", "rk4"))
+        scores = evaluate(dwells, truths, settings.site, options, (SIX_POSITION, RK4))
         for s in spreads(scores):
             found.setdefault((s.method, s.window), []).append(s.sigma / DEG)
-    keys = ("six-position", "same"), ("six-position", "fresh"), ("rk4", "")
+    keys = (SIX_POSITION, "same"), (SIX_POSITION, "fresh"), (RK4, "")
     same, fresh, rival = (np.array(found[key]) for key in keys)
     return same, fresh, rival
 
@@ -293,7 +295,7 @@ def double_figures() -> Figures:
 def _time(name: str, latitude: float) -> str:
     gyro = load_imu(name).gyro
     seconds = time_needed(
-        TARGET, latitude, gyro.noise, PLATEAU * gyro.instability, gyro.random_walk
+        TARGET, latitude, gyro.noise, FLICKER_FLOOR * gyro.instability, gyro.random_walk
     )
     if seconds is None:
         return "never"

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, set_owned
+from alignment.cross import cross_matrix
 from stand.errors import unknown
 from stand.imu.filter import LowPass
 from stand.imu.preset import ClockSpec, ImuSpec, TriadSpec
@@ -128,7 +129,8 @@ def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
         return getattr(spec, field) * unit
 
     yz_zx_xy = drawn("non_orthogonality")
-    axes = np.eye(3) + _cross_matrix(drawn("misalignment")) + _symmetric(yz_zx_xy) / 2
+    # a case turned by some angles reads components x - angles x x
+    axes = np.eye(3) - cross_matrix(drawn("misalignment")) + _symmetric(yz_zx_xy) / 2
     signs = np.stack([s.standard_normal() for s in streams(seed, sensor, "ramp")])
     return UnitErrors(
         matrix=(1 + drawn("scale"))[:, None] * axes,
@@ -142,12 +144,6 @@ def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
         g_sensitivity=drawn("g_sensitivity", 3),
         g2_sensitivity=drawn("g2_sensitivity", 3),
     )
-
-
-def _cross_matrix(turn: Array) -> Array:
-    """What a case turned by `turn` (3,) [rad] does to components: x - turn x x."""
-    x, y, z = turn
-    return np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
 
 
 def _symmetric(pairs: Array) -> Array:

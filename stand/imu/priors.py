@@ -13,16 +13,18 @@ from stand.table.table import Table
 
 GIMBALS = JOINTS[3:]
 LASTING = 60.0  # s: correlation beyond it makes a bias of a dwell
-BASE_ARM = 0.73  # m: the unit's height above the crossing of the base's axes
+BASE_ARM = 0.73  # m: the unit's height above the crossing of the shipped base's axes
 
 
-def priors_of(imu: ImuSpec, table: Table | None, rocking: bool = False) -> Priors:
+def priors_of(
+    imu: ImuSpec, table: Table | None, rocking: bool = False, arm: float = BASE_ARM
+) -> Priors:
     """Standard deviations of a unit's constant errors and of a table's placement.
 
     A dwell of minutes cannot tell a bias from what of its instability changes more slowly than
     that, nor from what gravity makes of a g-sensitive gyro. Misaligned accelerometers feel a part
     of gravity across them: to a levelling that is one more bias. On a `rocking` base the unit
-    moves about the base's axes, `BASE_ARM` away.
+    moves about the base's axes, `arm` [m] away.
     """
     turn, seat, nominal = (0.0, 0.0, 0.0) if table is None else _placement(table)
     across = np.hypot(imu.accel.misalignment, imu.accel.non_orthogonality / 2) * STANDARD_GRAVITY
@@ -40,7 +42,7 @@ def priors_of(imu: ImuSpec, table: Table | None, rocking: bool = False) -> Prior
         turn=turn,
         seat=seat,
         nominal=nominal,
-        lever_arm=BASE_ARM if rocking else 0.0,
+        lever_arm=arm if rocking else 0.0,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Options, Site, Turn
+from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE
 from stand.errors import StandError
 from stand.evaluation.score import Truths
@@ -163,10 +164,7 @@ def _true_attitude(path: Path, origin: int, t: float) -> Rotation:
     """``C_nb`` at a time between samples, turned evenly from one to the next."""
     truth = read_truth(path)
     stamps = (truth.t_ns - origin) * 1e-9
-    k = int(np.clip(np.searchsorted(stamps, t + EDGE) - 1, 0, len(stamps) - 2))
-    before, after = (C_NW * Rotation.from_quat(truth.q_wb[i]) for i in (k, k + 1))
-    part = (t - stamps[k]) / (stamps[k + 1] - stamps[k])
-    return before * Rotation.from_rotvec(part * (before.inv() * after).as_rotvec())
+    return C_NW * turned_evenly(stamps, truth.q_wb, np.array([t]))[0]
 
 
 def _truths(

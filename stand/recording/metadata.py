@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
-from alignment import Options, Priors, Site
+from alignment import DEFAULT_METHOD, Options, Priors, Site
 from alignment.angles import SequenceRule
 from alignment.readings import EDGE, Fixes
 from alignment.units import ARC_SECOND, DEG
@@ -40,6 +40,7 @@ FIX_UNITS = {
     "velocity_drift": "m_s",
     "drift_time": "s",
 }
+MODEL_FOLDER = "model/"  # of the attached files of a stand of one's own
 NEVER = "never"  # of a dwell in the record `settled`: the table did not come to rest
 
 
@@ -205,7 +206,7 @@ def settings_of(
             SequenceRule(estimate.get("sequences", SequenceRule.REGULAR.value)),
             _priors(estimate),
         ),
-        tuple(estimate["methods"].split(",")) if "methods" in estimate else ("triad",),
+        tuple(estimate["methods"].split(",")) if "methods" in estimate else (DEFAULT_METHOD,),
     )
 
 

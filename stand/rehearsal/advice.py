@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
 
+from alignment import ESTIMATORS
 from alignment.units import DEG
 from stand import toml_files as catalogue
 from stand.errors import StandError
@@ -145,7 +146,7 @@ def _variants(data: Data, asked: Request) -> Iterator[Data]:
         varied = deepcopy(data)
         if change(varied):
             yield varied
-    if any(m in ("single-gyro", "two-gyro") for m in data["estimate"]["methods"]):
+    if any(ESTIMATORS[m].azimuth_matters for m in data["estimate"]["methods"]):
         for azimuth in _AZIMUTHS:
             varied = deepcopy(data)
             if _turned(varied, azimuth):
@@ -180,7 +181,7 @@ def _second_turn(data: Data) -> bool:
 def _longer_window(data: Data) -> bool:
     """Zero offsets over half of the shortest dwell."""
     estimate = data["estimate"]
-    if not {"six-position", "rk4", "two-sample"} & set(estimate["methods"]):
+    if not any(ESTIMATORS[m].needs_offset for m in estimate["methods"]):
         return False
     lengths = [step["duration_s"] for step in data["step"] if step["kind"] == "dwell"]
     half = min(lengths, default=0.0) / 2
@@ -211,8 +212,9 @@ def _added_position(data: Data) -> bool:
         *data["step"][dwells[-1] + 1 :],
     ]
     methods = data["estimate"]["methods"]
-    if data.get("require", {}).get("method") is None and "multi-position" not in methods:
-        data["estimate"]["methods"] = [*methods, "multi-position"]
+    fitting = [m for m in ESTIMATORS if ESTIMATORS[m].fits_positions]
+    if data.get("require", {}).get("method") is None and not set(fitting) & set(methods):
+        data["estimate"]["methods"] = [*methods, fitting[0]]
     return True
 
 

@@ -33,7 +33,8 @@ from stand.rehearsal.result import (
 )
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.traps import allan_lengths, doubts, from_margins, from_sheet
-from stand.simulation.settings import payload_of, temperature_of
+from stand.simulation.settings import base_arm_of, payload_of, temperature_of
+from stand.table.joints import StandModel
 from stand.table.table import Table
 
 
@@ -62,7 +63,7 @@ def request(
     procedure: Procedure, imu: ImuSpec, table: Table, site: Site, rate_hz: int = 200
 ) -> Request:
     """A request with the estimators told what the data sheets say."""
-    priors = priors_of(imu, table, procedure.entry.rocks)
+    priors = priors_of(imu, table, procedure.entry.rocks, base_arm_of(table))
     options = replace(procedure.entry.estimate.options(), priors=priors)
     return Request(procedure, imu, table, site, options, rate_hz)
 
@@ -74,13 +75,14 @@ def rehearse(asked: Request) -> Rehearsal:
     error among the findings, and there is nothing else.
     """
     entry, site = asked.procedure.entry, asked.site
-    model = load_model()
+    model = load_model(asked.table.model)
     stand = describe(model)
+    inputs = _inputs(asked, stand)
     try:
         planned = plan(asked.procedure, stand, asked.table, asked.seed)
     except StandError as error:
         fault = Finding(Severity.ERROR, "plan", "", str(error))
-        return Rehearsal(_inputs(asked), (), Duration(()), (), (), (), (), (fault,))
+        return Rehearsal(inputs, (), Duration(()), (), (), (), (), (fault,))
     load = payload_of(asked.procedure)
     motors = None not in asked.table.motors
     torque = partial(required_torque, model, asked.table, load) if motors else None
@@ -118,7 +120,7 @@ def rehearse(asked: Request) -> Rehearsal:
         *doubts(planned, asked.imu, site, methods, judgements),
     ]
     return Rehearsal(
-        _inputs(asked),
+        inputs,
         tuple(steps),
         durations(planned, steps),
         tuple(predictions),
@@ -137,7 +139,7 @@ def limits_of(asked: Request) -> dict[str, float]:
     return require.limits_for(asked.imu.id, asked.imu.entry.grade, asked.revision)
 
 
-def _inputs(asked: Request) -> Inputs:
+def _inputs(asked: Request, stand: StandModel) -> Inputs:
     texts = {
         "procedure": asked.procedure.text,
         "imu": asked.imu.text,
@@ -157,8 +159,10 @@ def _inputs(asked: Request) -> Inputs:
         asked.site.height,
         asked.rate_hz,
         asked.revision,
-        {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()},
+        {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
+        | {"model": stand.sha256},
         dict(_versions()),
+        asked.table.model,
     )
 
 

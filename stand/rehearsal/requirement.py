@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from math import inf
 
-from stand.evaluation.score import TOLD
+from alignment import ESTIMATORS
 from stand.procedure.procedure import RequireEntry
 from stand.rehearsal.result import Judgement, Prediction, Verdict
 
@@ -21,7 +21,7 @@ def judge(
     """
     if require is None:
         return []
-    finding = [m for m in methods if m not in TOLD] or methods
+    finding = [m for m in methods if not ESTIMATORS[m].carries_nominal] or methods
     asked = finding if require.method is None else [require.method]
     return [
         _judged(require, quantity, limit, asked, predictions) for quantity, limit in limits.items()

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import hypot
+from pathlib import Path
 
 from stand.rehearsal.verification import Verification
 
@@ -308,6 +309,7 @@ class Inputs:
     """What was rehearsed: ids, titles, texts and their SHA-256, site, versions.
 
     `latitude_deg`, `height_m`; `rate_hz` of the readings; `revision` of the part, '' if not said.
+    `model`: the MJCF of a stand of one's own.
     """
 
     procedure: str
@@ -325,6 +327,7 @@ class Inputs:
     revision: str
     sha256: Mapping[str, str]
     versions: Mapping[str, str]
+    model: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,25 +1,25 @@
 """What goes wrong with a procedure, named before the run: traps and doubts."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import cos, hypot
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from alignment import ESTIMATORS
 from alignment.earth import EARTH_RATE, Site
 from alignment.methods.positions import LEAST_TURN
+from alignment.noise import FLICKER_FLOOR
 from alignment.units import DEG, DEG_PER_HOUR
 from stand.imu import ImuSpec
 from stand.imu.preset import TriadSpec, unstated
 from stand.motion.plan import Plan
 from stand.rehearsal.result import Finding, Judgement, Margin, Severity, StepFeasibility, Verdict
 
-TURNING_METHODS = ("two-position", "multi-position", "carousel")
 NEAR_POLE = 1 * DEG_PER_HOUR  # horizontal Earth rate below which heading is not to be had
 BIAS_DOUBT = 1 * DEG  # heading error by the turn-on bias that is remarked where nothing is required
 ALLAN_LENGTHS = 10.0  # times the averaging time of a term: then it is told to 24 %
 _NORTH = Rotation.identity()
-_FLOOR = 0.664  # least Allan deviation over bias instability: sqrt(2 ln 2 / pi)
 
 
 def from_margins(steps: Sequence[StepFeasibility]) -> Iterator[Finding]:
@@ -87,7 +87,7 @@ def doubts(
                 "",
                 f"{why}: the gyros' bias of {bias / DEG_PER_HOUR:.3g} deg/h is "
                 f"{error / DEG:.3g} deg of heading, and no dwell shortens that; turn the unit "
-                f"between positions, and estimate by {' or '.join(TURNING_METHODS)}",
+                f"between positions, and estimate by {' or '.join(_cancelling(ESTIMATORS))}",
             )
 
 
@@ -96,15 +96,18 @@ def _uncancelled(plan: Plan, methods: Sequence[str]) -> str:
     poses = Rotation.concatenate([s.C_nb for s in plan.stretches if s.turning is None] or [_NORTH])
     rests = any((pose.inv() * poses).magnitude().max() > LEAST_TURN for pose in poses)
     turns = any(s.turning is not None for s in plan.stretches)
-    used = (turns and TURNING_METHODS[-1] in methods) or (
-        rests and any(m in TURNING_METHODS[:-1] for m in methods)
-    )
-    if used:
+    seen = {"turning": turns, "rest": rests}
+    if any(seen.get(ESTIMATORS[m].takes, turns or rests) for m in _cancelling(methods)):
         return ""
     if not (rests or turns):
         return "it never turns"
     named = ", ".join(methods) or "none"
     return f"it turns, but no method of it ({named}) sets one heading against another"
+
+
+def _cancelling(methods: Iterable[str]) -> list[str]:
+    """Those that take constant biases out where the unit turns."""
+    return [m for m in methods if ESTIMATORS[m].turns_cancel_bias]
 
 
 def allan_lengths(plan: Plan, imu: ImuSpec, terms: Sequence[str]) -> Iterator[Finding]:
@@ -131,7 +134,7 @@ def averaging_time(spec: TriadSpec, term: str) -> float:
     Where its slope has met all of those before it: ``N / sqrt(tau)``, ``0.664 B``,
     ``K sqrt(tau / 3)``, ``R tau / sqrt(2)`` (IEEE Std 952, annex C).
     """
-    N, B, K, R = spec.noise, _FLOOR * spec.instability, spec.random_walk, spec.ramp
+    N, B, K, R = spec.noise, FLICKER_FLOOR * spec.instability, spec.random_walk, spec.ramp
     if term in ("N", "Q"):
         return 0.0
     if term == "B":

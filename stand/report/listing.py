@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from alignment import ESTIMATORS
+from alignment.sources import legend
 from alignment.units import DEG
 from stand import toml_files as catalogue
 from stand.imu import Stated, load_imu
@@ -25,6 +26,11 @@ def listing(what: str) -> list[Row]:
         "methods": _methods,
     }
     return makers[what]()
+
+
+def notes(what: str) -> tuple[str, ...]:
+    """What a reader of a list must know: which papers the letters of its sources stand for."""
+    return tuple(legend()) if what == "methods" else ()
 
 
 def _procedures() -> list[Row]:

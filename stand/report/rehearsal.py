@@ -24,6 +24,7 @@ from stand.rehearsal.result import (
     Verdict,
 )
 from stand.rehearsal.result_json import rehearsal_json
+from stand.report.document import method_text
 from stand.report.figures import Against, Bar, Budget, budget, requirements, timeline
 from stand.report.gallery import Position, gallery
 from stand.report.junit import junit
@@ -35,7 +36,6 @@ from stand.report.wording import (
     deg_text,
     digits,
     margin_in_words,
-    method_text,
     percent,
     predicted_text,
     sigma_text,
@@ -115,7 +115,7 @@ def page(result: Rehearsal) -> str:
         "observability": _observability(result),
         "unseen": [(o.method, o.unseen) for o in result.observability if o.unseen],
         "verified": None if result.verification is None else section(result.verification),
-        "gallery": gallery(_positions(result)),
+        "gallery": gallery(_positions(result), i.model),
         "provenance": provenance(files, i.sha256, i.versions),
     }
     return render("rehearsal.html.j2", content)

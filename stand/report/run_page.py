@@ -10,6 +10,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -23,11 +24,11 @@ from stand.imu.preset import ImuEntry
 from stand.procedure.procedure import ProcedureEntry
 from stand.recording.curves import AngleCurves
 from stand.recording.log import Log, load_log
-from stand.recording.mcap.reader import read_metadata
-from stand.recording.metadata import DRIVE, RUN
+from stand.recording.mcap.reader import read_attachments, read_metadata
+from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN
 from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 from stand.report.figures import Bar, errors, timeline
-from stand.report.gallery import Position, gallery
+from stand.report.gallery import Gallery, Position, gallery
 from stand.report.page import refuse_existing, render, span_text, write_whole
 from stand.report.provenance import provenance, sha256_of_file, sha256_of_text
 from stand.report.tables import TableData
@@ -93,7 +94,7 @@ def page(file: Path) -> str:
         "timeline": timeline([_bar(k, s) for k, s in enumerate(steps, 1)], total)
         if steps
         else None,
-        "gallery": gallery(_positions(steps)) if steps else None,
+        "gallery": _gallery(recorded, file) if steps else None,
         "settings": _settings(run, log),
         "provenance": provenance(texts, recorded.sha256, _versions(run)),
         "path": str(file),
@@ -255,6 +256,23 @@ def _positions(steps: Sequence[Mapping[str, Any]]) -> list[Position]:
         for step in steps
         if "joints_deg" in step and (step["kind"] == "dwell" or step.get("turning"))
     ]
+
+
+def _gallery(recorded: _Recorded, file: Path) -> Gallery:
+    """Pictures of the stand that was recorded: a stand of one's own is attached."""
+    positions, main = _positions(recorded.steps), recorded.metadata[RUN].get("model")
+    if main is None:
+        return gallery(positions)
+    with TemporaryDirectory() as folder:
+        for name, data in read_attachments(file).items():
+            if not name.startswith(MODEL_FOLDER):
+                continue
+            path = Path(folder, name)
+            if ".." in path.parts:
+                raise StandError(f"{file}: attached file {name!r} would leave its folder")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        return gallery(positions, Path(folder, MODEL_FOLDER, main))
 
 
 def _settings(run: Mapping[str, str], log: Log) -> TableData:

@@ -8,7 +8,6 @@ from alignment.units import ARC_SECOND, DEG
 from stand.evaluation.statistics import TAIL
 from stand.rehearsal.result import Judgement, Margin, Prediction
 from stand.rehearsal.verification import AGREES, Achieved, Refused, Verification
-from stand.report.document import WINDOWS
 
 _ARC_SECONDS_BELOW = 0.01 * DEG
 
@@ -43,11 +42,6 @@ def predicted_text(p: Prediction) -> str:
 def shows_bias(p: Prediction) -> bool:
     """Whether a bias is more than a thousandth of the sigma beside it."""
     return p.sigma is not None and abs(p.bias) > 1e-3 * p.sigma
-
-
-def method_text(method: str, window: str) -> str:
-    """A method and which of its forms: 'six-position, fresh window'."""
-    return f"{method}{WINDOWS.get(window, f', {window}')}"
 
 
 def ratio_text(ratio: tuple[float, float, float]) -> str:

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell
 from alignment.arrays import Array
+from alignment.quaternions import turned_evenly
 from stand.imu import Imu, without
 from stand.imu.model import draw
 from stand.motion.plan import Plan, PlannedStep
@@ -64,7 +65,7 @@ class Trials:
         self._filtered = bool(
             np.isfinite([self._spec.gyro.bandwidth, self._spec.accel.bandwidth]).any()
         )
-        self._model = load_model()
+        self._model = load_model(settings.table.model)
         self._same = not self._drawn and first.errors.perfect and first.feels_truth
         self._felt: list[_Felt] = []
         self._blocks: list[Block] = []
@@ -197,11 +198,7 @@ class Watched(NamedTuple):
 
     def C_nb(self, t: Array) -> Rotation:
         """True attitude at times [s] between samples of one stretch."""
-        k = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
-        before, after = (Rotation.from_quat(self.q_nb[i]) for i in (k - 1, k))
-        part = (t - self.t[k - 1]) / (self.t[k] - self.t[k - 1])
-        turn = (before.inv() * after).as_rotvec()
-        return before * Rotation.from_rotvec(np.clip(part, 0, 1)[:, None] * turn)
+        return turned_evenly(self.t, self.q_nb, t)
 
 
 def watch(settings: Settings) -> Watched:

@@ -7,10 +7,13 @@ import numpy as np
 from alignment import Options, Site
 from stand.errors import StandError
 from stand.imu import ImuSpec, Temperature
+from stand.imu.priors import BASE_ARM
 from stand.motion.polynomial import MotionKind
 from stand.physics.dynamics import Payload
+from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Sampling
 from stand.procedure.procedure import Procedure
+from stand.table.kinematics import base_arm
 from stand.table.table import Table
 from stand.table.table_errors import TableErrors, TableErrorsEntry, draw
 
@@ -43,6 +46,11 @@ class Settings:
             raise StandError(f"rate = {self.rate_hz} Hz: must be 1 to {HIGHEST_RATE_HZ}")
         if self.seed < 0:
             raise StandError(f"seed = {self.seed}: must be 0 or more")
+
+
+def base_arm_of(table: Table) -> float:
+    """Height of the unit above the base's axes [m], where `priors_of` has its lever arm from."""
+    return BASE_ARM if table.model is None else base_arm(describe(load_model(table.model)))
 
 
 def methods_of(settings: Settings) -> tuple[str, ...]:

@@ -68,9 +68,9 @@ class Simulation:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        model = load_model()
-        self.stand: StandModel = describe(model)
         procedure, table = settings.procedure, settings.table
+        model = load_model(table.model)
+        self.stand: StandModel = describe(model)
         self.plan: Plan = plan(procedure, self.stand, table, settings.seed)
         load = payload_of(procedure)
         self._torque = _torque(model, table, load)

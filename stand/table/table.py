@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import inf, pi
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -111,10 +112,15 @@ class CertificateEntry(catalogue.Entry):
 
 
 class TableEntry(catalogue.Entry):
-    """A table class as its TOML file says it."""
+    """A table class as its TOML file says it.
+
+    `model`: an MJCF of a stand of one's own, by its path from the folder of this file; the shipped
+    one if absent.
+    """
 
     title: str
     source: str
+    model: Annotated[str, Field(min_length=1)] | None = None
     certificate: CertificateEntry = CertificateEntry()
     geometry: GeometryEntry = GeometryEntry()
     settling: SettlingEntry = SettlingEntry()
@@ -158,7 +164,7 @@ class Table:
     `low`, `high` (6,) [rad], infinite where an axis turns without end; `rate` [rad/s],
     `acceleration` [rad/s^2], `jerk` [rad/s^3], (6,) each; `torque` (6,) [N m], infinite where
     unknown. `motors` (6,): None where the class has none. `entry` holds the accuracy figures.
-    `settle_within` [rad], `settle_hold` [s].
+    `settle_within` [rad], `settle_hold` [s]. `model`: its MJCF, None for the shipped one.
     """
 
     id: str
@@ -172,6 +178,7 @@ class Table:
     acceleration: Array
     jerk: Array
     motors: tuple[Motor | None, ...]
+    model: Path | None = None
 
     def __post_init__(self) -> None:
         six = (len(JOINTS),)
@@ -225,6 +232,7 @@ def load_table(name: str) -> Table:
         np.array([a.acceleration_deg_s2 for a in axes]) * DEG,
         np.array([a.jerk_deg_s3 for a in axes]) * DEG,
         tuple(_motor(a.motor) for a in axes),
+        None if entry.model is None else Path(source.name).parent / entry.model,
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Metadata
+from mcap.records import Attachment, Metadata
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, IntArray, owned
@@ -351,6 +351,20 @@ def read_metadata(path: str | Path) -> dict[str, dict[str, str]]:
     """
     with opened(path) as file:
         return _metadata(file)
+
+
+def read_attachments(path: str | Path) -> dict[str, bytes]:
+    """The attached files of an MCAP file by name; of equal names the last.
+
+    Raises
+    ------
+    StandError
+        Not a whole MCAP file.
+    """
+    with opened(path) as file:
+        contents = [content for _, content in records(file, (Opcode.ATTACHMENT,))]
+    found = [Attachment.read(ReadDataStream(BytesIO(content))) for content in contents]
+    return {record.name: record.data for record in found}
 
 
 def _metadata(file: BinaryIO) -> dict[str, dict[str, str]]:

@@ -15,6 +15,7 @@ from mcap.writer import Writer
 
 import stand
 from alignment import ESTIMATORS
+from alignment.sources import SOURCES
 from stand import cli
 from stand import toml_files as catalogue
 from stand.imu import load_imu
@@ -144,6 +145,14 @@ def test_lists(run, what):
     lines = [line.split() for line in shown.out.splitlines()]
     for name in ids:
         assert [name] in [line[:1] for line in lines]
+
+
+def test_the_list_of_methods_explains_its_sources(run):
+    shown = " ".join(run("list", "methods").out.split())
+    for letter, paper in SOURCES.items():
+        assert f"[{letter}] {paper}" in shown
+    assert "[S0] Autonomous initial orientation without integration" in shown
+    assert "[S0]" not in run("list", "imus").out
 
 
 # --- run

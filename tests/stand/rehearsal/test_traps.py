@@ -7,6 +7,7 @@ import pytest
 from procedures import HALF_TURN
 from scipy.spatial.transform import Rotation
 
+from alignment.gains import Functional
 from alignment.information import Stretch, Triad, Unit
 from alignment.units import DEG_PER_HOUR
 from stand import toml_files as catalogue
@@ -15,7 +16,7 @@ from stand.motion.planner import plan
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import procedure_from, table_of
 from stand.rehearsal.rehearse import rehearse, request
-from stand.rehearsal.rocking import Functional, over_time
+from stand.rehearsal.rocking import over_time
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.traps import averaging_time, doubts
 from stand.rehearsal.warmth import warmed
@@ -199,7 +200,13 @@ def test_a_walk_has_begun_before_the_stretch():
     one = np.ones((1, 3, 3)) * np.eye(3)
     nothing = np.zeros((1, 3))
     made = Functional(
-        np.array([100.0, 110.0]), 2 * one, 0 * one, nothing, nothing, np.zeros((3, 3)), None
+        np.array([100.0, 110.0]),
+        2 * one,
+        0 * one,
+        nothing,
+        nothing,
+        np.zeros((3, 3)),
+        Rotation.identity(),
     )
     unit = Unit(Triad(random_walk=3e-9), Triad(random_walk=0.0))
     walked = over_time(made, unit, scene_of(load_imu("ideal")))["gyro random walk"]

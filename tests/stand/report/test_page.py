@@ -42,7 +42,7 @@ def quick_pictures(monkeypatch):
     """Pictures without a driver: 4 by 4 pixels for each row of joint angles."""
     drawn = []
 
-    def fake(joints, camera, width, height):
+    def fake(joints, camera, width, height, model=None):
         drawn.append(np.asarray(joints))
         return [np.full((4, 4, 3), k, np.uint8) for k in range(len(joints))]
 
