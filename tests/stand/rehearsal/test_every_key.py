@@ -284,7 +284,6 @@ OTHER: dict[str, Any] = {
     "ripple_phase_deg": 130.0,
     "ripple_per_turn": 2,
     "sequence": "yaw-roll-pitch",
-    "directions": "one",
     "axis": "X1",
     "psd_file": "steep.csv",
     "file": "other.csv",
@@ -315,7 +314,10 @@ def leaves(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 def another(key: str, value: Any, in_errors: bool) -> Any:
     """Another value of a key."""
     if key in OTHER:
-        return OTHER[key] if OTHER[key] != value else f"{value} too"
+        assert OTHER[key] != value, key
+        return OTHER[key]
+    if key == "directions":
+        return {"one": "both", "both": "one"}[value]
     if isinstance(value, bool):
         return not value
     if isinstance(value, list):
