@@ -3,8 +3,10 @@
 import difflib
 from collections.abc import Iterable
 
+from alignment.errors import Fault
 
-class StandError(Exception):
+
+class StandError(Fault):
     """A fault of the input, told in one line: file, field, value and what is allowed.
 
     Whatever the input put into `message`, line breaks and control characters become blanks.

@@ -1,12 +1,40 @@
 """The folder of a recording: whole or not there, and never overwritten unasked."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from os import PathLike
 from pathlib import Path
 from tempfile import mkdtemp
 
 from stand.errors import StandError
+
+RECORDINGS = Path("recordings")
+
+
+def recording_folder(out: str | PathLike[str] | None, name: str) -> Path:
+    """Where to record: `out`, or a folder of this name among the recordings.
+
+    A link is followed, so that what it leads to is replaced.
+
+    Raises
+    ------
+    StandError
+        `out` is no folder of its own.
+    """
+    if out is None:
+        return RECORDINGS / name
+    folder = Path(out)
+    if folder.name in ("", ".."):
+        raise StandError(f"--out {folder}: must name a folder of its own")
+    return folder.resolve() if folder.is_symlink() else folder
+
+
+def refuse_files(paths: Iterable[Path], option: str = "--out", *, force: bool = False) -> None:
+    """`StandError` where one of these files is there already, unless `force`."""
+    for path in paths:
+        if not force and (path.exists() or path.is_symlink()):
+            raise StandError(f"{option} {path}: exists; --force replaces it")
 
 
 def refuse_existing(out: Path, force: bool) -> None:

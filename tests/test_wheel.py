@@ -40,7 +40,7 @@ def wheel(tmp_path_factory):
 
 def test_the_wheel_ships_every_model_and_catalogue_entry(wheel):
     inside = set(zipfile.ZipFile(wheel).namelist())
-    for kind in ("*.toml", "*.py"):
+    for kind in ("*.toml", "*.py", "py.typed"):
         for path in [p for package in OURS for p in (ROOT / package).rglob(kind)]:
             assert str(path.relative_to(ROOT)) in inside
     models = {f"stand/{path.relative_to(ROOT)}" for path in (ROOT / "models").rglob("*.xml")}

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stand.cli.options import ForceOption, file_in
+from stand.cli.options import ForceOption
 from stand.cli.progress import working
 
 
@@ -36,6 +36,7 @@ def view(
     """Open a recording in the rerun viewer: the review of a run's folder, else its run.mcap."""
     from stand.recording.viewer import view as open_viewer
 
-    review = file_in(recording, "run.rrd")
-    alone = file_in(recording, "run.mcap")
-    open_viewer(alone if alone.is_file() and not review.is_file() else review)
+    review, alone = recording / "run.rrd", recording / "run.mcap"
+    if recording.is_dir():
+        recording = alone if alone.is_file() and not review.is_file() else review
+    open_viewer(recording)

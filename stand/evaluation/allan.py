@@ -64,7 +64,7 @@ class AllanReport:
 
 
 def analyse(
-    path: Path,
+    path: Path | ImuLog,
     topic: str | None = None,
     t_from: float | None = None,
     t_to: float | None = None,
@@ -75,9 +75,10 @@ def analyse(
 
     Parameters
     ----------
-    path : Path
+    path : Path or ImuLog
+        A file, or what was read from it.
     topic : str or None
-        See `read_imu`.
+        See `LogFile.imu`.
     t_from, t_to : float or None
         The stretch to use [s], counted as `load_log` does; without either, the longest
         dwell of a recording of ours, all of any other.
@@ -93,7 +94,8 @@ def analyse(
     AlignmentError
         Not at rest, or too short for an analysis or for a term of `terms`.
     """
-    log = read_imu(path, topic)
+    log = path if isinstance(path, ImuLog) else read_imu(path, topic)
+    path = Path(log.path)
     spec = load_imu(imu) if imu else _recorded_imu(path, log)
     sheet = sheet_of(spec) if spec else {}
     readings, notes = _stretch(path, log, t_from, t_to)

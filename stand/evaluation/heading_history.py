@@ -62,7 +62,14 @@ def _of(method: str, run: Watched, settings: Settings) -> list[History]:
 def _tracked(method: str, track: AttitudeTrack, run: Watched) -> History:
     error, sigma = heading_errors(track.C_nb, run.C_nb(track.t), track.covariance)
     good = np.isfinite(error)
-    return History(method, track.label, False, track.t[good], error[good], sigma[good])
+    return History(
+        method=method,
+        label=track.label,
+        grown=False,
+        t=track.t[good],
+        error=error[good],
+        sigma=sigma[good],
+    )
 
 
 def _grown(
@@ -89,7 +96,10 @@ def _grown(
                 points.append((float(t), float(error[0]), float(sigma[0])))
         rows = np.array([p for p in points if np.isfinite(p[1])]).reshape(-1, 3)
         if len(rows):
-            yield History(method, dwell.label, True, *rows.T)
+            t, error, sigma = rows.T
+            yield History(
+                method=method, label=dwell.label, grown=True, t=t, error=error, sigma=sigma
+            )
 
 
 def _latest(found: Sequence[AttitudeEstimate], label: str) -> AttitudeEstimate | None:

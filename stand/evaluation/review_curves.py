@@ -13,7 +13,9 @@ from stand.recording.curves import AngleCurves, InnovationCurves
 
 def innovation_curves(method: str, dwell: Dwell, found: Innovations) -> InnovationCurves:
     t_ns = np.round(found.t * 1e9).astype(np.int64)
-    return InnovationCurves(method, dwell.label, t_ns, found.values, found.sigmas)
+    return InnovationCurves(
+        method=method, label=dwell.label, t_ns=t_ns, values=found.values, sigmas=found.sigmas
+    )
 
 
 def singular(track: AttitudeTrack, C_nb: Rotation) -> bool:
@@ -25,11 +27,11 @@ def curves(track: AttitudeTrack, C_nb: Rotation) -> AngleCurves:
     """A track with its errors against the true attitude, for the review."""
     angles = angles_from_C_nb(track.sequence, track.C_nb)
     return AngleCurves(
-        track.method,
-        track.label,
-        np.round(track.t * 1e9).astype(np.int64),
-        angles,
-        angle_errors(track.sequence, track.C_nb, C_nb),
-        np.nan_to_num(angle_sigmas(track.sequence, angles, track.covariance)),
-        (C_nb.inv() * track.C_nb).as_rotvec(),
+        method=track.method,
+        label=track.label,
+        t_ns=np.round(track.t * 1e9).astype(np.int64),
+        angles=angles,
+        errors=angle_errors(track.sequence, track.C_nb, C_nb),
+        sigmas=np.nan_to_num(angle_sigmas(track.sequence, angles, track.covariance)),
+        error_rotations=(C_nb.inv() * track.C_nb).as_rotvec(),
     )

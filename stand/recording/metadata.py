@@ -140,12 +140,12 @@ def planned_stretches(metadata: Mapping[str, Mapping[str, str]]) -> list[LoggedS
         if step["kind"] == "dwell" or turning is not None:
             found.append(
                 LoggedStretch(
-                    step["label"],
-                    float(step.get("steady_from_s", step["t_from_s"])),
-                    float(step.get("steady_to_s", step["t_to_s"])),
-                    tuple(step["C_nb_xyzw"]),
-                    None if turning is None else turning["axis"],
-                    None if turning is None else tuple(turning["axis_b"]),
+                    label=step["label"],
+                    t_from=float(step.get("steady_from_s", step["t_from_s"])),
+                    t_to=float(step.get("steady_to_s", step["t_to_s"])),
+                    nominal=tuple(step["C_nb_xyzw"]),
+                    joint=None if turning is None else turning["axis"],
+                    axis_b=None if turning is None else tuple(turning["axis_b"]),
                 )
             )
     return found
@@ -192,11 +192,11 @@ def settings_of(
 
     return (
         Site(
-            number("latitude_deg", DEG) if "latitude_deg" in site else None,
-            number("height_m", 1.0),
-            number("gravity_m_s2", 1.0) if "gravity_m_s2" in site else None,
-            number("longitude_deg", DEG),
-            (
+            latitude=number("latitude_deg", DEG) if "latitude_deg" in site else None,
+            height=number("height_m", 1.0),
+            local_gravity=number("gravity_m_s2", 1.0) if "gravity_m_s2" in site else None,
+            longitude=number("longitude_deg", DEG),
+            deflection=(
                 number("deflection_north_arc_s", ARC_SECOND),
                 number("deflection_east_arc_s", ARC_SECOND),
             ),

@@ -23,7 +23,7 @@ from stand.errors import StandError
 from stand.recording.curves import ANGLES, AngleCurves, InnovationCurves, Phase
 from stand.recording.thinning import Moved, Rows, Thinned, bin_length, min_max_bins
 from stand.recording.viewer import view
-from stand.samples import ImuBlock, TruthBlock
+from stand.samples import AXES, ImuBlock, TruthBlock
 from stand.table.joints import JOINTS, Body, Geom, StandModel
 
 __all__ = ["ReviewWriter", "view"]
@@ -77,7 +77,6 @@ class Channel(NamedTuple):
     title: str
 
 
-AXES = ("X1", "Y1", "Z1")
 CHANNELS = (
     Channel("stand/base", JOINTS[:3], (SKY, ORANGE, GREEN), "Base angles [deg]"),
     Channel("stand/table", JOINTS[3:], (SKY, ORANGE, GREEN), "Table angles [deg]"),

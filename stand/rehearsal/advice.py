@@ -18,10 +18,11 @@ from alignment.units import DEG
 from stand import toml_files as catalogue
 from stand.errors import StandError
 from stand.procedure.procedure import procedure_from
-from stand.rehearsal.rehearse import Request, rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.requirement import rows_of
 from stand.rehearsal.result import Advice, Change, Judgement, Rehearsal, Verdict
 from stand.rehearsal.wording import toml_of
+from stand.simulation.settings import Settings, with_procedure
 
 _GROWTH = 2.0
 _MOST = 64.0  # times the length
@@ -45,18 +46,18 @@ class _Trial:
     result: Rehearsal
 
 
-def with_advice(asked: Request) -> Rehearsal:
+def with_advice(settings: Settings) -> Rehearsal:
     """A rehearsal, with advice for every quantity that fails."""
-    result = rehearse(asked)
+    result = rehearse(settings)
     failing = [j.quantity for j in result.judgements if j.verdict is Verdict.FAIL]
     if not failing or not result.feasibility:
         return result
-    data = asked.procedure.entry.model_dump(exclude_unset=True, mode="json")
+    data = settings.procedure.entry.model_dump(exclude_unset=True, mode="json")
     tried: list[_Trial] = []
-    whole = _remedies(asked, data, _wanted(result), tried)
+    whole = _remedies(settings, data, _wanted(result), tried)
     advice: list[Advice] = []
     for quantity in failing:
-        found = whole or _remedies(asked, data, (quantity,), tried)
+        found = whole or _remedies(settings, data, (quantity,), tried)
         advice += [_told(quantity, data, trial) for trial in found[:_KEPT]]
         if not found:
             advice.append(_nothing(quantity, data, tried))
@@ -68,25 +69,25 @@ def _wanted(result: Rehearsal) -> tuple[str, ...]:
 
 
 def _remedies(
-    asked: Request, data: Data, wanted: Sequence[str], tried: list[_Trial]
+    settings: Settings, data: Data, wanted: Sequence[str], tried: list[_Trial]
 ) -> list[_Trial]:
     """Changes that make all the `wanted` pass, the shortest first; all goes into `tried`."""
     found: list[_Trial] = []
-    for variant in _variants(data, asked):
+    for variant in _variants(data, settings):
         cheapest = min((t.result.duration.total for t in found), default=_LONGEST / _DEARER)
-        trial = _longer(asked, variant, wanted, _DEARER * cheapest, tried)
+        trial = _longer(settings, variant, wanted, _DEARER * cheapest, tried)
         if trial is not None:
             found.append(trial)
     return sorted(found, key=lambda trial: trial.result.duration.total)
 
 
 def _longer(
-    asked: Request, data: Data, wanted: Sequence[str], longest: float, tried: list[_Trial]
+    settings: Settings, data: Data, wanted: Sequence[str], longest: float, tried: list[_Trial]
 ) -> _Trial | None:
     """The shortest lengthening of a variant that passes within `longest` s; None: none does."""
     factor, before, sigma = 1.0, 0.0, float("inf")
     while True:
-        trial = _tried(asked, _stretched(data, factor))
+        trial = _tried(settings, _stretched(data, factor))
         if trial is None or trial.result.duration.total > longest:
             return None
         tried.append(trial)
@@ -99,7 +100,7 @@ def _longer(
     best = trial
     for _ in range(_HALVINGS if before else 0):
         middle = (before + factor) / 2
-        trial = _tried(asked, _stretched(data, middle))
+        trial = _tried(settings, _stretched(data, middle))
         if trial is not None and _passes(trial.result, wanted):
             best, factor = trial, middle
         else:
@@ -107,18 +108,15 @@ def _longer(
     return best
 
 
-def _tried(asked: Request, data: Data) -> _Trial | None:
+def _tried(settings: Settings, data: Data) -> _Trial | None:
     """A fresh rehearsal of a changed procedure; None where its numbers are not allowed."""
     text = toml_of(data)
-    source = catalogue.Source(asked.procedure.id, asked.procedure.name, text)
+    source = catalogue.Source(settings.procedure.id, settings.procedure.name, text)
     try:
         procedure = procedure_from(source)
     except StandError:
         return None
-    fresh = request(procedure, asked.imu, asked.table, asked.site, asked.rate_hz)
-    fresh = replace(fresh, revision=asked.revision, allan_terms=asked.allan_terms, seed=asked.seed)
-    fresh = replace(fresh, motion=asked.motion)
-    result = rehearse(fresh)
+    result = rehearse(with_procedure(settings, procedure))
     return _Trial(data, text, result) if result.feasible else None
 
 
@@ -140,7 +138,7 @@ def _worst(result: Rehearsal, wanted: Sequence[str]) -> float:
 # --- variants ------------------------------------------------------------------------------------
 
 
-def _variants(data: Data, asked: Request) -> Iterator[Data]:
+def _variants(data: Data, settings: Settings) -> Iterator[Data]:
     yield data
     for change in (_both_directions, _slower, _second_turn, _longer_window, _added_position):
         varied = deepcopy(data)
@@ -263,7 +261,14 @@ def _told(quantity: str, before: Data, trial: _Trial) -> Advice:
         f"{'; '.join(_in_words(change) for change in changes)}: {quantity} then has a sigma of "
         f"{judged.sigma / DEG:.3g} deg{known} by {judged.method}, in {duration:.0f} s"
     )
-    return Advice(quantity, text, changes, judged.sigma, duration, trial.text)
+    return Advice(
+        quantity=quantity,
+        text=text,
+        changes=changes,
+        sigma=judged.sigma,
+        duration=duration,
+        toml=trial.text,
+    )
 
 
 def _judged(judgements: Sequence[Judgement], quantity: str) -> Judgement:
@@ -294,7 +299,8 @@ def _nothing(quantity: str, before: Data, tried: Sequence[_Trial]) -> Advice:
     changed = "; ".join(_in_words(change) for change in _changes(before, best.data))
     reached = "" if judged.expanded is None else f" to {judged.expanded / DEG:.3g} deg"
     better = f" in the best, which comes{reached} in {best.result.duration.total:.0f} s ({changed})"
-    return Advice(quantity, text + (better if changed else ""), (), None, None)
+    text += better if changed else ""
+    return Advice(quantity=quantity, text=text, changes=(), sigma=None, duration=None)
 
 
 def _in_the_way(result: Rehearsal, judged: Judgement) -> str:

@@ -48,29 +48,29 @@ def _judged(
             worst.append(max(rows, key=_size))
     if not worst:
         return Judgement(
-            quantity,
-            "",
-            "",
-            limit,
-            require.coverage,
-            None,
-            require.guard,
-            Verdict.INDETERMINATE,
-            f"no method of this procedure tells {quantity}",
+            quantity=quantity,
+            method="",
+            label="",
+            required=limit,
+            coverage=require.coverage,
+            sigma=None,
+            guard=require.guard,
+            verdict=Verdict.INDETERMINATE,
+            reason=f"no method of this procedure tells {quantity}",
         )
     best = min(worst, key=_size)
     verdict = _verdict(best.rms, limit, require)
     return Judgement(
-        quantity,
-        best.method,
-        best.label,
-        limit,
-        require.coverage,
-        best.sigma,
-        require.guard,
-        verdict,
-        best.reason,
-        best.bias,
+        quantity=quantity,
+        method=best.method,
+        label=best.label,
+        required=limit,
+        coverage=require.coverage,
+        sigma=best.sigma,
+        guard=require.guard,
+        verdict=verdict,
+        reason=best.reason,
+        bias=best.bias,
     )
 
 

@@ -1,40 +1,69 @@
-"""What is rehearsed."""
+"""A rehearsal made ready: what follows from its settings, worked out once."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from alignment import Options, Site
+from alignment.arrays import Array
 from stand.imu import ImuSpec, Temperature
+from stand.motion.limits import Torque
 from stand.motion.plan import Plan
+from stand.motion.polynomial import MotionKind
 from stand.physics.truth import Truth
 from stand.rehearsal.known_errors import Stated, stated
+from stand.simulation.settings import Settings
 from stand.table.joints import StandModel
 from stand.table.table import Table
 from stand.table.table_errors import TableErrorsEntry
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Scene:
-    """What is rehearsed: plan, stand, table, unit, site and what the estimators are told.
+    """What is rehearsed, planned on the stand.
 
-    `truth` makes the perfect sensors of a motion, for methods on rocking bases. `temperature` of
-    the unit over the procedure, None where it stays at the data sheet's. `table_errors` that the
-    procedure sets; `ideal`: whether the joints follow the plan.
+    `torque` that a motion needs, None where the table's motors are not known, and `inertias` (6,)
+    [kg m^2] about its axes. `truth` makes the perfect sensors of a motion. `temperature` of the
+    unit over the procedure, None where it stays at the data sheet's.
     """
 
+    settings: Settings
     plan: Plan
     model: StandModel
-    table: Table
-    imu: ImuSpec
-    site: Site
-    options: Options
-    rate_hz: int
+    torque: Torque | None
+    inertias: Array
     truth: Callable[[], Truth]
     temperature: Temperature | None = None
-    table_errors: TableErrorsEntry | None = None
-    ideal: bool = True
+
+    @property
+    def imu(self) -> ImuSpec:
+        """The unit, less the terms that are switched off."""
+        return self.settings.unit
+
+    @property
+    def table(self) -> Table:
+        """The table with the errors that are stated of it."""
+        return self.settings.stated_table
+
+    @property
+    def site(self) -> Site:
+        """Where the stand is."""
+        return self.settings.site
+
+    @property
+    def options(self) -> Options:
+        """What the estimators are told."""
+        return self.settings.options
+
+    @property
+    def rate_hz(self) -> int:
+        """Samples per second."""
+        return self.settings.rate_hz
 
     @property
     def stated(self) -> Stated:
-        """What is stated of the table's errors."""
-        return stated(self.table, self.table_errors, self.ideal)
+        """What is stated of the table's errors, and what the procedure sets of them."""
+        made = self.settings
+        entry = made.procedure.entry.table_errors
+        if made.true_table:
+            entry = TableErrorsEntry(drawn=False)
+        return stated(self.table, entry, made.motion is MotionKind.IDEAL)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -74,14 +75,16 @@ def told(
     """
     sigma = float(np.linalg.norm(list(sizes.values())))
     total = float(np.hypot(sigma, bias))
+    told: dict[str, Any] = {"method": method, "window": window, "label": label}
+    told |= {"quantity": quantity, "unit": unit[0], "per": unit[1]}
     if not total < limit:
         what = "sigma" if sigma >= abs(bias) else "error that is known"
         reason = f"{what} of {total / unit[1]:.3g} {unit[0]} is beyond first order"
         reason = "; ".join(part for part in (f"not determined: {reason}", why()) if part)
-        return Prediction(method, window, label, quantity, *unit, None, (), reason)
+        return Prediction(**told, sigma=None, contributions=(), reason=reason)
     named = sorted((sizes | {KNOWN: abs(bias)}).items(), key=lambda item: -item[1])
     contributions = tuple(Contribution(name, s) for name, s in named if s > 1e-6 * total)
-    return Prediction(method, window, label, quantity, *unit, sigma, contributions, bias=bias)
+    return Prediction(**told, sigma=sigma, contributions=contributions, bias=bias)
 
 
 def withheld(

@@ -23,18 +23,16 @@ from alignment.units import DEG
 from stand.errors import StandError
 from stand.evaluation.score import ANGLES, Truths, score, suited
 from stand.evaluation.statistics import FEW, TAIL
-from stand.rehearsal.rehearse import Request
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
 from stand.rehearsal.verification import Achieved, Refused, Verification
+from stand.samples import AXES
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
 
 Progress = Callable[[float], None]
 _RUNS_BITS = 20
-BIASES = tuple(
-    f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in ("X1", "Y1", "Z1")
-)
+BIASES = tuple(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in AXES)
 Key = tuple[str, str, str, str]  # method, window, label, quantity
 
 
@@ -47,7 +45,7 @@ class Found(NamedTuple):
 
 def with_verification(
     result: Rehearsal,
-    asked: Request,
+    settings: Settings,
     runs: int,
     progress: Progress = lambda done: None,
     workers: int | None = None,
@@ -57,8 +55,8 @@ def with_verification(
     Parameters
     ----------
     result : Rehearsal
-        Of `asked`.
-    asked : Request
+        Of `settings`.
+    settings : Settings
         The runs' seeds begin with the `first_seed` of it.
     runs : int
     progress : callable
@@ -78,32 +76,33 @@ def with_verification(
         Fewer than one run; a run that failed.
     """
     if runs < 1:
-        raise StandError(f"--verify {runs}: must be 1 or more")
+        raise StandError(f"verify = {runs}: must be 1 or more")
     if not result.feasible:
         return _warned(result, "verify", "not verified: it cannot run as it is")
     if not result.predictions:
         return _warned(result, "verify", "not verified: no method is named in [estimate]")
-    verification = _verified(result, asked, runs, progress, workers)
+    verification = _verified(result, settings, runs, progress, workers)
     result = replace(result, verification=verification)
     for a in verification.disagreeing:
         result = _warned(result, "prediction", _contradicted(a), a.label)
     return result
 
 
-def first_seed(asked: Request) -> int:
+def first_seed(settings: Settings) -> int:
     """The seed of the first run; those after it follow one by one.
 
-    From the request's own seed and all that makes the case, so that no two cases share a draw:
+    From the settings' own seed and all that makes the case, so that no two cases share a draw:
     20 bits of a million runs are left free below 32 of a hash. Of ten thousand cases two meet with
     a chance of one in a hundred.
     """
-    site = asked.site
+    site, made = settings.site, settings
     case = (
-        asked.procedure.text,
-        asked.imu.text,
-        asked.table.text,
+        made.procedure.text,
+        made.imu.text,
+        made.table.text,
         repr((site.latitude, site.height, site.local_gravity)),
-        repr((asked.rate_hz, asked.motion.value, asked.seed)),
+        repr((made.rate_hz, made.motion.value, made.sampling.value, made.seed)),
+        repr((made.without, made.true_table)),
     )
     digest = hashlib.sha256("\0".join(case).encode()).digest()
     return int.from_bytes(digest[:4], "big") << _RUNS_BITS
@@ -125,20 +124,12 @@ def _contradicted(a: Achieved) -> str:
 
 
 def _verified(
-    result: Rehearsal, asked: Request, runs: int, progress: Progress, workers: int | None
+    result: Rehearsal, settings: Settings, runs: int, progress: Progress, workers: int | None
 ) -> Verification:
     methods = tuple(dict.fromkeys(p.method for p in result.predictions))
-    first = first_seed(asked)
-    settings = Settings(
-        asked.procedure,
-        asked.imu,
-        asked.table,
-        asked.site,
-        replace(asked.options, rule=SequenceRule.REGULAR),  # as predictions read the angles
-        asked.rate_hz,
-        seed=first,
-        motion=asked.motion,
-    )
+    options = replace(settings.options, rule=SequenceRule.REGULAR)  # as predictions read angles
+    first = first_seed(settings)
+    settings = replace(settings, options=options, seed=first)
     sums = Sums()
     begin = time.perf_counter()
     seeds = range(first, first + runs)
@@ -154,7 +145,14 @@ def _verified(
     achieved = list(_achieved(result, sums))
     among = sum(a.ratio is not None for a in achieved)
     together = tuple(replace(a, among=max(1, among)) for a in achieved)
-    return Verification(runs, sums.runs, first, seconds, together, sums.refused())
+    return Verification(
+        asked=runs,
+        done=sums.runs,
+        seed=settings.seed,
+        seconds=seconds,
+        achieved=together,
+        refused=sums.refused(),
+    )
 
 
 def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
@@ -162,13 +160,29 @@ def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
     for p in result.predictions:
         key = (p.method, p.window, p.label, p.quantity)
         if key in sums:
-            n, sizes = sums.sigma(key)
-            yield Achieved(*key, p.unit, p.per, p.rms, n, *sizes)
+            yield _came_to(sums, key, p.unit, p.per, p.rms)
     untold = {p.method for p in result.predictions if not p.label}
     for key in sums:
         if key[0] in untold and key[3] in QUANTITIES:
-            n, sizes = sums.sigma(key)
-            yield Achieved(*key, "deg", DEG, None, n, *sizes)
+            yield _came_to(sums, key, "deg", DEG, None)
+
+
+def _came_to(sums: "Sums", key: Key, unit: str, per: float, predicted: float | None) -> Achieved:
+    n, (sigma, low, high) = sums.sigma(key)
+    method, window, label, quantity = key
+    return Achieved(
+        method=method,
+        window=window,
+        label=label,
+        quantity=quantity,
+        unit=unit,
+        per=per,
+        predicted=predicted,
+        runs=n,
+        sigma=sigma,
+        low=low,
+        high=high,
+    )
 
 
 # --- one run -------------------------------------------------------------------------------------

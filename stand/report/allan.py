@@ -40,8 +40,13 @@ STYLES = {"x": ("#0072B2", "o"), "y": ("#D55E00", "s"), "z": ("#009E73", "^")}
 DARK_STYLES = {"x": ("#56B4E9", "o"), "y": ("#E69F00", "s"), "z": ("#2BC69A", "^")}
 
 
-def write_pictures(report: AllanReport, folder: Path) -> list[Path]:
-    """Write `PNG` and `HTML` into a folder, which is made; both are replaced if there."""
+def write_pictures(report: AllanReport, folder: Path | None = None) -> list[Path]:
+    """Write `PNG` and `HTML` into a folder, which is made; both are replaced if there.
+
+    Without a folder into one beside the recording.
+    """
+    file = Path(report.path)
+    folder = folder or file.with_name(f"{file.stem}_allan")
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / PNG, folder / HTML]
     light = picture(report, "light")

@@ -11,6 +11,7 @@ from alignment import ESTIMATORS
 from alignment.arrays import Array
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G
 from stand.evaluation.score import Refusal, Score, Spread, by_method, spreads
+from stand.samples import CHANNELS
 from stand.simulation.step_record import StepRecord
 from stand.table.joints import JOINTS
 
@@ -146,10 +147,7 @@ def _bias_table(scores: Sequence[Score]) -> TableData:
     first = scores[0].estimate
     return TableData(
         f"{method_text(first.method, first.window)}: biases [gyros deg/h, accelerometers mg]",
-        (
-            "position",
-            *(f"{sensor} {a}" for sensor in ("gyro", "accel") for a in ("X1", "Y1", "Z1")),
-        ),
+        ("position", *CHANNELS),
         tuple((", ".join(labels), *cells) for labels, cells in fits.values()),
         notes=("± with the priors that were stated: one near its own prior was not seen",),
     )

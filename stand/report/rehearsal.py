@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from stand.folder import refuse_files
 from stand.rehearsal.result import (
     Advice,
     Finding,
@@ -28,7 +29,7 @@ from stand.report.document import method_text
 from stand.report.figures import Against, Bar, Budget, budget, requirements, timeline
 from stand.report.gallery import Position, gallery
 from stand.report.junit import junit
-from stand.report.page import refuse_existing, render, span_text, write_whole
+from stand.report.page import render, span_text, write_whole
 from stand.report.provenance import provenance
 from stand.report.tables import TableData
 from stand.report.verified import fact, outcome, section
@@ -54,6 +55,16 @@ CONTRADICTED = "prediction"  # the kind of finding that runs make
 MOST_BUDGETS = 24  # rows of the chart; the table has them all
 
 
+def refuse_report(folder: Path, force: bool = False) -> None:
+    """`StandError` where a report is there already, unless `force`."""
+    refuse_files(files_of(folder), "--report", force=force)
+
+
+def files_of(folder: Path) -> list[Path]:
+    """What a report is made of."""
+    return [folder / name for name in (PAGE, JSON, JUNIT)]
+
+
 def write_report(result: Rehearsal, folder: Path, *, force: bool = False) -> list[Path]:
     """Write `PAGE`, `JSON` and `JUNIT` into a folder.
 
@@ -76,12 +87,10 @@ def write_report(result: Rehearsal, folder: Path, *, force: bool = False) -> lis
     StandError
         A report is there (and not `force`), or the folder cannot be written.
     """
-    paths = [folder / name for name in (PAGE, JSON, JUNIT)]
-    if not force:
-        refuse_existing(paths, "--report")
+    refuse_report(folder, force)
     machine = json.dumps(rehearsal_json(result), indent=1, allow_nan=False) + "\n"
     texts = (page(result), machine, junit(result))
-    return [write_whole(path, text) for path, text in zip(paths, texts, strict=True)]
+    return [write_whole(path, text) for path, text in zip(files_of(folder), texts, strict=True)]
 
 
 def page(result: Rehearsal) -> str:

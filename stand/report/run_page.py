@@ -20,16 +20,17 @@ from alignment.angles import angles_from_C_nb, near_singular
 from alignment.units import ARC_SECOND, DEG
 from stand.errors import StandError
 from stand.evaluation.score import Refusal, Score, evaluate_each, suited
+from stand.folder import refuse_files
 from stand.imu.preset import ImuEntry
 from stand.procedure.procedure import ProcedureEntry
 from stand.recording.curves import AngleCurves
 from stand.recording.log import Log, load_log
-from stand.recording.mcap.reader import read_attachments, read_metadata
+from stand.recording.mcap.reader import read_attachments
 from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN
 from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 from stand.report.figures import Bar, errors, timeline
 from stand.report.gallery import Gallery, Position, gallery
-from stand.report.page import refuse_existing, render, span_text, write_whole
+from stand.report.page import render, span_text, write_whole
 from stand.report.provenance import provenance, sha256_of_file, sha256_of_text
 from stand.report.tables import TableData
 from stand.simulation.step_record import StepRecord
@@ -63,8 +64,7 @@ def write_run_page(run: Path, out: Path | None = None, *, force: bool = False) -
     target = out or file.with_name(PAGE)
     if target.is_dir():
         raise StandError(f"--out {target}: must be a file")
-    if not force:
-        refuse_existing([target], "--out")
+    refuse_files([target], force=force)
     return write_whole(target, page(file))
 
 
@@ -116,10 +116,10 @@ class _Recorded:
 
 
 def _read(file: Path) -> _Recorded:
-    metadata = read_metadata(file)
+    log = load_log(file, None, None, None)
+    metadata = log.imu.metadata
     if "stand_version" not in metadata.get(RUN, {}):
         raise StandError(f"{file}: not a recording of stand run: it has no record {RUN!r}")
-    log = load_log(file, None, None, None)
     beside = {name: file.with_name(name) for name in ("run.rrd", "result.json")}
     there = {file.name: file} | {name: path for name, path in beside.items() if path.is_file()}
     hashes = {name: sha256_of_file(path) for name, path in there.items()}
@@ -129,13 +129,13 @@ def _read(file: Path) -> _Recorded:
     if "model_sha256" in metadata[RUN]:
         hashes["model"] = metadata[RUN]["model_sha256"]
     return _Recorded(
-        _title("procedure", metadata) or metadata.get(DRIVE, {}).get("id", file.stem),
-        ", on ".join(filter(None, (_title(key, metadata) for key in ("imu", "table")))),
-        log,
-        metadata,
-        tuple(json.loads(metadata.get("schedule", {}).get("json", "[]"))),
-        _records(beside["result.json"]),
-        hashes,
+        title=_title("procedure", metadata) or metadata.get(DRIVE, {}).get("id", file.stem),
+        subtitle=", on ".join(filter(None, (_title(key, metadata) for key in ("imu", "table")))),
+        log=log,
+        metadata=metadata,
+        steps=tuple(json.loads(metadata.get("schedule", {}).get("json", "[]"))),
+        records=_records(beside["result.json"]),
+        sha256=hashes,
     )
 
 
@@ -164,16 +164,16 @@ def _record(step: Mapping[str, Any]) -> StepRecord:
         return np.array([step[key][joint] for joint in JOINTS]) * unit
 
     return StepRecord(
-        step["label"],
-        step["kind"],
-        step["t_from_s"],
-        step["t_to_s"],
-        by_joint("following_max_arc_s", ARC_SECOND),
-        by_joint("following_rms_arc_s", ARC_SECOND),
-        by_joint("saturated_s", 1.0),
-        by_joint("torque_percent", 0.01),
-        step["rests"],
-        step["settled_after_s"],
+        label=step["label"],
+        kind=step["kind"],
+        t_from=step["t_from_s"],
+        t_to=step["t_to_s"],
+        following_max=by_joint("following_max_arc_s", ARC_SECOND),
+        following_rms=by_joint("following_rms_arc_s", ARC_SECOND),
+        saturated=by_joint("saturated_s", 1.0),
+        torque_ratio=by_joint("torque_percent", 0.01),
+        rests=step["rests"],
+        settled=step["settled_after_s"],
     )
 
 
@@ -288,7 +288,7 @@ def _settings(run: Mapping[str, str], log: Log) -> TableData:
         "IMU topic": log.topic,
     }
     rows = tuple((name, str(value)) for name, value in shown.items() if value)
-    return TableData("Settings", ("setting", "value"), rows)
+    return TableData(title="Settings", columns=("setting", "value"), rows=rows)
 
 
 def _versions(run: Mapping[str, str]) -> dict[str, str]:

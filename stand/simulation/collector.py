@@ -96,7 +96,16 @@ class DwellCollector:
                 array.flags.writeable = False  # so that the readings need no copies
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
             readings = ImuReadings(t, w, f)
-            dwells.append(Dwell(step.label, t_from, step.steady_to, readings, step.C_nb, turn))
+            dwells.append(
+                Dwell(
+                    label=step.label,
+                    t_from=t_from,
+                    t_to=step.steady_to,
+                    readings=readings,
+                    nominal=step.C_nb,
+                    turn=turn,
+                )
+            )
             C_nb = C_NW * Rotation.from_quat(q_wb)
             attitudes.append(C_nb if turn is None else turn.back(C_nb))
         return dwells, attitudes

@@ -1,6 +1,6 @@
 """Table classes: what each axis can do and how true it is. One TOML file per class in `tables/`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 from pathlib import Path
 from typing import Annotated
@@ -214,6 +214,16 @@ class Table:
         ]
 
 
+def without_errors(table: Table) -> Table:
+    """The same table as true as its limits allow: what a class states of its errors is nothing."""
+    axes = {
+        name: axis.model_copy(update={"errors": AxisErrorsEntry()})
+        for name, axis in table.entry.axis.items()
+    }
+    true = table.entry.model_copy(update={"geometry": GeometryEntry(), "axis": axes})
+    return replace(table, entry=true)
+
+
 def load_table(name: str) -> Table:
     """A table class by catalogue id or path; `StandError` where it is not right."""
     source = catalogue.find("tables", "table", name)
@@ -221,18 +231,18 @@ def load_table(name: str) -> Table:
     axes = [entry.axis[j] for j in JOINTS]
     travels = [a.travel_deg or (-inf, inf) for a in axes]
     return Table(
-        source.id,
-        source.name,
-        entry.title,
-        source.text,
-        entry,
-        tuple(low * DEG for low, _ in travels),
-        tuple(high * DEG for _, high in travels),
-        np.array([a.rate_deg_s for a in axes]) * DEG,
-        np.array([a.acceleration_deg_s2 for a in axes]) * DEG,
-        np.array([a.jerk_deg_s3 for a in axes]) * DEG,
-        tuple(_motor(a.motor) for a in axes),
-        None if entry.model is None else Path(source.name).parent / entry.model,
+        id=source.id,
+        name=source.name,
+        title=entry.title,
+        text=source.text,
+        entry=entry,
+        low=tuple(low * DEG for low, _ in travels),
+        high=tuple(high * DEG for _, high in travels),
+        rate=np.array([a.rate_deg_s for a in axes]) * DEG,
+        acceleration=np.array([a.acceleration_deg_s2 for a in axes]) * DEG,
+        jerk=np.array([a.jerk_deg_s3 for a in axes]) * DEG,
+        motors=tuple(_motor(a.motor) for a in axes),
+        model=None if entry.model is None else Path(source.name).parent / entry.model,
     )
 
 
@@ -244,15 +254,15 @@ def _motor(entry: MotorEntry | None) -> Motor | None:
     if bristle is None:
         bristle = entry.coulomb_Nm / _BREAKAWAY
     return Motor(
-        entry.torque_Nm,
-        entry.bandwidth_hz * _TURN,
-        entry.damping,
-        entry.integral_s,
-        entry.viscous_Nm_s,
-        entry.cogging_Nm,
-        entry.cogging_per_turn,
-        entry.coulomb_Nm,
-        static,
-        entry.stribeck_deg_s * DEG,
-        bristle,
+        torque=entry.torque_Nm,
+        bandwidth=entry.bandwidth_hz * _TURN,
+        damping=entry.damping,
+        integral=entry.integral_s,
+        viscous=entry.viscous_Nm_s,
+        cogging=entry.cogging_Nm,
+        cogging_per_turn=entry.cogging_per_turn,
+        coulomb=entry.coulomb_Nm,
+        static=static,
+        stribeck=entry.stribeck_deg_s * DEG,
+        bristle=bristle,
     )

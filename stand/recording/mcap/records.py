@@ -71,19 +71,29 @@ class Directory:
         return schema.name if schema else "no type"
 
 
-@contextmanager
-def opened(path: str | Path) -> Iterator[BinaryIO]:
-    """An MCAP file; whatever is found wrong with it is told with the file's name.
+def opened(path: str | Path) -> BinaryIO:
+    """An MCAP file from end to end.
 
     Raises
     ------
     StandError
-        Missing, a folder, not MCAP, cut off, damaged; or from the body of the ``with``.
+        Missing, a folder, not MCAP, cut off.
     """
-    try:
-        with open(path, "rb") as file:
+    with faults_of(path):
+        file = open(path, "rb")  # noqa: SIM115  the caller closes it
+        try:
             _check_ends(file)
-            yield file
+        except BaseException:
+            file.close()
+            raise
+    return file
+
+
+@contextmanager
+def faults_of(path: str | Path) -> Iterator[None]:
+    """Whatever is found wrong with a file is told with its name, as a `StandError`."""
+    try:
+        yield
     except FileNotFoundError as error:
         raise StandError(f"{path}: no such file") from error
     except IsADirectoryError as error:

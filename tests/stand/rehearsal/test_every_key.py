@@ -21,8 +21,9 @@ from stand.imu import load_imu
 from stand.procedure.procedure import ProcedureEntry, procedure_from, table_of
 from stand.rehearsal import scene
 from stand.rehearsal.known_errors import stated
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.verify import with_verification
+from stand.simulation.settings import assembled
 
 AMONG = 1000  # quantities compared at once in all these tests: chance makes none of them miss
 SITE = """
@@ -365,7 +366,7 @@ def verified(base: str, data: dict[str, Any], folder: Any):
     # gyros that feel the warmth: 0.01 deg/h per K
     unit = replace(unit, gyro=replace(unit.gyro, bias_temperature=5e-8))
     site = procedure.entry.site.site()
-    asked = request(procedure, unit, table_of(procedure), site, 20)
+    asked = assembled(procedure, unit, table_of(procedure), site, 20)
     result = rehearse(asked)
     assert result.feasible, result.findings
     made = with_verification(result, asked, RUNS[base], workers=1).verification

@@ -15,13 +15,13 @@ from stand.imu.model import TERMS
 from stand.motion.polynomial import MotionKind
 from stand.procedure.procedure import procedure_from, table_of
 from stand.rehearsal.known_errors import KNOWN, Size, stated
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.result import Verdict
 from stand.rehearsal.result_json import rehearsal_json
 from stand.rehearsal.verify import errors_of, with_verification
 from stand.report.rehearsal_tables import headline, tables
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.settings import Settings
+from stand.simulation.settings import assembled
 from stand.table.table import load_table
 from stand.table.table_errors import TableErrorsEntry
 
@@ -56,7 +56,7 @@ def asked(errors="", imu="hg9900", rate=20):
     source = catalogue.Source("case", "case.toml", HALF_TURN.format(errors))
     procedure = procedure_from(source)
     site = procedure.entry.site.site()
-    return request(procedure, load_imu(imu), table_of(procedure), site, rate)
+    return assembled(procedure, load_imu(imu), table_of(procedure), site, rate)
 
 
 def predicted(errors=""):
@@ -113,7 +113,7 @@ def test_a_known_error_decides_the_verdict():
     source = catalogue.Source("case", "case.toml", text.format(ENCODER.format("true")))
     procedure = procedure_from(source)
     site = procedure.entry.site.site()
-    result = rehearse(request(procedure, load_imu("hg9900"), table_of(procedure), site, 20))
+    result = rehearse(assembled(procedure, load_imu("hg9900"), table_of(procedure), site, 20))
     assert result.verdict is Verdict.FAIL
     (judged,) = result.judgements
     assert judged.expanded == pytest.approx(2 * 0.0880 * DEG, rel=5e-3)
@@ -257,9 +257,8 @@ def test_one_run_without_noise_comes_to_the_bias(method, key):
     text = document(data) + STEPS[method]
     procedure = procedure_from(catalogue.Source("case", "case.toml", text))
     table, site = table_of(procedure), procedure.entry.site.site()
-    case = request(procedure, unit, table, site, 20)
-    settings = Settings(procedure, unit, table, site, case.options, 20)
-    dwells, attitudes = Trials(settings).readings(0)
+    case = assembled(procedure, unit, table, site, 20)
+    dwells, attitudes = Trials(case).readings(0)
     truths = {d.label: Truths(C) for d, C in zip(dwells, attitudes, strict=True)}
     estimates = ESTIMATORS[method].estimate(dwells, site, case.options)
     came_to = {

@@ -16,11 +16,12 @@ from stand.errors import StandError
 from stand.imu import imu_from, load_imu
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.advice import with_advice
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.requirement import judge
 from stand.rehearsal.result import Contribution, Prediction, Severity, Verdict
 from stand.rehearsal.result_json import rehearsal_json
 from stand.rehearsal.wording import toml_of
+from stand.simulation.settings import assembled
 from stand.table.table import load_table
 
 HEAD = """
@@ -51,7 +52,7 @@ def required(name, lines):
 def asked(procedure, imu="stim300", site=None):
     unit = load_imu(imu) if isinstance(imu, str) else imu
     site = site or procedure.entry.site.site()
-    return request(procedure, unit, table_of(procedure), site)
+    return assembled(procedure, unit, table_of(procedure), site)
 
 
 def kinds(result, severity=None):
@@ -455,7 +456,7 @@ def test_each_option_has_its_effect(stand_command, tmp_path):
     assert found[0]["seed"] != found[2]["seed"]
     assert found[0]["achieved"] != found[2]["achieved"]
     outcome = stand_command("rehearse", path, "--seed", -1)
-    assert (outcome.code, outcome.err) == (2, "stand: --seed -1: must be 0 or more\n")
+    assert (outcome.code, outcome.err) == (2, "stand: seed = -1: must be 0 or more\n")
     assert stand_command("rehearse", path, "--motion", "none").code == 2
 
 

@@ -15,11 +15,11 @@ from stand.imu import Temperature, load_imu
 from stand.motion.planner import plan
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import procedure_from, table_of
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.rocking import over_time
-from stand.rehearsal.scene import Scene
 from stand.rehearsal.traps import averaging_time, doubts
 from stand.rehearsal.warmth import warmed
+from stand.simulation.settings import assembled
 from stand.table.table import load_table
 
 STAND = describe(load_model())
@@ -36,11 +36,8 @@ def case(methods, *steps):
 def scene_of(imu, temperature=None):
     """Only of what a unit does: nothing is planned."""
     procedure = case(["triad"], DWELL.format("rest", 20))
-    table = load_table("mid-class")
-    planned = plan(procedure, STAND, table)
-    site = procedure.entry.site.site()
-    options = procedure.entry.estimate.options()
-    return Scene(planned, STAND, table, imu, site, options, 20, lambda: None, temperature)
+    made = prepared(assembled(procedure, imu, load_table("mid-class"), rate_hz=20))
+    return replace(made, temperature=temperature)
 
 
 # --- biases that nothing cancels
@@ -151,7 +148,7 @@ def test_the_accelerometers_low_pass_counts_too():
     for seconds, kept in ((22, False), (24, True)):
         procedure = case(["triad"], DWELL.format("rest", seconds))
         site = procedure.entry.site.site()
-        result = rehearse(request(procedure, slow, table_of(procedure), site, 20))
+        result = rehearse(assembled(procedure, slow, table_of(procedure), site, 20))
         (margin,) = [m for m in result.feasibility[0].margins if m.quantity == "filter"]
         assert margin.value == pytest.approx(22.5, rel=5e-3)
         assert margin.kept == kept
@@ -164,7 +161,7 @@ def test_a_move_waits_for_its_whole_second():
     """
     procedure = procedure_from(catalogue.Source("case", "case.toml", HALF_TURN))
     site = procedure.entry.site.site()
-    asked = request(procedure, load_imu("ring-laser"), table_of(procedure), site, 20)
+    asked = assembled(procedure, load_imu("ring-laser"), table_of(procedure), site, 20)
     duration = rehearse(asked).duration
     move = duration.steps[1]
     assert (move.motion, move.settling, move.dwell) == pytest.approx(

@@ -26,15 +26,15 @@ from stand.imu import ImuSpec, load_imu, without
 from stand.motion.polynomial import MotionKind
 from stand.procedure.procedure import load_procedure, table_of
 from stand.rehearsal import advice
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.result import Verdict
 from stand.rehearsal.result_json import rehearsal_json
 from stand.rehearsal.verification import Achieved, Verification
 from stand.rehearsal.verify import Found, Sums, errors_of, first_seed, with_verification
 from stand.report.rehearsal_tables import headline, tables
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.parallel import campaign
-from stand.simulation.settings import Settings
+from stand.simulation.parallel import RunFailed, campaign
+from stand.simulation.settings import assembled
 from stand.table.table import load_table
 
 DEG = pi / 180
@@ -55,7 +55,7 @@ def half_turn(tmp_path):
 def asked_of(path, imu: str | ImuSpec = "ring-laser", **changes):
     procedure = load_procedure(str(path))
     unit = load_imu(imu) if isinstance(imu, str) else imu
-    asked = request(procedure, unit, table_of(procedure), procedure.entry.site.site(), 20)
+    asked = assembled(procedure, unit, table_of(procedure), procedure.entry.site.site(), 20)
     return replace(asked, **changes)
 
 
@@ -155,10 +155,7 @@ def test_true_biases_are_those_of_the_run(half_turn):
     unit = load_imu("ring-laser")
     unit = without(unit, [t for t in terms_of(unit) if t != "turn-on-bias"])
     asked = asked_of(half_turn, unit)
-    settings = Settings(
-        asked.procedure, unit, asked.table, asked.site, asked.options, 20, true_table=True
-    )
-    trials = Trials(settings)
+    trials = Trials(replace(asked, true_table=True))
     dwells, _ = trials.readings(7)
     rates = dwells[0].readings.w_ib_b.mean(axis=0)
     # Y1 up, X1 to the north, Z1 to the east at 48.5 deg: 9.96651 and 11.26509 deg/h
@@ -421,7 +418,7 @@ def test_a_fault_in_a_run_is_told_with_its_seed():
 
     made = campaign(lambda: broken, range(5), 1)
     assert [next(made) for _ in range(3)] == [0, 1, 2]
-    with pytest.raises(StandError, match="run with seed 3 failed: ValueError: no such thing"):
+    with pytest.raises(RunFailed, match="run with seed 3: ValueError: no such thing"):
         next(made)
 
 
@@ -492,7 +489,7 @@ def test_runs_may_be_of_a_servo(half_turn):
 
 def test_no_runs_is_bad_input(stand_command, half_turn):
     outcome = stand_command("rehearse", half_turn, "--verify", 0)
-    assert (outcome.code, outcome.err) == (2, "stand: --verify 0: must be 1 or more\n")
+    assert (outcome.code, outcome.err) == (2, "stand: verify = 0: must be 1 or more\n")
 
 
 def test_a_report_that_is_there_is_refused_before_the_runs(stand_command, half_turn, tmp_path):

@@ -13,6 +13,7 @@ from pages import checked
 from rehearsed import DEG, PROCEDURE, achieved, answer, infeasible, runs, verified
 
 from stand.errors import StandError
+from stand.folder import refuse_files
 from stand.physics.picture import NoDriver, pictures, png
 from stand.rehearsal.result import Duration, Finding, Rehearsal, Severity, Verdict
 from stand.rehearsal.verification import Verification
@@ -28,7 +29,7 @@ from stand.report.figures import (
     timeline,
 )
 from stand.report.gallery import MOST, Position, angles_text, gallery
-from stand.report.page import _numeric, refuse_existing, span_text, write_whole
+from stand.report.page import _numeric, span_text, write_whole
 from stand.report.rehearsal import JSON, JUNIT, PAGE, page, write_report
 from stand.report.run_page import write_run_page
 from stand.report.tables import TableData
@@ -484,7 +485,7 @@ def test_a_file_that_cannot_be_written_is_one_line(tmp_path):
 def test_a_link_counts_as_there(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     with pytest.raises(StandError, match="exists"):
-        refuse_existing([tmp_path / "link"], "--out")
+        refuse_files([tmp_path / "link"])
 
 
 # A recorded run ----------------------------------------------------------------------------------

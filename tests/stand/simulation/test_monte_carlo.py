@@ -8,11 +8,10 @@ from procedures import HALF_TURN
 
 from stand import toml_files as catalogue
 from stand.imu import load_imu
-from stand.imu.priors import priors_of
 from stand.motion.polynomial import MotionKind
 from stand.procedure.procedure import procedure_from, table_of
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.settings import Settings
+from stand.simulation.settings import assembled
 
 SHORT = HALF_TURN.replace("duration_s = 24", "duration_s = 3").replace("180", "20")
 
@@ -22,9 +21,7 @@ def settings_of(motion, latency):
     unit = load_imu("ring-laser")
     unit = replace(unit, clock=replace(unit.clock, latency=latency))
     table = table_of(procedure)
-    options = replace(procedure.entry.estimate.options(), priors=priors_of(unit, table))
-    site = procedure.entry.site.site()
-    return Settings(procedure, unit, table, site, options, 20, motion=motion)
+    return assembled(procedure, unit, table, rate_hz=20, motion=motion)
 
 
 @pytest.mark.parametrize(
