@@ -12,15 +12,15 @@ from math import sqrt
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment.arrays import Array, set_owned
+from alignment.arrays import Array, IntArray, set_owned
 from alignment.information import GaussMarkov, Triad, Unit
-from alignment.units import ARC_SECOND
+from alignment.information.model import NODES
 from stand.imu import ImuSpec
 from stand.imu.filter import LAG, noise_variance
 from stand.imu.preset import TriadSpec
 from stand.imu.processes import plateau
+from stand.rehearsal.known_errors import Size, Stated
 from stand.table.joints import JOINTS, StandModel
-from stand.table.table import Table
 
 _NOTHING = 1e-15  # of a step squared: waves below it are none
 _WAVES = 200  # harmonics of a staircase: those beyond hold 0.3 % of what rounding does
@@ -150,51 +150,63 @@ def _sample_noise(spec: TriadSpec, rate_hz: int) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leaning:
-    """An error of the table: `sigma`, and the `turns` (k, 3) of b at k poses per unit of it."""
+    """An error of the table, and the `turns` (k, 3) of b at k poses per unit of it.
+
+    `sigma` of its draws, or the value that is `known` of it.
+    """
 
     source: str
     sigma: float
     turns: Array
+    known: float = 0.0
 
     def __post_init__(self) -> None:
         set_owned(self, turns=(self.turns, (None, 3), float))
 
 
-def leanings(table: Table, model: StandModel, joints: Array) -> list[Leaning]:
-    """Every error a table class states, and how it turns b at joint angles (k, 6) [rad].
+def leanings(
+    stated: Stated, model: StandModel, joints: Array, round_axis: IntArray | None = None
+) -> list[Leaning]:
+    """Every error that is stated, and how it turns b at joint angles (k, 6) [rad].
 
-    ``C_true = C_nominal exp(turns)``. Rate ripple is left out: as an angle it is its part of a
-    turn over its number of times round, below an arc second.
+    ``C_true = C_nominal exp(turns)``. `round_axis` (k,): the axis that goes round evenly through a
+    pose and others (-1: none does): a ripple too quick for `NODES` of them leaves nothing in a
+    whole turn.
     """
     frames, axes, across, before = _chain(model, joints)
-    geometry = table.entry.geometry
+    rounds = np.full(len(joints), -1) if round_axis is None else round_axis
     found: list[Leaning] = []
 
-    def add(source: str, arc_s: float, in_w: Array) -> None:
-        if arc_s > 0:
+    def add(source: str, size: Size, in_w: Array) -> None:
+        if size.sigma or size.known:
             turns = np.einsum("kji,kj->ki", frames, in_w)
-            found.append(Leaning(source, arc_s * ARC_SECOND, turns))
+            found.append(Leaning(source, size.sigma, turns, size.known))
 
-    for axis, line in enumerate(np.eye(3)):
-        every = np.tile(line, (len(joints), 1))
-        tilts = axis < 2
-        size = geometry.base_tilt_arc_s if tilts else geometry.base_azimuth_arc_s
-        add("table tilt" if tilts else "table azimuth", size, every)
-        add("mounting", geometry.mounting_arc_s, frames[:, :, axis])
+    for axis, (line, base, seat) in enumerate(
+        zip(np.eye(3), stated.base(), stated.mounting(), strict=True)
+    ):
+        add("table tilt" if axis < 2 else "table azimuth", base, np.tile(line, (len(joints), 1)))
+        add("mounting", seat, frames[:, :, axis])
     for i, name in enumerate(JOINTS):
-        errors, q = table.entry.axis[name].errors, joints[:, i : i + 1]
-        add("placement", errors.placement_arc_s, axes[:, i])
+        q = joints[:, i : i + 1]
+        add("placement", stated.placement(i), axes[:, i])
         for order in (1, 2):
-            for wave in (np.cos(order * q), np.sin(order * q)):
-                add("encoder", errors.encoder_arc_s / 2**0.5, axes[:, i] * wave)
+            waves = np.cos(order * q), np.sin(order * q)
+            for size, wave in zip(stated.encoder(i, order), waves, strict=True):
+                add("encoder", size, axes[:, i] * wave)
         if name in _TOWARD:
             toward = np.einsum("kij,j->ki", before[:, i], _built(model)[_TOWARD[name]])
             turned = np.cross(axes[:, i], toward)
             after = Rotation.from_rotvec(q * axes[:, i]).apply(turned)
-            add("non-orthogonality", errors.non_orthogonality_arc_s, turned - after)
-        for c, s in ((np.cos(q), np.sin(q)), (-np.sin(q), np.cos(q))):
-            nod = across[:, i, 0] * c + across[:, i, 1] * s
-            add("wobble", errors.wobble_arc_s / 2**0.5, nod)
+            add("non-orthogonality", stated.non_orthogonality(i), turned - after)
+        for size, cosine, sine in stated.wobble(i):
+            c, s = cosine * np.cos(q) - sine * np.sin(q), cosine * np.sin(q) + sine * np.cos(q)
+            add("wobble", size, across[:, i, 0] * c + across[:, i, 1] * s)
+        n, waves = stated.ripple(i)
+        slow = 1.0 if n < NODES / 2 else (rounds != i)[:, None]
+        for size, cosine, sine in waves:
+            wave = cosine * np.cos(n * q) - sine * np.sin(n * q)
+            add("rate ripple", size, axes[:, i] * wave * slow)
     return found
 
 

@@ -23,6 +23,7 @@ from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.accuracy import predict
 from stand.rehearsal.instrument import Rounding, leanings, roundings_of
+from stand.rehearsal.known_errors import stated
 from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.rocking import turned_by_heading
 from stand.rehearsal.verify import with_verification
@@ -46,7 +47,7 @@ def one(name, place, shape, value=EPS):
     return {name: array}
 
 
-def errors_in_order():
+def errors_in_order(table):
     """Each error alone, in the order in which `leanings` tells them."""
     for axis in range(3):
         yield one("base_tilt", axis, 2) if axis < 2 else {"base_azimuth": EPS}
@@ -60,6 +61,11 @@ def errors_in_order():
             yield one("non_orthogonality", i, 6)
         yield one("wobble", i, 6)
         yield one("wobble", i, 6) | one("wobble_phase", i, 6, np.pi / 2)
+        n = table.entry.axis[JOINTS[i]].errors.ripple_per_turn
+        ripple = one("rate_ripple", i, 6, -n * EPS) | one("ripple_per_turn", i, 6, n)
+        ripple["ripple_per_turn"] = np.maximum(ripple["ripple_per_turn"], 1).astype(int)
+        yield ripple
+        yield ripple | one("ripple_phase", i, 6, np.pi / 2)
 
 
 def test_table_errors_turn_the_instrument_as_the_stand_does():
@@ -72,8 +78,9 @@ def test_table_errors_turn_the_instrument_as_the_stand_does():
         return Rotation.from_quat(truth.instants(joints, still, still).q_wb)
 
     perfect = attitude(TableErrors())
-    found = leanings(load_table("mid-class"), STAND, joints)
-    alone = list(errors_in_order())
+    table = load_table("mid-class")
+    found = leanings(stated(table, None), STAND, joints)
+    alone = list(errors_in_order(table))
     assert len(found) == len(alone)
     for leaning, error in zip(found, alone, strict=True):
         turned = (perfect.inv() * attitude(TableErrors(**error))).as_rotvec() / EPS
@@ -214,6 +221,7 @@ OF_TABLE = {
     "encoder_arc_s": "encoder",
     "non_orthogonality_arc_s": "non-orthogonality",
     "wobble_arc_s": "wobble",
+    "rate_ripple_percent": "rate ripple",
 }
 OF_MOTION = "motion"
 SENSORS = ("gyro", "accelerometer")
