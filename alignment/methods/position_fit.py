@@ -641,6 +641,11 @@ def pooled_variances(variances: Array, spans: Array) -> Array:
     return density / spans[:, None]
 
 
+def _symmetric(P: Array) -> Array:
+    """Without what rounding leaves between ``P`` and its transpose."""
+    return (P + np.swapaxes(P, -1, -2)) / 2
+
+
 def drift_covariance(priors: Priors, spans: Ordered[Span]) -> Array:
     """Covariance (2, n, n) of means of gyro and accelerometer biases about their common mean.
 
