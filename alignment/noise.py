@@ -22,6 +22,7 @@ FLICKER_FLOOR = 0.664
 BLOCKS = 32  # the variance of a mean from 32 blocks is itself known to 25 % (1 sigma)
 _FINE = 4096  # blocks from which waves are summed: fewer would fold jitter down to them
 _ORDERS = 20  # periods of a record below which noise counts for its mean
+_FAR_LESS = 0.35  # of the whole: chance makes that of the lower half of orders in 2 of 1000
 _DRIFT_ORDERS = 8
 _DRIFTS = 15.0  # mean F (1, 10 degrees of freedom) of three axes: 1 in 10 000 records of noise
 
@@ -56,8 +57,8 @@ def mean_variance(values: Array) -> Array:
     angle jumps from end to end over T, whatever the rate's own noise. So ``S/T`` of the density S
     at low frequency, and ``2 V/T^2`` of the variance V of the integral about its line; white noise
     makes a V of ``S T/15``, for which the first is lessened. S is the mean of 30 ordinates below
-    20 periods of the record by waves that vanish at its ends: jitter does not leak into it. White
-    noise tells the variance to 25 % (1 sigma).
+    20 periods of the record by waves that vanish at its ends: jitter does not leak into it. Where
+    noise rises within them the lower half counts. White noise tells the variance to 25 % (1 sigma).
 
     Then the square of a steady drift over the record, where the columns, a triad's, show one
     beyond doubt (see `drift_of`): what came before and after differs by as much. Records of 32
@@ -137,12 +138,23 @@ def _basis(n: int, blocks: int, orders: int) -> tuple[Array, Array]:
 
 
 def _level(sums: Array, edges: np.ndarray) -> tuple[Array, Array, Array]:
-    """Variance (k,) of the mean by the density at low frequency; cosines and sines."""
+    """Variance (k,) of the mean by the density at low frequency; cosines and sines.
+
+    By all orders, or by the lower half of them where that is far less than the whole.
+    """
     n = int(edges[-1])
     cosines, sines = _waves(sums, edges, min(_ORDERS, (n - 1) // 2))
+    half = len(sines) // 2
+    whole, lower = _power(cosines, sines), _power(cosines[:half], sines[:half])
+    power = np.where(lower < _FAR_LESS * whole, lower, whole)
+    return 2 * power / n**2, cosines, sines
+
+
+def _power(cosines: Array, sines: Array) -> Array:
+    """Mean square (k,) of sines and of pairs of cosines."""
     pairs = _pairs(cosines)
-    power = np.sum(sines**2, axis=0) + np.sum(pairs**2, axis=0)
-    return 2 * power / (len(sines) + len(pairs)) / n**2, cosines, sines
+    total = np.sum(sines**2, axis=0) + np.sum(pairs**2, axis=0)
+    return np.asarray(total / (len(sines) + len(pairs)))
 
 
 def _pairs(cosines: Array) -> Array:

@@ -9,10 +9,11 @@ and J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Contr
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
+from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
@@ -38,7 +39,8 @@ _GRAVITY_DOUBT = 0.01  # part of gravity by which the mean specific force may di
 _WANDER_ORDERS = slice(3, 6)  # Legendre orders of velocity that neither the fit nor a bias makes
 _SMOOTH_ORDER = 8  # velocity beyond it is sway, not drift
 _TOLD_ORDERS = slice(3, 9)  # by which noise is told where the spectrum of the readings is motion's
-_TOO_QUIET = 0.185  # of what white noise makes: of 12 squares one in a thousand means is below
+_PARTS = np.geomspace(1e-6, 1.0, 25)  # of a variance
+_CERTAIN = 3.0  # of log likelihood: chi-square of two degrees of freedom at one in twenty
 _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
 _WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarked
 _WANDER_LIMIT = 10.0  # sigmas that are refused, where the instrument also moves by this:
@@ -155,25 +157,37 @@ def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
 
     Notes
     -----
-    Of a base that moves the spectrum of the readings is motion's in all octaves. In inertial
-    space rotation drops out, and of sway little is left at a few periods per record: there the
-    noise that matters shows, in the horizontal velocities of Legendre orders 3 to 8, which
-    neither the fit nor a bias makes. Where the mean of their 12 normalised squares is below what
-    one record of a thousand would have, gyros and accelerometers are lessened to it together: both
-    make the same kind of curve. A sway as slow as that hides it, and the noise stays too large.
+    Of a base that moves, or of gyros that jitter, the spectrum of the readings is all motion's. In
+    inertial space rotation drops out, and of sway little is left at a few periods per record:
+    there the noise that matters shows, in the 18 velocities of orders 3 to 8 (of polynomials)
+    that neither the fit nor a bias makes. Their likelihood by parts a, b <= 1 of the variances of
+    gyros and accelerometers, over parts that are equally likely by their logarithm: where the best
+    is beyond that of the whole by what one record of twenty has, the mean parts count. A sway
+    as slow as that hides it, and the noise stays too large.
     """
     size = _TOLD_ORDERS.stop - _TOLD_ORDERS.start
     C_ni = matched.C_ni.as_matrix()
-    basis = _legendre(carried)[:, _TOLD_ORDERS] * carried.spans[:, None]
-    weights = np.einsum("mo,ij->moij", basis, np.eye(3)[:2]).reshape(len(basis), 2 * size, 3)
+    root = np.sqrt(carried.spans)[:, None]
+    smooth, _ = np.linalg.qr(_legendre(carried) * root)  # a vertical bias is in the lower orders
+    basis = smooth[:, _TOLD_ORDERS] * root
+    weights = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(len(basis), 3 * size, 3)
     gyro, accel = sensitivity(weights, C_ni, carried)
-    P = functional_covariance(gyro, accel, C_ni, carried, noise, Priors())
-    P = P + _FINEST**2 * np.eye(len(P))
-    values = (basis.T @ matched.residual[:, :2]).ravel()
-    share = float(values @ np.linalg.solve(P, values)) / len(values)
-    if share > _TOO_QUIET:
+    none = Noise(np.zeros(3), np.zeros(3))
+    by_gyro, by_accel = (
+        functional_covariance(gyro, accel, C_ni, carried, part, Priors())
+        for part in (replace(none, gyro=noise.gyro), replace(none, accel=noise.accel))
+    )
+    by_accel = by_accel + _FINEST**2 * np.eye(len(by_accel))
+    ratios, V = eigh(by_gyro, by_accel)  # both diagonal: ratios, and ones
+    values = (V.T @ (basis.T @ matched.residual).ravel()) ** 2
+    variances = _PARTS[:, None, None] * np.maximum(ratios, 0.0) + _PARTS[:, None]
+    likelihood = -0.5 * np.sum(np.log(variances) + values / variances, axis=-1)
+    if likelihood.max() - likelihood[-1, -1] < _CERTAIN:
         return noise
-    return Noise(noise.gyro * np.sqrt(share), noise.accel * np.sqrt(share))
+    weight = np.exp(likelihood - likelihood.max())
+    weight /= weight.sum()
+    a, b = weight.sum(axis=1) @ _PARTS, weight.sum(axis=0) @ _PARTS
+    return Noise(noise.gyro * np.sqrt(a), noise.accel * np.sqrt(b))
 
 
 def gravity_velocity(t: Array, site: Site) -> tuple[Array, Array]:

@@ -207,14 +207,10 @@ def quiet_density(values: Array, interval: float) -> Array:
     another has less than half of it: chance alone does not make that.
     """
     density = white_density(values, interval)
-    others = [low_density(values) * interval]
+    other = low_density(values) * interval
     if len(values) >= LEAST_SPECTRUM:
-        others.append(white_levels(values, interval) ** 2)
-    for other in others:
-        density = np.where(
-            other < np.minimum(density, _HALF * white_density(values, interval)), other, density
-        )
-    return np.asarray(density)
+        other = np.minimum(other, white_levels(values, interval) ** 2)
+    return np.where(other < _HALF * density, other, density)
 
 
 def two_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
