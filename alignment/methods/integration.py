@@ -74,7 +74,7 @@ def integrate(
     return earth * start * Rotation.from_quat(q)
 
 
-def drift_covariance(variance_rate: Array, t: Array, window: float) -> Array:
+def integrated_drift_covariance(variance_rate: Array, t: Array, window: float) -> Array:
     """Variance (m, 3) [rad^2] about b of integrated white rate noise after offset removal.
 
     Parameters
@@ -113,7 +113,7 @@ def _track(
     t = readings.t[ends - 1]
     variance_rate = mean_variance(readings.w_ib_b) * readings.interval * len(readings)
     elapsed = t - dwell.t_from
-    about_b = drift_covariance(variance_rate, elapsed, options.offset_window)
+    about_b = integrated_drift_covariance(variance_rate, elapsed, options.offset_window)
     # bias of later readings against that of the window: the two differ by the Allan deviation
     late = np.maximum(elapsed - options.offset_window, 0.0)
     about_b += 2 * (priors.gyro_instability * late[:, None]) ** 2

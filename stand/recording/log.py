@@ -196,11 +196,15 @@ def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -
     t = (truth.t_ns - origin) * 1e-9
     last = np.searchsorted(t, [dwell.t_to + 1e-6 for dwell in dwells]) - 1
     return [
-        Truths(_told(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell), dwell.nominal, site.latitude)
+        Truths(
+            _judged_attitude(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell),
+            dwell.nominal,
+            site.latitude,
+        )
         for k, dwell in zip(last, dwells, strict=True)
     ]
 
 
-def _told(C_nb: Rotation, dwell: Dwell) -> Rotation:
+def _judged_attitude(C_nb: Rotation, dwell: Dwell) -> Rotation:
     """The attitude an estimate speaks of: of a turning stretch that at encoder angle zero."""
     return C_nb if dwell.turn is None else dwell.turn.back(C_nb)

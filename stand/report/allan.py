@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from alignment.allan import Channel, Found, Missing
+from alignment.allan import Channel, FoundTerm, MissingTerm
 from stand.evaluation.allan import DEVIATION, ORDER, UNITS, AllanReport, needs_hours
 from stand.report.page import INKS, data_uri, render
 from stand.report.tables import TableData
@@ -85,14 +85,14 @@ def _table(report: AllanReport, sensor: str) -> TableData:
     return TableData(title, tuple(columns), tuple(rows))
 
 
-def _outcome(channel: Channel, term: str) -> Found | Missing:
+def _outcome(channel: Channel, term: str) -> FoundTerm | MissingTerm:
     return next(o for o in (*channel.found, *channel.missing) if o.term == term)
 
 
 def _cell(channel: Channel, term: str) -> str:
     outcome = _outcome(channel, term)
     si = UNITS[channel.sensor, term].si
-    if isinstance(outcome, Found):
+    if isinstance(outcome, FoundTerm):
         return in_percent(outcome.value / si, outcome.low / si, outcome.high / si)
     if not channel.resolved:
         return f"< {outcome.upper / si:.2g}, below resolution"
@@ -110,7 +110,7 @@ def in_percent(value: float, low: float, high: float) -> str:
     return f"{shown} -{below:.2g}/+{above:.2g} %"
 
 
-def needs_text(missing: Missing) -> str:
+def needs_text(missing: MissingTerm) -> str:
     """'needs 12 h', or that no length would do."""
     hours = needs_hours(missing)
     return "no length shows it" if hours is None else f"needs {_hours(hours * 3600)}"
@@ -160,8 +160,8 @@ def verdict(report: AllanReport, sensor: str, term: str) -> str:
     return ", ".join(f"{''.join(axes)} {word}" for word, axes in words.items())
 
 
-def _judged(outcome: Found | Missing, stated: float) -> str:
-    if isinstance(outcome, Missing):
+def _judged(outcome: FoundTerm | MissingTerm, stated: float) -> str:
+    if isinstance(outcome, MissingTerm):
         return "better" if outcome.upper < stated else "not shown"
     if outcome.low <= stated <= outcome.high:
         return "agrees"
@@ -353,7 +353,7 @@ def _sensor(report: AllanReport, sensor: str) -> dict[str, Any]:
 
 def _page_cell(channel: Channel, term: str) -> dict[str, str]:
     outcome, si = _outcome(channel, term), UNITS[channel.sensor, term].si
-    if isinstance(outcome, Found):
+    if isinstance(outcome, FoundTerm):
         value, _, bounds = with_bounds(
             outcome.value / si, outcome.low / si, outcome.high / si
         ).partition(" ")

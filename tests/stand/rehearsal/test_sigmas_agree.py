@@ -13,7 +13,7 @@ from stand.imu.priors import priors_of
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import load_procedure, table_of
 from stand.rehearsal.instrument import unit_of
-from stand.rehearsal.response import Errors, Response
+from stand.rehearsal.response import ReadingErrors, Response
 from stand.rehearsal.scene import Scene
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.settings import Settings
@@ -52,7 +52,7 @@ def test_what_a_run_claims_is_what_a_rehearsal_predicts(procedure, imu, method):
             claimed.setdefault(e.label, []).append(np.diag(e.covariance))
     assert list(claimed) == [answer.label for answer in answers]
     for answer in answers:
-        parts = Response(answer, Errors(answer, scene, unit_of(unit))).attitude()
+        parts = Response(answer, ReadingErrors(answer, scene, unit_of(unit))).attitude()
         predicted = np.sqrt(np.diag(sum(parts.values())))
         told = np.sqrt(np.median(claimed[answer.label], axis=0))
         # one record knows its noise to some per cent, the median of five to two; the

@@ -7,7 +7,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from alignment.allan import Found, Missing
+from alignment.allan import FoundTerm, MissingTerm
 from alignment.errors import NotAtRest, Saturated, TooShort
 from stand.errors import StandError
 from stand.evaluation.allan import UNITS, AllanReport, analyse, sheet_of, to_json
@@ -270,8 +270,8 @@ def test_verdicts(report):
     assert judged(0.5)[0] == "worse"
     assert judged(2.0) == ("better", "better")  # 2 rad/s of B would have been seen
     assert verdict(report, "gyro", "K") == ""
-    assert isinstance(report.analysis.channels[0].found[0], Found)
-    assert isinstance(report.analysis.channels[0].missing[0], Missing)
+    assert isinstance(report.analysis.channels[0].found[0], FoundTerm)
+    assert isinstance(report.analysis.channels[0].missing[0], MissingTerm)
 
 
 # Picture and page --------------------------------------------------------------------------------
