@@ -23,7 +23,7 @@ from stand.evaluation.score import (
     spreads,
     suited,
 )
-from stand.folder import refuse_existing, written_beside
+from stand.folder import folder_beside, refuse_existing, write_file
 from stand.motion.plan import PlannedStep
 from stand.motion.polynomial import MotionKind
 from stand.recording.curves import AngleCurves, InnovationCurves, Phase, innovations_csv
@@ -68,7 +68,7 @@ def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunRe
     """
     refuse_existing(out, force)
     simulation = Simulation(settings)
-    with written_beside(out) as beside:
+    with folder_beside(out) as beside:
         return _Run(simulation, beside).record(progress, out)
 
 
@@ -91,6 +91,7 @@ class _Run:
             # rerun takes a second to import: it does so while the first samples are made
             background = stack.enter_context(ThreadPoolExecutor(1))
             review = background.submit(self._open_review)
+            stack.callback(background.submit, _abandon_review, review)
             mcap = stack.enter_context(self._open_mcap())
             for phase in self.phases:
                 self._tell(mcap, phase.t_from_ns, "INFO", f"{phase.kind}: {phase.label}")
@@ -112,7 +113,7 @@ class _Run:
                 tuple(refusals),
             )
             text = json.dumps(result_json(result), indent=1, allow_nan=False)
-            (self.folder / "result.json").write_text(text + "\n", encoding="utf-8")
+            write_file(self.folder / "result.json", text + "\n")
             found = self._innovations(dwells, [r.method for r in refusals])
             attached = {"result.json": ("application/json", text.encode())}
             if found:
@@ -302,6 +303,12 @@ def _write_review(
     review: "Future[Any]", truth: TruthBlock, imu: ImuBlock, following: Array | None
 ) -> None:
     review.result().write(truth, imu, following)
+
+
+def _abandon_review(review: "Future[Any]") -> None:
+    """After whatever waits for the writer; of a review that is closed nothing is left to do."""
+    if review.exception() is None:
+        review.result().abandon()
 
 
 def _settled(begins: Mapping[str, float | None]) -> dict[str, dict[str, str]]:

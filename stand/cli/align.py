@@ -222,6 +222,7 @@ def import_log(
     Example: stand import log.csv --columns t,gx,gy,gz,ax,ay,az --gyro-unit deg/s
     --accel-unit m/s^2 --out log.mcap
     """
+    from stand.folder import file_beside
     from stand.recording.foreign import load_foreign
     from stand.recording.mcap.writer import write_imu_log
     from stand.recording.metadata import RUN
@@ -243,8 +244,7 @@ def import_log(
             "epoch_ns": str(log.epoch_ns),
             "stand_version": __version__,
         }
-        beside = out.with_name(f".{out.name}.partial")
-        try:
+        with file_beside(out) as beside:
             write_imu_log(
                 beside,
                 t_ns=log.t_ns,
@@ -253,9 +253,6 @@ def import_log(
                 epoch_ns=log.epoch_ns,
                 metadata={RUN: record},
             )
-            beside.replace(out)
-        finally:
-            beside.unlink(missing_ok=True)
     _show_import(out, log, as_json)
 
 

@@ -4,7 +4,9 @@ The one module that imports rerun, which takes 0.7 s: import it only where a rev
 """
 
 import os
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -14,7 +16,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike
 from rerun.blueprint.components import LinkAxis
+from rerun.chunk import RrdReader
 from rerun.components import AggregationPolicy
+from rerun.error_utils import RerunWarning
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray, owned
@@ -32,6 +36,8 @@ TIMELINE = "sim_time"
 ROW_BUDGET = 200_000
 """Rows per series: more open slowly and show nothing more on a screen."""
 BLOCK_ROWS = 16_384
+DEADLINE_S = 20.0
+"""For rerun to encode what it was given, which takes a fraction of a second."""
 POSE_HZ = 50
 POSE_BUDGET = 100_000
 CURVE_BUDGET = 20_000
@@ -148,7 +154,7 @@ class ReviewWriter:
     Parameters
     ----------
     path : path
-        Of the .rrd; overwritten.
+        Of the .rrd; overwritten, and whole after `close` only.
     model : StandModel
     run_id : str
         The recording's id: the viewer takes two files with one id for one recording.
@@ -200,10 +206,13 @@ class ReviewWriter:
         step = max(-(-rate_hz // POSE_HZ), -(-n // POSE_BUDGET), 1)
         self._moved = Moved(step, POSE_QUANTA)
         self._poses = Thinned(len(POSE_QUANTA), 1, BLOCK_ROWS // 4)
-        self._open, self._path = True, path
+        self._open, self._path, self._chunks = True, Path(path), 0
         self._angles: dict[str, float] = {}
-        # Sent first, so that even a file cut short by a crash opens as a finished screen.
-        self._stream = _open_stream(path, run_id, _blueprint(self._screen))
+        with _told(self._path):
+            self._path.open("wb").close()  # what cannot be written is found before the run
+        self._stream, self._bytes = _open_stream(run_id)
+        # Sent first, so that a viewer shows the finished screen while it still reads.
+        self._stream.send_blueprint(_blueprint(self._screen), make_active=False)
         self._stream.send_recording_name(title)
         if properties:
             told: dict[str, Any] = {name: str(value) for name, value in properties.items()}
@@ -287,20 +296,34 @@ class ReviewWriter:
             self._log(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
 
     def close(self) -> None:
-        """Write what is buffered and finish the file; a second call does nothing."""
+        """Write the file and read it back; a second call does nothing.
+
+        Raises
+        ------
+        StandError
+            It cannot be written, or is not there as it was written.
+        """
         if not self._open:
             return
+        self._open = False
         for block in self._samples.rest():
             self._send_samples(block)
         for block in self._poses.rest():
             self._send_poses(block)
-        try:
-            self._stream.send_blueprint(_blueprint(self._screen))
-            self._stream.flush()
+        self._stream.send_blueprint(_blueprint(self._screen))
+        with _told(self._path):
+            data = self._bytes.read(flush_timeout_sec=DEADLINE_S) or b""
             self._stream.disconnect()
-        except RuntimeError as error:  # rerun's writer thread ends when the disk is full
-            raise StandError(f"{self._path}: cannot write: {error}") from error
-        self._open = False
+            self._path.write_bytes(data)
+            _check(self._path, len(data), self._chunks)
+
+    def abandon(self) -> None:
+        """Drop what was sent: the file stays empty. After `close` this does nothing."""
+        if self._open:
+            self._open = False
+            with suppress(RuntimeError):
+                self._bytes.read(flush_timeout_sec=DEADLINE_S)  # rerun warns of what is not read
+            self._stream.disconnect()
 
     def __enter__(self) -> Self:
         return self
@@ -311,7 +334,10 @@ class ReviewWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.close()
+        if kind is None:
+            self.close()
+        else:
+            self.abandon()
 
     def _log(self, entity: str, *parts: Any) -> None:
         self._stream.log(entity, *parts, static=True, strict=True)
@@ -319,6 +345,7 @@ class ReviewWriter:
     def _send(self, entity: str, t_ns: IntArray, columns: Iterable[Any]) -> None:
         time = rr.TimeColumn(TIMELINE, duration=t_ns.astype("timedelta64[ns]"))
         self._stream.send_columns(entity, indexes=[time], columns=columns, strict=True)
+        self._chunks += 1
 
     def _send_samples(self, block: Rows) -> None:
         t_ns, values = block
@@ -465,22 +492,41 @@ class ReviewWriter:
         self._send(entity, ends, hidden)
 
 
-def _open_stream(
-    path: str | os.PathLike[str], run_id: str, layout: rrb.Blueprint
-) -> rr.RecordingStream:
-    """A stream into a file, its first content the layout."""
-    target = Path(path)
+def _open_stream(run_id: str) -> tuple[rr.RecordingStream, rr.BinaryStream]:
+    """A stream into memory, and where its bytes can be read at the end.
+
+    Not into the file: rerun writes that in a thread of its own, and where this fails (the disk is
+    full) it says so on the terminal, then either waits for ever or leaves a file without its end.
+    """
     stream = rr.RecordingStream("imu_test_stand", recording_id=run_id, send_properties=False)
     if not rr.is_enabled(stream):
         raise StandError("rerun is switched off: unset the environment variable RERUN")
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
+    return stream, stream.binary_stream()
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Faults of the disk and of rerun's encoder are told with the file's name."""
     try:
-        target.open("wb").close()
-        stream.save(target, default_blueprint=layout)
+        yield
     except OSError as error:
-        raise StandError(f"{target}: cannot be written: {error.strerror}") from error
-    return stream
+        raise StandError(f"{path}: cannot be written: {error.strerror}") from error
+    except (RuntimeError, RerunWarning) as error:
+        raise StandError(f"{path}: cannot be written: {error}") from error
+
+
+def _check(path: Path, size: int, chunks: int) -> None:
+    """The file has all its bytes, its footer and at least the `chunks` that were sent."""
+    there = path.stat().st_size
+    if there != size:
+        raise StandError(f"{path}: cannot be written: {there} bytes are there, must be {size}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RerunWarning)  # of a file without footer
+        found = sum(1 for _ in RrdReader(path).stream())
+    if found < chunks:
+        raise StandError(f"{path}: cannot be written: {found} chunks, must be {chunks} or more")
 
 
 def _samples(truth: TruthBlock, imu: ImuBlock, following: Array | None) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 
 from alignment.allan import Channel, Found, Missing
 from stand.evaluation.allan import DEVIATION, ORDER, UNITS, AllanReport, needs_hours
+from stand.folder import write_files
 from stand.report.page import INKS, data_uri, render
 from stand.report.tables import TableData
 
@@ -42,12 +43,9 @@ DARK_STYLES = {"x": ("#56B4E9", "o"), "y": ("#E69F00", "s"), "z": ("#2BC69A", "^
 
 def write_pictures(report: AllanReport, folder: Path) -> list[Path]:
     """Write `PNG` and `HTML` into a folder, which is made; both are replaced if there."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / PNG, folder / HTML]
     light = picture(report, "light")
-    paths[0].write_bytes(light)
-    paths[1].write_text(page(report, light, picture(report, "dark")), encoding="utf-8")
-    return paths
+    html = page(report, light, picture(report, "dark"))
+    return write_files({folder / PNG: light, folder / HTML: html})
 
 
 def tables(report: AllanReport) -> list[TableData]:

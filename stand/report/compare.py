@@ -19,6 +19,7 @@ from alignment.units import ARC_SECOND, DEG
 from stand.evaluation.comparison import Comparison
 from stand.evaluation.heading_history import History
 from stand.evaluation.statistics import Tally
+from stand.folder import write_file
 from stand.report.document import number, sigma_text
 from stand.report.tables import TableData
 
@@ -135,10 +136,7 @@ def _wrapped(lead: str, text: str, width: int) -> list[str]:
 
 def write_picture(comparison: Comparison, found: Sequence[History], folder: Path) -> Path:
     """Write `PNG` into a folder, which is made; one that is there is replaced."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / PNG
-    path.write_bytes(picture(comparison, found))
-    return path
+    return write_file(folder / PNG, picture(comparison, found))
 
 
 def picture(comparison: Comparison, found: Sequence[History]) -> bytes:

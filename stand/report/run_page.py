@@ -19,6 +19,7 @@ from alignment.angles import angles_from_C_nb, near_singular
 from alignment.units import ARC_SECOND, DEG
 from stand.errors import StandError
 from stand.evaluation.score import Refusal, Score, evaluate_each, suited
+from stand.folder import write_file
 from stand.imu.preset import ImuEntry
 from stand.procedure.procedure import ProcedureEntry
 from stand.recording.curves import AngleCurves
@@ -28,7 +29,7 @@ from stand.recording.metadata import DRIVE, RUN
 from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 from stand.report.figures import Bar, errors, timeline
 from stand.report.gallery import Position, gallery
-from stand.report.page import refuse_existing, render, span_text, write_whole
+from stand.report.page import refuse_existing, render, span_text
 from stand.report.provenance import provenance, sha256_of_file, sha256_of_text
 from stand.report.tables import TableData
 from stand.simulation.step_record import StepRecord
@@ -64,7 +65,7 @@ def write_run_page(run: Path, out: Path | None = None, *, force: bool = False) -
         raise StandError(f"--out {target}: must be a file")
     if not force:
         refuse_existing([target], "--out")
-    return write_whole(target, page(file))
+    return write_file(target, page(file))
 
 
 def page(file: Path) -> str:

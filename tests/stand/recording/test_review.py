@@ -1,6 +1,5 @@
 """The review file: what went in comes out, nothing is lost that an eye would miss, it opens."""
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -384,9 +383,9 @@ def test_layout_is_paused_and_names_method_factor_and_range(rrd):
     assert "Table angles [deg], 0 to 90" in names
 
 
-def test_a_file_cut_short_still_has_a_layout(model, run, tmp_path):
-    writer = ReviewWriter(
-        tmp_path / "cut.rrd",
+def writer_to(path: Path, model: StandModel) -> ReviewWriter:
+    return ReviewWriter(
+        path,
         model=model,
         run_id="cut",
         title="Cut",
@@ -396,11 +395,41 @@ def test_a_file_cut_short_still_has_a_layout(model, run, tmp_path):
         w_ie_enu=[0.0, 4e-5, 6e-5],
         properties={},
     )
-    writer._stream.flush()
-    shutil.copy(tmp_path / "cut.rrd", tmp_path / "copy.rrd")
+
+
+def test_a_file_is_whole_or_empty(model, tmp_path):
+    """A run that ends early leaves no half of a review that a viewer would take for a whole one."""
+    path = tmp_path / "cut.rrd"
+    with pytest.raises(KeyError), writer_to(path, model):
+        raise KeyError
+    assert path.read_bytes() == b""
+    writer = writer_to(path, model)
+    assert path.read_bytes() == b""
     writer.close()
     writer.close()
-    assert b"Table angles" in (tmp_path / "copy.rrd").read_bytes()
+    writer.abandon()
+    data = path.read_bytes()
+    assert b"Table angles" in data
+    assert data.endswith(b"RRF2FOOT\x01\0\0\0")
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "said"),
+    [
+        (lambda data: data[: len(data) // 2], "bytes are there, must be"),
+        (lambda data: data[:-12] + bytes(12), "no footer"),
+        (lambda data: data[:40] + bytes(400) + data[440:], ""),
+    ],
+)
+def test_a_file_that_is_not_there_as_written_is_told(
+    model, run, tmp_path, monkeypatch, spoilt, said
+):
+    """A disk that takes bytes and has not got them: the file is read back before it counts."""
+    write = Path.write_bytes
+    monkeypatch.setattr(Path, "write_bytes", lambda path, data: write(path, spoilt(data)))
+    with pytest.raises(StandError, match=rf"a\.rrd: cannot be written: .*{said}") as caught:
+        record(tmp_path / "a.rrd", model, run, 200)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("block", [200, 1000])
