@@ -44,7 +44,7 @@ def disk(place: Path, size_kb: int) -> Iterator[Path]:
 
 
 def own_process(*arguments: object) -> Outcome:
-    """`stand ARGUMENTS` in a process of its own: what its threads print, or leave waiting, counts."""
+    """`stand ARGUMENTS` in a process of its own: what its threads print or wait for counts."""
     command = [sys.executable, "-c", "from stand.cli.app import main; main()", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
     return Outcome(done.returncode, done.stdout, done.stderr)
@@ -74,7 +74,7 @@ def log(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("log") / "log.csv"
     rng = np.random.default_rng(0)
     w, f = rng.normal(size=(2, 4000, 3)) * 1e-3
-    rows = np.column_stack([np.arange(4000) / 100, w, f + [9.8, 0, 0]])
+    rows = np.column_stack([np.arange(4000) / 100, w, f + np.array([9.8, 0, 0])])
     np.savetxt(path, rows, delimiter=",")
     return path
 
