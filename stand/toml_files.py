@@ -97,10 +97,24 @@ def parse(source: Source, model: type[EntryT]) -> EntryT:
         One line: file, place, key, value, what is allowed; how many further faults there are.
     """
     data = _data(source)
+    return checked(source.name, data, model, _tuples(data))
+
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def checked(name: str, data: Any, model: type[ModelT], taken: Any = None) -> ModelT:
+    """Check what was read from a file against a model; `taken` is what the model is given instead.
+
+    Raises
+    ------
+    StandError
+        As `parse`; the line begins with `name`.
+    """
     try:
-        return model.model_validate(_tuples(data))
+        return model.model_validate(data if taken is None else taken)
     except ValidationError as error:
-        raise StandError(_one_line(source.name, data, error.errors())) from error
+        raise StandError(_one_line(name, data, error.errors())) from error
 
 
 def faults(source: Source, model: type[Entry]) -> list[tuple[str, str]]:

@@ -1,6 +1,5 @@
 """Allan analysis of a recording: its rest, its data sheet, the result in a data sheet's units."""
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import isfinite, sqrt
@@ -18,6 +17,7 @@ from stand import toml_files as catalogue
 from stand.errors import StandError
 from stand.imu import ImuSpec, TriadSpec, imu_from, load_imu
 from stand.recording.mcap.reader import ImuLog, read_imu
+from stand.recording.metadata import RUN, epoch_of, recorded_steps
 
 HOUR = 3600.0
 RT_HOUR = 60.0  # root seconds in a root hour
@@ -143,8 +143,11 @@ def _stretch(
     path: Path, log: ImuLog, t_from: float | None, t_to: float | None
 ) -> tuple[ImuReadings, list[str]]:
     """The samples to use, and what to say of the choice."""
-    epoch = log.metadata.get("run", {}).get("epoch_ns")
-    origin = int(log.t_ns[0]) if epoch is None else int(epoch)
+    try:
+        ours = "epoch_ns" in log.metadata.get(RUN, {})
+        origin = epoch_of(log.metadata) if ours else int(log.t_ns[0])
+    except StandError as error:
+        raise StandError(f"{path}: {error}") from error
     t = (log.t_ns - origin) * 1e-9
     t.flags.writeable = False
     readings = ImuReadings(t, log.w_ib_b, log.f_b)
@@ -174,11 +177,11 @@ def _longest_dwell(path: Path, log: ImuLog) -> dict[str, Any] | None:
     if "schedule" not in log.metadata:
         return None
     try:
-        steps = json.loads(log.metadata["schedule"]["json"])
-        dwells = [step for step in steps if step["kind"] == "dwell"]
-        return max(dwells, key=lambda d: d["t_to_s"] - d["t_from_s"], default=None)
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise StandError(f"{path}: metadata of the run is damaged: {error}") from error
+        steps = recorded_steps(log.metadata)
+    except StandError as error:
+        raise StandError(f"{path}: {error}") from error
+    dwells = [step.model_dump() for step in steps if step.kind == "dwell"]
+    return max(dwells, key=lambda d: d["t_to_s"] - d["t_from_s"], default=None)
 
 
 def _told(result: Analysis) -> list[str]:

@@ -1,6 +1,7 @@
 """A recording as the estimators take it: dwells, what is known about them, and the site."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Options, Site, Turn
+from alignment.arrays import Array
 from alignment.readings import EDGE
 from stand.errors import StandError
 from stand.evaluation.score import Truths
@@ -19,10 +21,11 @@ if TYPE_CHECKING:  # planning takes a while to import, and reading needs none of
     pass
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
 from stand.recording.metadata import (
-    DRIVE,
     RUN,
+    SCHEDULE,
     LoggedStretch,
     drive_of,
+    epoch_of,
     planned_stretches,
     settings_of,
     settled_stretches,
@@ -88,23 +91,20 @@ def load_log(
     if len(imu) < 2:
         raise StandError(f"{path}: one IMU message on {imu.topic}, at least 2 are needed")
     metadata = imu.metadata if "stand_version" in imu.metadata.get(RUN, {}) else {}
-    drive = metadata.get(DRIVE)
-    vehicle = vehicle or (None if drive is None else Vehicle())
-    simulated = "schedule" in metadata
-    try:
-        origin = int(metadata[RUN]["epoch_ns"]) if metadata else int(imu.t_ns[0])
+    simulated = SCHEDULE in metadata
+    with _told_of(path):
+        origin = epoch_of(metadata) if metadata else int(imu.t_ns[0])
         site, options, methods = settings_of(metadata)
-        planned = planned_stretches(metadata) if simulated else []
-        told = None if drive is None else drive_of(drive)
-        stretches = settled_stretches(planned, metadata.get("settled", {}))
-    except (KeyError, ValueError, TypeError) as error:
-        raise StandError(f"{path}: metadata of the run is damaged: {error}") from error
+        planned = planned_stretches(metadata)
+        drive = drive_of(metadata)
+        stretches = settled_stretches(planned, metadata)
+    vehicle = vehicle or (None if drive is None else Vehicle())
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
     t.flags.writeable = False
     readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
     if vehicle is not None:
         stretch = _chosen(path, readings, [], t_from, t_to)
-        dwell = vehicle_dwell(path, stretch, readings, origin, told, vehicle)
+        dwell = vehicle_dwell(path, stretch, readings, origin, drive, vehicle)
         truth = Truths() if drive is None else Truths(_true_attitude(path, origin, dwell.t_to))
         return Log(
             str(path), imu.topic, drive is not None, (dwell,), (truth,), site, options, methods
@@ -119,6 +119,14 @@ def load_log(
     dwells = tuple(_dwell(path, stretch, readings, encoders) for stretch in stretches)
     truths = _truths(path, imu, origin, dwells, site) if simulated else [Truths()] * len(dwells)
     return Log(str(path), imu.topic, simulated, dwells, tuple(truths), site, options, methods)
+
+
+@contextmanager
+def _told_of(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except StandError as error:
+        raise StandError(f"{path}: {error}") from error
 
 
 def _chosen(
@@ -151,11 +159,9 @@ def _dwell(
     if stretch.joint is None or encoders is None:
         return Dwell(stretch.label, *times, readings, nominal)
     part = readings.between(*times)
-    try:
+    with _told_of(path):
         angle = encoders.angle(stretch.joint, part.t)
         turn = Turn(axis_of_turn(stretch, part, angle), angle)
-    except StandError as error:
-        raise StandError(f"{path}: {error}") from error
     return Dwell(stretch.label, *times, part, nominal, turn)
 
 
@@ -163,6 +169,8 @@ def _true_attitude(path: Path, origin: int, t: float) -> Rotation:
     """``C_nb`` at a time between samples, turned evenly from one to the next."""
     truth = read_truth(path)
     stamps = (truth.t_ns - origin) * 1e-9
+    if len(stamps) < 2 or not stamps[0] - EDGE <= t <= stamps[-1] + EDGE:
+        raise _untrue(path, stamps, t)
     k = int(np.clip(np.searchsorted(stamps, t + EDGE) - 1, 0, len(stamps) - 2))
     before, after = (C_NW * Rotation.from_quat(truth.q_wb[i]) for i in (k, k + 1))
     part = (t - stamps[k]) / (stamps[k + 1] - stamps[k])
@@ -175,10 +183,20 @@ def _truths(
     truth = read_truth(path)
     t = (truth.t_ns - origin) * 1e-9
     last = np.searchsorted(t, [dwell.t_to + 1e-6 for dwell in dwells]) - 1
+    for k, dwell in zip(last, dwells, strict=True):
+        if k < 0:
+            raise _untrue(path, t, dwell.t_to)
     return [
         Truths(_told(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell), dwell.nominal, site.latitude)
         for k, dwell in zip(last, dwells, strict=True)
     ]
+
+
+def _untrue(path: Path, stamps: Array, t: float) -> StandError:
+    return StandError(
+        f"{path}: the truth runs from {stamps[0]:.3f} to {stamps[-1]:.3f} s, {t:.3f} s must lie "
+        "within"
+    )
 
 
 def _told(C_nb: Rotation, dwell: Dwell) -> Rotation:

@@ -25,7 +25,7 @@ from stand.procedure.procedure import ProcedureEntry
 from stand.recording.curves import AngleCurves
 from stand.recording.log import Log, load_log
 from stand.recording.mcap.reader import read_metadata
-from stand.recording.metadata import DRIVE, RUN
+from stand.recording.metadata import DRIVE, RUN, recorded_steps
 from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 from stand.report.figures import Bar, errors, timeline
 from stand.report.gallery import Position, gallery
@@ -133,7 +133,7 @@ def _read(file: Path) -> _Recorded:
         ", on ".join(filter(None, (_title(key, metadata) for key in ("imu", "table")))),
         log,
         metadata,
-        tuple(json.loads(metadata.get("schedule", {}).get("json", "[]"))),
+        tuple(step.model_dump() for step in recorded_steps(metadata)),
         _records(beside["result.json"]),
         hashes,
     )

@@ -57,6 +57,15 @@ _LABELS = {
     "v": "twist.linear",
 }
 
+# What no unit reports and no vehicle reaches, some orders beyond: sums of squares stay numbers.
+_MOST = {
+    "w_ib_b": 1e6,  # rad/s
+    "f_b": 1e9,  # m/s^2
+    "angles": 1e9,  # rad
+    "place": 1e9,  # m; its angles have bounds of their own
+    "v": 1e9,  # m/s
+}
+
 Batch = ImuBatch | JointBatch | FixBatch | VelocityBatch
 Decode = Callable[[Bytes, IntArray, IntArray, int], Batch]
 """A chunk, where its messages begin, their sizes, the first one's number: the messages."""
@@ -247,12 +256,14 @@ def read_truth(path: str | Path) -> TruthLog:
     Raises
     ------
     StandError
-        As `read_imu`.
+        As `read_imu`; or an orientation that is none.
     """
     with opened(path) as file:
         found = directory(file)
         topic = _chosen(found, TRUTH_TOPIC, _IMU_TYPES, IMU_TOPIC)
         columns = _columns(file, found, topic, decode_imu, ("t_ns", "q", "w_ib_b", "f_b"))
+        with _told_of(topic):
+            _check_turns(columns["q"])
     return TruthLog(path=str(path), q_wb=columns.pop("q"), **columns)
 
 
@@ -460,10 +471,17 @@ def _batches(
 
 def _check(columns: Mapping[str, NDArray[Any]]) -> None:
     for name, values in columns.items():
-        odd = np.flatnonzero(~np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
+        within = tuple(range(1, values.ndim))
+        odd = np.flatnonzero(~np.isfinite(values).all(axis=within))
         if len(odd):
             i = int(odd[0])
             raise StandError(f"message {i}: {_LABELS[name]} {values[i].tolist()} is not finite")
+        most = _MOST.get(name, np.inf)
+        odd = np.flatnonzero((np.abs(values) > most).any(axis=within))
+        if len(odd):
+            i = int(odd[0])
+            told = f"{_LABELS[name]} {values[i].tolist()}: must be at most {most:g}"
+            raise StandError(f"message {i}: {told}")
     t_ns = columns["t_ns"]
     back = np.flatnonzero(np.diff(t_ns) <= 0)
     if len(back):
@@ -472,6 +490,13 @@ def _check(columns: Mapping[str, NDArray[Any]]) -> None:
             f"message {i + 1}: header stamp {t_ns[i + 1]} ns is not later than "
             f"{t_ns[i]} ns before it; stamps must increase"
         )
+
+
+def _check_turns(q: Array) -> None:
+    odd = np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1.0) > 1e-6)
+    if len(odd):
+        i = int(odd[0])
+        raise StandError(f"message {i}: {_LABELS['q']} {q[i].tolist()}: must be of length 1")
 
 
 Log = ImuLog | TruthLog | JointLog | FixLog | VelocityLog

@@ -11,11 +11,11 @@ from typing import BinaryIO
 
 import numpy as np
 import zstandard
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, Footer, Schema
-from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 
 from alignment.arrays import IntArray
 from stand.errors import StandError
@@ -27,6 +27,8 @@ _HEAD = struct.Struct("<BQ")
 _FOOTER_SIZE = _HEAD.size + 20
 _CRC_SIZE = 4
 _SEGMENT_BYTES = 1 << 20
+MOST_CHUNK_BYTES = 256 << 20
+"""Of a chunk when it is expanded: ours have some 100 kB, those of others a few MB."""
 _COMPRESSIONS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
 
@@ -98,7 +100,6 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
 
 # What the mcap package and the decompressors raise on bytes that make no sense.
 _DAMAGE = (
-    CRCValidationError,
     McapError,
     zstandard.ZstdError,
     RuntimeError,
@@ -126,6 +127,8 @@ def records(
     """
     end = file.seek(0, 2) - len(MAGIC)
     crc = zlib.crc32(MAGIC)
+    if start > end:
+        raise StandError(f"damaged: the summary is said to begin at byte {start}, behind the end")
     file.seek(start)
     opcode = None
     while opcode != Opcode.FOOTER:
@@ -147,18 +150,18 @@ def _checked_crc(opcode: int, head: bytes, content: bytes, crc: int) -> int:
     """The running checksum after a record; the data's ends at DataEnd, the summary's begins."""
     if opcode == Opcode.DATA_END:
         told = DataEnd.read(ReadDataStream(BytesIO(content))).data_section_crc
-        _compare("data", told, crc)
+        _compare("the data", told, crc)
         return 0
     if opcode == Opcode.FOOTER:
         told = Footer.read(ReadDataStream(BytesIO(content))).summary_crc
-        _compare("summary", told, zlib.crc32(head + content[:-_CRC_SIZE], crc))
+        _compare("the summary", told, zlib.crc32(head + content[:-_CRC_SIZE], crc))
     return zlib.crc32(head + content, crc)
 
 
 def _compare(what: str, told: int, found: int) -> None:
     """Checksums must agree; 0 means that the writer gave none."""
     if told not in (0, found):
-        raise StandError(f"damaged: checksum of the {what} is {found:#010x}, must be {told:#010x}")
+        raise StandError(f"damaged: checksum of {what} is {found:#010x}, must be {told:#010x}")
 
 
 def directory(file: BinaryIO) -> Directory:
@@ -200,8 +203,34 @@ def _chunk_data(content: bytes) -> bytes:
     if chunk.compression not in _COMPRESSIONS:
         known = ", ".join(_COMPRESSIONS.values())
         raise StandError(f"unknown compression {chunk.compression!r}: known: {known}")
-    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-    return stream.read(size)
+    if chunk.uncompressed_size > MOST_CHUNK_BYTES:
+        raise StandError(
+            f"damaged: a chunk of {chunk.uncompressed_size} bytes, must be at most "
+            f"{MOST_CHUNK_BYTES}"
+        )
+    data = _DECOMPRESS[chunk.compression](chunk.data, chunk.uncompressed_size)
+    if len(data) != chunk.uncompressed_size:
+        raise StandError(
+            f"damaged: a chunk holds other than the {chunk.uncompressed_size} bytes that it states"
+        )
+    _compare("a chunk", chunk.uncompressed_crc, zlib.crc32(data))
+    return data
+
+
+def _from_zstd(data: bytes, size: int) -> bytes:
+    """At most `size` bytes: the frame's own word for its size is held against that first."""
+    stated = zstandard.frame_content_size(data)
+    if stated > size:
+        return b""
+    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+
+
+def _from_lz4(data: bytes, size: int) -> bytes:
+    """At most `size` bytes and one, which tells that there are more."""
+    return LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+
+
+_DECOMPRESS = {"": lambda data, size: data, "lz4": _from_lz4, "zstd": _from_zstd}
 
 
 def _segment(data: bytes, found: Directory) -> Segment:
