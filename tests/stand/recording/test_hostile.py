@@ -66,7 +66,8 @@ def recording(path, metadata=None, q=None):
     w[40:, 1] += np.pi / 180
     q = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)) if q is None else q
     earth = np.array([0.0, 5e-5, 5e-5])
-    truth = TruthBlock(t_ns, w, f + [0.1, 9.8, 0.1], q, joints, 0 * joints, joints, 0 * joints)
+    f += np.array([0.1, 9.8, 0.1])
+    truth = TruthBlock(t_ns, w, f, q, joints, 0 * joints, joints, 0 * joints)
     with McapWriter(
         path,
         model=describe(load_model()),
@@ -76,7 +77,7 @@ def recording(path, metadata=None, q=None):
         rate_noise=np.zeros(3),
         force_noise=np.zeros(3),
     ) as file:
-        file.write(truth, ImuBlock(t_ns, w + earth, f + [0.1, 9.8, 0.1]))
+        file.write(truth, ImuBlock(t_ns, w + earth, f))
     return path
 
 
