@@ -11,7 +11,12 @@ class StandError(Exception):
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__("".join(c if c.isprintable() else " " for c in message))
+        super().__init__(printable(message))
+
+
+def printable(text: str) -> str:
+    """The text without line breaks and control characters, which could steer a terminal."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
 
 
 def unknown(what: str, name: str, allowed: Iterable[str]) -> StandError:

@@ -92,11 +92,20 @@ def write_file(path: Path, content: Content) -> Path:
     return write_files({path: content})[0]
 
 
+def refuse_no_file(path: Path) -> None:
+    """A pipe or a device is no input: files are read more than once, and a pipe may never speak.
+
+    What is not there, or a folder, is told by who opens it.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise StandError(f"{path}: is not a file")
+
+
 def _write(path: Path, content: Content) -> None:
     if isinstance(content, bytes):
         path.write_bytes(content)
         return
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with path.open("w", encoding="utf-8", errors="replace", newline="") as file:
         file.writelines([content] if isinstance(content, str) else content)
 
 

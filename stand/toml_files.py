@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from stand.errors import StandError, unknown
+from stand.folder import refuse_no_file
 
 LONGEST_SHOWN = 60  # characters of a wrong value
 STEP_KINDS = (
@@ -81,6 +82,7 @@ def find(folder: str, what: str, name: str) -> Source:
 
 def _read_file(what: str, path: Path) -> Source:
     try:
+        refuse_no_file(path)
         return Source(path.stem, str(path), path.read_text(encoding="utf-8"))
     except OSError as error:
         raise StandError(f"{path}: cannot read this {what}: {error.strerror}") from error

@@ -119,7 +119,10 @@ def _folder(out: Path) -> Path:
     """Where to record; a link is followed, so that --force replaces what it leads to."""
     if out.name in ("", ".."):
         raise StandError(f"--out {out}: must name a folder of its own")
-    return out.resolve() if out.is_symlink() else out
+    try:
+        return out.resolve() if out.is_symlink() else out
+    except (OSError, RuntimeError) as error:
+        raise StandError(f"--out {out}: links that lead in a circle") from error
 
 
 def _show_run(result: RunResult) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G, STANDARD_GRAVITY
 from stand.errors import StandError, unknown
+from stand.folder import refuse_no_file
 from stand.recording.mcap.writer import EPOCH_NS
 
 GYRO_UNITS = {"deg/s": DEG, "rad/s": 1.0, "deg/h": DEG_PER_HOUR}
@@ -109,6 +110,7 @@ def _unit(what: str, name: str, allowed: dict[str, float]) -> float:
 
 
 def _table(path: Path, file_format: str | None, width: int) -> Array:
+    refuse_no_file(path)
     if file_format is None:
         file_format = "csv" if path.suffix.lower() in (".csv", ".txt", ".tsv") else "f8le"
     if file_format not in FORMATS:

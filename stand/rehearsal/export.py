@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from alignment.units import DEG
+from stand.columns import cell
 from stand.errors import StandError
 from stand.folder import write_files
 from stand.motion.plan import Plan
@@ -62,7 +63,7 @@ def _steps(planned: Plan) -> str:
     writer.writerow(STEP_COLUMNS)
     for s in planned.steps:
         times = (s.t_from, s.t_to, s.steady_from, s.steady_to)
-        writer.writerow([s.number + 1, s.kind, s.label, *(f"{t:.9f}" for t in times)])
+        writer.writerow([s.number + 1, s.kind, cell(s.label), *(f"{t:.9f}" for t in times)])
     return text.getvalue()
 
 

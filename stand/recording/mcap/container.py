@@ -115,7 +115,9 @@ class Container:
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """A Metadata record."""
         start = self._position
-        self._write(_records([Metadata(name, dict(values))]))
+        # a file's name may be no text in UTF-8, which all strings here must be
+        texts = {k: v.encode("utf-8", "replace").decode() for k, v in values.items()}
+        self._write(_records([Metadata(name, texts)]))
         self._index.metadata.append(MetadataIndex(start, self._position - start, name))
 
     def attachment(self, name: str, media_type: str, data: bytes, time_ns: int) -> None:

@@ -19,6 +19,7 @@ from mcap.records import Channel, Chunk, DataEnd, Footer, Schema
 
 from alignment.arrays import IntArray
 from stand.errors import StandError
+from stand.folder import refuse_no_file
 from stand.recording.mcap.cdr import Bytes
 from stand.recording.mcap.container import MAGIC, MESSAGE_HEAD, OPCODE_AND_SIZE
 from stand.recording.mcap.decode import gather
@@ -83,6 +84,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         Missing, a folder, not MCAP, cut off, damaged; or from the body of the ``with``.
     """
     try:
+        refuse_no_file(Path(path))
         with open(path, "rb") as file:
             _check_ends(file)
             yield file
@@ -93,7 +95,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     except OSError as error:
         raise StandError(f"{path}: cannot be read: {error.strerror}") from error
     except StandError as error:
-        raise StandError(f"{path}: {error}") from error
+        raise StandError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     except _DAMAGE as error:
         raise StandError(f"{path}: damaged: {str(error) or 'a record is too short'}") from error
 
