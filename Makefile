@@ -20,6 +20,7 @@ bench: $(READY)
 
 proof: $(READY)
 	$(PY) tests/benchmarks/proof.py
+	$(PY) tests/benchmarks/proof_allan.py
 
 $(READY): pyproject.toml
 	python3 -m venv $(VENV)

@@ -90,11 +90,28 @@ def heading_from_C_nb(C_nb: Rotation) -> float | None:
 
     None when X1 is within 0.5 deg of vertical: such an X1 points nowhere.
     """
-    x1_n = C_nb.apply([1.0, 0.0, 0.0])
-    if np.hypot(x1_n[0], x1_n[1]) < np.sin(SINGULAR):
-        return None
-    heading = float(np.arctan2(x1_n[1], x1_n[0]) % (2 * np.pi))
-    return 0.0 if heading == 2 * np.pi else heading  # a tiny negative angle rounds up to 2 pi
+    heading = float(headings(C_nb))
+    return None if np.isnan(heading) else heading
+
+
+def headings(C_nb: Rotation) -> Array:
+    """The same of any number of attitudes (...), NaN where X1 is vertical."""
+    north, east = np.moveaxis(C_nb.apply([1.0, 0.0, 0.0]), -1, 0)[:2]
+    heading = np.arctan2(east, north) % (2 * np.pi)
+    heading = np.where(heading == 2 * np.pi, 0.0, heading)  # a tiny negative angle rounds up
+    return np.where(np.hypot(north, east) < np.sin(SINGULAR), np.nan, heading)
+
+
+def heading_row(C_nb: Rotation) -> Array:
+    """What heading (..., 3) is of a small rotation about n: zeros where X1 is vertical.
+
+    ``d heading = eta_D - x_D (x_N eta_N + x_E eta_E) / (x_N^2 + x_E^2)`` with x = X1 in n: a
+    tilted X1 turns sideways when the attitude rolls about its horizontal projection.
+    """
+    north, east, down = np.moveaxis(C_nb.apply([1.0, 0.0, 0.0]), -1, 0)
+    level2 = np.asarray(north**2 + east**2)
+    row = np.stack([-north * down, -east * down, level2], axis=-1)
+    return np.divide(row, level2[..., None], out=np.zeros_like(row), where=level2[..., None] > 0)
 
 
 def wrapped(angle: ArrayLike) -> Array:

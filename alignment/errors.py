@@ -1,7 +1,11 @@
-"""What an estimator says when it cannot stand behind a number."""
+"""Known faults: what an estimator says when it cannot stand behind a number."""
 
 
-class AlignmentError(ValueError):
+class Fault(Exception):
+    """A known fault of what was given, told in one line; whatever else is raised is a bug."""
+
+
+class AlignmentError(Fault, ValueError):
     """The readings or the site do not allow the estimate; the message says why."""
 
 

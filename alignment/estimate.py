@@ -10,6 +10,7 @@ from alignment.angles import (
     angle_jacobian,
     angles_from_C_nb,
     heading_from_C_nb,
+    heading_row,
     near_singular,
 )
 from alignment.arrays import Array, owned, set_owned
@@ -27,6 +28,13 @@ def angle_sigmas(sequence: Sequence, angles: Array, covariance: Array) -> Array:
     variances = np.einsum("...ij,...jk,...ik->...i", J, covariance, J)
     sigmas: Array = np.where(singular[..., None], np.nan, np.sqrt(np.maximum(variances, 0.0)))
     return sigmas
+
+
+def heading_sigmas(C_nb: Rotation, covariance: Array) -> Array:
+    """Standard deviations (...) of heading [rad] from covariances (..., 3, 3) about n [rad^2]."""
+    j = heading_row(C_nb)
+    variances = (j[..., None, :] @ covariance @ j[..., :, None])[..., 0, 0]
+    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,16 +96,10 @@ class AttitudeEstimate:
 
     @property
     def heading_sigma(self) -> float | None:
-        """Standard deviation of `heading` [rad]; None where there is none.
-
-        ``d heading = eta_D - x_D (x_N eta_N + x_E eta_E) / (x_N^2 + x_E^2)`` with x = X1 in n: a
-        tilted X1 turns sideways when the attitude rolls about its horizontal projection.
-        """
+        """Standard deviation of `heading` [rad]; None where there is none."""
         if self.C_nb is None or self.covariance is None or self.heading is None:
             return None
-        north, east, down = self.C_nb.apply([1.0, 0.0, 0.0])
-        j = np.array([-north * down, -east * down, north**2 + east**2]) / (north**2 + east**2)
-        return float(np.sqrt(max(j @ self.covariance @ j, 0.0)))
+        return float(heading_sigmas(self.C_nb, self.covariance))
 
     @property
     def singular(self) -> bool:

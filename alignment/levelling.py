@@ -73,10 +73,10 @@ def attitude_sensitivity(w_horizontal: float, w_up: float, gravity: float) -> Ar
     return G
 
 
-def attitude_covariance(C_nb: Rotation, variances_b: Array, G: Array) -> Array:
-    """Covariance (3, 3) about n from variances (6,) of mean rates and forces in b."""
+def attitude_covariance(C_nb: Rotation, errors_b: Array, G: Array) -> Array:
+    """Covariance (3, 3) about n from variances (6,) of mean rates and forces in b, or from their
+    covariance (6, 6)."""
     R = C_nb.as_matrix()
-    in_n = np.zeros((6, 6))
-    in_n[:3, :3] = R @ np.diag(variances_b[:3]) @ R.T
-    in_n[3:, 3:] = R @ np.diag(variances_b[3:]) @ R.T
-    return G @ in_n @ G.T
+    in_b = np.diag(errors_b) if errors_b.ndim == 1 else errors_b
+    to_n = np.concatenate([G[:, :3] @ R, G[:, 3:] @ R], axis=1)
+    return to_n @ in_b @ to_n.T

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
+from alignment.cross import cross_matrix
 from alignment.earth import _ECCENTRICITY_2, _FLATTENING, _SEMI_MAJOR, EARTH_RATE, normal_gravity
 from alignment.errors import AlignmentError
 from alignment.noise import gap_doubt
@@ -20,16 +21,6 @@ from alignment.readings import EDGE, ImuReadings
 W_IE_X = EARTH_RATE * np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])  # w_ie x, in e and in i
 _LEVEL = np.array([1.0, 1.0, 0.0])  # what lies across the Earth's axis
 _gravity = np.vectorize(normal_gravity, otypes=[float])
-
-
-def skew(a: ArrayLike) -> Array:
-    """Matrices (..., 3, 3) of the cross product: ``skew(a) @ b = a x b``."""
-    a = np.asarray(a, dtype=float)
-    matrix = np.zeros((*a.shape, 3))
-    for row, column, axis in ((2, 1, 0), (0, 2, 1), (1, 0, 2)):
-        matrix[..., row, column] = a[..., axis]
-        matrix[..., column, row] = -a[..., axis]
-    return matrix
 
 
 def radii(latitude: ArrayLike) -> tuple[Array, Array]:
@@ -174,8 +165,8 @@ class Integrals:
             np.einsum("mij,mj->mi", back, place),
             back @ (self.turn_time[last] - start),
             back @ (self.turn_time2[last] - self.turn_time2[first] - start * dT),
-            back @ (velocity_gyro + skew(velocity) @ start),
-            back @ (place_gyro + skew(place) @ start),
+            back @ (velocity_gyro + cross_matrix(velocity) @ start),
+            back @ (place_gyro + cross_matrix(place) @ start),
         )
 
 
@@ -238,7 +229,7 @@ def _stepped(edges: Array, w: Array, f: Array) -> list[Array]:
     velocity, place = _twice(force, h)
     turn_time, turn_time2 = _twice(middle, h)
     at_middle = turn_time[:-1] + 0.5 * h[:, None, None] * middle
-    velocity_gyro, place_gyro = _twice(-skew(force) @ at_middle, h)
+    velocity_gyro, place_gyro = _twice(-cross_matrix(force) @ at_middle, h)
     return [turn, velocity, place, turn_time, turn_time2, velocity_gyro, place_gyro]
 
 
@@ -258,7 +249,7 @@ def _finished(before: list[Array], w: Array, f: Array, h: Array) -> list[Array]:
     middle = turn @ _matrices(half)
     force = np.einsum("nij,nj->ni", middle, f)
     h1, h3 = h[:, None], h[:, None, None]
-    tilt = -skew(force) @ (turn_time + 0.5 * h3 * middle)
+    tilt = -cross_matrix(force) @ (turn_time + 0.5 * h3 * middle)
     return [
         turn @ _matrices(step),
         velocity + force * h1,

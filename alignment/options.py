@@ -33,6 +33,20 @@ class Priors:
         How far the attitudes the table is told are off as a whole [rad]: where its base stands.
     lever_arm : float
         Uncertainty of the instrument's place from the point that stays [m].
+    gyro_random_walk, accel_random_walk : float
+        Of the bias [rad/s/sqrt(s)], [m/s^2/sqrt(s)].
+    gyro_ramp, accel_ramp : float
+        Steady change of the bias [rad/s^2], [m/s^3].
+    gyro_misalignment, accel_misalignment : float
+        Small rotation of each triad's case from b [rad], about each axis.
+    gyro_non_orthogonality, accel_non_orthogonality : float
+        Leaning together of each pair of a triad's axes [rad].
+    gyro_asymmetry, accel_asymmetry : float
+        Scale factor error by the sign of the value, a part of its size.
+    gyro_g_sensitivity, gyro_g2_sensitivity : float
+        Of each gyro to each component of specific force [rad/s per m/s^2], and to its square.
+    accel_quadratic, accel_cubic : float
+        Of each axis [1/(m/s^2)], [1/(m/s^2)^2].
     """
 
     gyro_bias: float = 0.0
@@ -47,6 +61,20 @@ class Priors:
     seat: float = 0.0
     nominal: float = 0.0
     lever_arm: float = 0.0
+    gyro_random_walk: float = 0.0
+    accel_random_walk: float = 0.0
+    gyro_ramp: float = 0.0
+    accel_ramp: float = 0.0
+    gyro_misalignment: float = 0.0
+    accel_misalignment: float = 0.0
+    gyro_non_orthogonality: float = 0.0
+    accel_non_orthogonality: float = 0.0
+    gyro_asymmetry: float = 0.0
+    accel_asymmetry: float = 0.0
+    gyro_g_sensitivity: float = 0.0
+    gyro_g2_sensitivity: float = 0.0
+    accel_quadratic: float = 0.0
+    accel_cubic: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

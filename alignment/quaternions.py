@@ -1,6 +1,7 @@
 """Plain quaternion arrays (x, y, z, w) for hot loops, where `Rotation` is too slow."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
 
@@ -39,3 +40,14 @@ def prefix_product(q: Array) -> Array:
     for k in range(1, runs):
         table[k] = normalised(multiply(table[k - 1, -1], table[k]))
     return table.reshape(-1, 4)[:n]
+
+
+def turned_evenly(t: Array, q: Array, at: Array) -> Rotation:
+    """Attitudes at times (m,) [s], turning evenly from each of the samples to the next.
+
+    `q` (n, 4) holds at `t` (n,), n >= 2; before the first and after the last it stays.
+    """
+    k = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
+    before, after = (Rotation.from_quat(q[i]) for i in (k - 1, k))
+    part = np.clip((at - t[k - 1]) / (t[k] - t[k - 1]), 0.0, 1.0)
+    return before * Rotation.from_rotvec(part[:, None] * (before.inv() * after).as_rotvec())

@@ -1,14 +1,20 @@
 """Readings that stand at full scale: what the sensor felt beyond it is lost.
 
-A log says nothing of ranges, but a clipped channel shows: its extreme value is there many times
-over, with hardly any beside it, where noise and motion thin out toward their extremes.
+A range that is stated is known. Else a clipped channel shows: its extreme value is there many times
+over, with hardly any beside it, where noise and motion thin out toward their extremes; and it is
+left and reached in full strides, by noise or by motion, where a channel that rests there and then
+moves starts from standstill, in steps of its numbers.
 """
+
+from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 
 from alignment.arrays import Array
 from alignment.errors import Saturated
 from alignment.readings import ImuReadings
+from alignment.sampling import step_of
 
 CHANNELS = (
     "X1 gyro",
@@ -23,12 +29,19 @@ PILED = 4.0  # times the samples at the next value: a rounded sinusoid has 1 + s
 LEAST_VALUES = 16  # different ones, below which rounding alone piles up so
 FINEST = 1e-6  # of the span of values: finer than 19 bits
 JITTER = 0.03  # of third differences over first ones: below it a smooth motion may have a plateau
+STRIDE = 0.25  # of the median step between samples: less to or from the extreme is no clipping
+ROUNDED = 1.5  # steps of the numbers that third differences must exceed: rounding makes one, ...
+TWICE = 3.0  # ... rounding twice two, which matters where a plateau is there a few times only
+FEW = 4
+AT_RANGE = 1e-6  # relative, that a value at full scale may be off the stated range
 # One-sided clipping of 1 % of white noise shifts a mean by 0.003 of the noise's sigma, as much as
 # the noise itself leaves of it in 90 000 samples.
 LARGEST_SHARE = 0.01
 
 
-def saturation_doubt(label: str, readings: ImuReadings) -> tuple[str, ...]:
+def saturation_doubt(
+    label: str, readings: ImuReadings, ranges: Sequence[float] = (inf, inf)
+) -> tuple[str, ...]:
     """A flag for each channel that is clipped now and then.
 
     Parameters
@@ -36,6 +49,8 @@ def saturation_doubt(label: str, readings: ImuReadings) -> tuple[str, ...]:
     label : str
         What to call the stretch in a refusal.
     readings : ImuReadings
+    ranges : (2,)
+        What the data sheet states for gyros [rad/s] and accelerometers [m/s^2], if it does.
 
     Raises
     ------
@@ -47,29 +62,45 @@ def saturation_doubt(label: str, readings: ImuReadings) -> tuple[str, ...]:
     A channel that never leaves full scale cannot be told from a perfect sensor at rest.
     """
     flags = []
-    for first, triad in ((0, readings.w_ib_b), (3, readings.f_b)):
-        ends = np.stack([triad.max(axis=0), triad.min(axis=0)])
-        counts = np.stack([np.count_nonzero(triad == end, axis=0) for end in ends])
-        for side, axis in np.argwhere((counts >= LEAST) & (counts < len(readings))):
-            count = int(counts[side, axis])
-            if not _is_clipped(triad[:, axis], float(ends[side, axis]), count):
+    triads = (readings.w_ib_b, readings.f_b)
+    for first, triad, stated in zip((0, 3), triads, ranges, strict=True):
+        for axis in range(triad.shape[1]):
+            count = _at_full_scale(triad[:, axis], stated)
+            if not count:
                 continue
             share = count / len(readings)
-            told = f"{CHANNELS[first + axis]} at full scale in {100 * share:.2g} % of the samples"
+            percent = f"{100 * share:.2g}" if share < 0.1 else f"{100 * share:.0f}"
+            told = f"{CHANNELS[first + axis]} at full scale in {percent} % of the samples"
             if share > LARGEST_SHARE:
                 raise Saturated(f"{label}: {told}: what it felt there is lost")
             flags.append(told)
     return tuple(flags)
 
 
-def _is_clipped(channel: Array, end: float, count: int) -> bool:
-    """Whether `count` samples of a channel (n,) pile up at its extreme value `end`."""
-    inside = channel[channel != end]
+def _at_full_scale(channel: Array, stated: float) -> int:
+    """How many samples of a channel (n,) are clipped."""
+    if np.isfinite(stated):
+        return int(np.count_nonzero(np.abs(channel) >= (1 - AT_RANGE) * stated))
+    total = 0
+    for end, away in ((channel.max(), 1.0), (channel.min(), -1.0)):
+        # full scale lies away from zero
+        at_end = channel == end if away * end > 0 else np.zeros(len(channel), bool)
+        count = int(np.count_nonzero(at_end))
+        if LEAST <= count < len(channel) and _is_clipped(channel, float(end), at_end):
+            total += count
+    return total
+
+
+def _is_clipped(channel: Array, end: float, at_end: np.ndarray) -> bool:
+    """Whether the samples of a channel (n,) that are `at_end` pile up at its extreme `end`."""
+    inside = channel[~at_end]
     # steps away from the extreme; what differs by less is one value, rounded differently
     away = np.abs(inside - end)
     steps, times = np.unique(np.rint(away / (FINEST * away.max())), return_counts=True)
-    if len(steps) < LEAST_VALUES:
+    if len(steps) < LEAST_VALUES or np.count_nonzero(at_end) < PILED * times[0]:
         return False
-    beside = times[0]
+    left, reached = ~at_end[1:] & at_end[:-1], ~at_end[:-1] & at_end[1:]
+    strides = np.abs(np.concatenate([channel[1:][left], channel[:-1][reached]]) - end)
+    rounding = (TWICE if len(strides) < 2 * FEW else ROUNDED) * step_of(channel)
     first, third = (float(np.median(np.abs(np.diff(inside, k)))) for k in (1, 3))
-    return count >= PILED * beside and third > JITTER * first
+    return third > max(JITTER * first, rounding) and float(np.mean(strides)) >= STRIDE * first

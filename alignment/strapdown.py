@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.cross import cross
 from alignment.errors import AlignmentError
 from alignment.quaternions import multiply, normalised, prefix_product
 from alignment.readings import ImuReadings
@@ -63,15 +64,6 @@ class Carried:
             self.dtheta[blocks],
             self.dv[blocks],
         )
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Cross products of rows (n, 3), faster than the general one of numpy."""
-    product = np.empty(a.shape)
-    product[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
-    product[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
-    product[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return product
 
 
 def rotation_vectors(first: Array, second: Array) -> Array:

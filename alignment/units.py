@@ -12,7 +12,6 @@ ARC_SECOND = DEG / 3600.0
 MRAD = 1e-3
 PPM = 1e-6
 
-DEG_PER_SECOND = DEG
 DEG_PER_HOUR = DEG / 3600.0
 DEG_PER_RT_HOUR = DEG / sqrt(3600.0)  # rad/s/rt-Hz per deg/rt-h
 M_S_PER_RT_HOUR = 1.0 / sqrt(3600.0)  # m/s^2/rt-Hz per m/s/rt-h

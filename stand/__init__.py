@@ -1,3 +1,58 @@
-"""The virtual IMU test stand: procedures, motion, physics, sensors, recordings."""
+"""The virtual IMU test stand: procedures, motion, physics, sensors, recordings.
 
-__version__ = "0.2.0"
+>>> import stand
+>>> s = stand.settings("six-position", imu="stim300", rate_hz=20, seed=3)
+>>> run = stand.simulate(s)
+
+The public names are those of `__all__`; each is imported when it is first used.
+"""
+
+from importlib import import_module
+
+from stand.versions import VERSION as __version__
+
+TYPE_CHECKING = False  # as typing has it, which takes longer to import than all of this
+if TYPE_CHECKING:
+    from stand.api import (
+        align,
+        allan,
+        catalogue,
+        compare,
+        drive,
+        read,
+        rehearse,
+        run,
+        simulate,
+        unit,
+    )
+    from stand.errors import StandError
+    from stand.simulation.settings import settings
+
+__all__ = [
+    "StandError",
+    "__version__",
+    "align",
+    "allan",
+    "catalogue",
+    "compare",
+    "drive",
+    "read",
+    "rehearse",
+    "run",
+    "settings",
+    "simulate",
+    "unit",
+]
+_ELSEWHERE = {"StandError": "stand.errors", "settings": "stand.simulation.settings"}
+
+
+def __getattr__(name: str):
+    if name not in __all__:
+        raise AttributeError(f"module 'stand' has no attribute {name!r}")
+    found = getattr(import_module(_ELSEWHERE.get(name, "stand.api")), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,10 +1,13 @@
 """Known faults: each becomes one line and exit code 2 at the command line."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+from alignment.errors import Fault
 
 
-class StandError(Exception):
+class StandError(Fault):
     """A fault of the input, told in one line: file, field, value and what is allowed.
 
     Whatever the input put into `message`, line breaks and control characters become blanks.
@@ -12,6 +15,15 @@ class StandError(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(printable(message))
+
+
+@contextmanager
+def located(where: object) -> Iterator[None]:
+    """Known faults are told with where they lie: a file, a topic."""
+    try:
+        yield
+    except StandError as error:
+        raise StandError(f"{where}: {error}") from error
 
 
 def printable(text: str) -> str:

@@ -4,14 +4,44 @@ import errno
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from os import PathLike
 from pathlib import Path
 from secrets import token_hex
 
 from stand.errors import StandError
 
+RECORDINGS = Path("recordings")
 Content = bytes | str | Iterable[str]
 """Of a file: bytes, or text in UTF-8, whole or in pieces."""
 _OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
+
+
+def recording_folder(out: str | PathLike[str] | None, name: str) -> Path:
+    """Where to record: `out`, or a folder of this name among the recordings.
+
+    A link is followed, so that what it leads to is replaced.
+
+    Raises
+    ------
+    StandError
+        `out` is no folder of its own, or a link in a circle.
+    """
+    if out is None:
+        return RECORDINGS / name
+    folder = Path(out)
+    if folder.name in ("", ".."):
+        raise StandError(f"--out {folder}: must name a folder of its own")
+    try:
+        return folder.resolve() if folder.is_symlink() else folder
+    except (OSError, RuntimeError) as error:
+        raise StandError(f"--out {folder}: links that lead in a circle") from error
+
+
+def refuse_files(paths: Iterable[Path], option: str = "--out", *, force: bool = False) -> None:
+    """`StandError` where one of these files is there already, unless `force`."""
+    for path in paths:
+        if not force and (path.exists() or path.is_symlink()):
+            raise StandError(f"{option} {path}: exists; --force replaces it")
 
 
 def refuse_existing(out: Path, force: bool) -> None:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,8 @@ from alignment.methods.vectors.method import METHOD, answer, options_of
 from alignment.methods.vectors.solutions import SOLUTIONS
 from alignment.navigation import C_en, geodetic
 from stand.evaluation.drive_result import START_SIGMA, DriveResult, DriveSettings, result_json
-from stand.evaluation.run_result import versions
 from stand.evaluation.score import Truths, score
-from stand.folder import folder_beside, refuse_existing, write_file
+from stand.folder import folder_beside, recording_folder, refuse_existing, write_file
 from stand.imu import Imu
 from stand.recording.mcap.writer import EPOCH_NS, Satellites, write_drive
 from stand.recording.metadata import DRIVE, RUN, describe_drive, describe_estimate, describe_site
@@ -31,6 +31,7 @@ from stand.vehicle.scenario import (
     reported,
     sense,
 )
+from stand.versions import versions
 
 PICTURE = "errors.png"
 _FIXES, _START = 101, 102  # random streams: numbers that no term of a unit has
@@ -56,7 +57,10 @@ def run_id(settings: DriveSettings) -> str:
 
 
 def run_drive(
-    settings: DriveSettings, out: Path, force: bool = False, progress: Progress = lambda done: None
+    settings: DriveSettings,
+    out: str | PathLike[str] | None = None,
+    force: bool = False,
+    progress: Progress = lambda done: None,
 ) -> DriveResult:
     """Simulate, solve, and record.
 
@@ -65,8 +69,8 @@ def run_drive(
     Parameters
     ----------
     settings : DriveSettings
-    out : Path
-        Folder for `run.mcap`, `result.json` and `errors.png`.
+    out : path, optional
+        Folder for `run.mcap`, `result.json` and `errors.png`; else `run_id` among the recordings.
     force : bool
         Replace an existing recording.
     progress : callable
@@ -77,11 +81,12 @@ def run_drive(
     StandError
         `out` exists (and not `force`), or cannot be written.
     """
-    refuse_existing(out, force)
+    folder = recording_folder(out, run_id(settings))
+    refuse_existing(folder, force)
     driven = _simulated(settings, lambda done: progress(0.4 * done))
     matchings, refusals = _solved(settings, driven, lambda done: progress(0.4 + 0.4 * done))
-    result = _scored(settings, out, driven, matchings, refusals)
-    with folder_beside(out) as beside:
+    result = _scored(settings, folder, driven, matchings, refusals)
+    with folder_beside(folder) as beside:
         text = json.dumps(result_json(result), indent=1, allow_nan=False)
         _record(beside / "run.mcap", result, driven, text)
         progress(0.9)
@@ -101,12 +106,19 @@ def _simulated(settings: DriveSettings, progress: Progress) -> _Driven:
     q_wb = (C_NW.inv() * path.at(sensed.t_ns * 1e-9).C_nb).as_quat()
     nothing = np.zeros((len(block), 0))
     return _Driven(
-        TruthBlock(sensed.t_ns, sensed.w_ib_b, sensed.f_b, q_wb, nothing, nothing),
-        unit,
-        block,
-        readings_of(block),
-        fixes_of(path, settings.drive.satellite, _stream(settings.seed, _FIXES)),
-        programmed(path, START_SIGMA, _stream(settings.seed, _START)),
+        truth=TruthBlock(
+            t_ns=sensed.t_ns,
+            w_ib_b=sensed.w_ib_b,
+            f_b=sensed.f_b,
+            q_wb=q_wb,
+            joints=nothing,
+            joint_rates=nothing,
+        ),
+        unit=unit,
+        imu=block,
+        readings=readings_of(block),
+        fixes=fixes_of(path, settings.drive.satellite, _stream(settings.seed, _FIXES)),
+        start=programmed(path, START_SIGMA, _stream(settings.seed, _START)),
     )
 
 
@@ -140,15 +152,15 @@ def _scored(
     known, priors = Truths(truth[-1]), settings.priors
     answers = [answer(name, settings.drive.id, m, priors) for name, m in matchings.items()]
     return DriveResult(
-        out,
-        settings,
-        len(driven.readings),
-        driven.fixes,
-        (driven.start * truth[0].inv()).magnitude(),
-        dict(matchings),
-        {name: against(m, truth) for name, m in matchings.items()},
-        dict(refusals),
-        tuple(score(estimate, known) for estimate in answers),
+        out=out,
+        settings=settings,
+        samples=len(driven.readings),
+        fixes=driven.fixes,
+        start_error=(driven.start * truth[0].inv()).magnitude(),
+        matchings=dict(matchings),
+        curves={name: against(m, truth) for name, m in matchings.items()},
+        refusals=dict(refusals),
+        scores=tuple(score(estimate, known) for estimate in answers),
     )
 
 
@@ -175,11 +187,11 @@ def _satellites(fixes: Fixes) -> Satellites:
     latitude, longitude, height = geodetic(fixes.position)
     v_n = np.einsum("mji,mj->mi", C_en(latitude, longitude), fixes.velocity)
     return Satellites(
-        np.round(fixes.t * 1e9).astype(np.int64),
-        np.stack([latitude, longitude, height], axis=1),
-        C_NW.apply(v_n, inverse=True),
-        fixes.position_sigma**2 + fixes.position_drift**2,
-        fixes.velocity_sigma**2 + fixes.velocity_drift**2,
+        t_ns=np.round(fixes.t * 1e9).astype(np.int64),
+        place=np.stack([latitude, longitude, height], axis=1),
+        v=C_NW.apply(v_n, inverse=True),
+        place_variance=fixes.position_sigma**2 + fixes.position_drift**2,
+        v_variance=fixes.velocity_sigma**2 + fixes.velocity_drift**2,
     )
 
 

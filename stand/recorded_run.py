@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from alignment import ESTIMATORS, Dwell
 from alignment.arrays import Array
 from stand.evaluation.review_curves import curves, innovation_curves, singular
-from stand.evaluation.run_result import CHANNELS, RunResult, result_json, versions
+from stand.evaluation.run_result import RunResult, result_json
 from stand.evaluation.score import (
     Refusal,
     Score,
@@ -23,20 +24,28 @@ from stand.evaluation.score import (
     spreads,
     suited,
 )
-from stand.folder import folder_beside, refuse_existing, write_file
+from stand.folder import folder_beside, recording_folder, refuse_existing, write_file
 from stand.motion.plan import PlannedStep
 from stand.motion.polynomial import MotionKind
+from stand.physics.mjcf import contents_of
 from stand.recording.curves import AngleCurves, InnovationCurves, Phase, innovations_csv
 from stand.recording.mcap.writer import EPOCH_NS, McapWriter
-from stand.recording.metadata import RUN, describe_estimate, describe_schedule, describe_site
+from stand.recording.metadata import (
+    MODEL_FOLDER,
+    RUN,
+    describe_estimate,
+    describe_schedule,
+    describe_site,
+)
 from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
-from stand.samples import ImuBlock, TruthBlock
+from stand.samples import CHANNELS, ImuBlock, TruthBlock
 from stand.simulation.collector import DwellCollector
-from stand.simulation.settings import Settings, methods_of
+from stand.simulation.settings import Settings, methods_of, run_id
 from stand.simulation.simulation import Simulation, begins_of
 from stand.simulation.step_record import StepRecord
 from stand.table.kinematics import C_NW
+from stand.versions import versions
 
 QUEUE = 4  # blocks that may wait for a writer: bounds the memory
 LEVELS = {"INFO": 20, "WARN": 30}  # rcl_interfaces/msg/Log
@@ -44,7 +53,12 @@ LEVELS = {"INFO": 20, "WARN": 30}  # rcl_interfaces/msg/Log
 Progress = Callable[[float], None]
 
 
-def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunResult:
+def run(
+    settings: Settings,
+    out: str | PathLike[str] | None = None,
+    force: bool = False,
+    progress: Progress = lambda done: None,
+) -> RunResult:
     """Simulate, record and estimate.
 
     The recording is written beside `out` and renamed when whole; on any failure nothing is left.
@@ -52,8 +66,8 @@ def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunRe
     Parameters
     ----------
     settings : Settings
-    out : Path
-        Folder for `run.mcap`, `run.rrd`, `result.json`.
+    out : path, optional
+        Folder for `run.mcap`, `run.rrd`, `result.json`; else `run_id` among the recordings.
     force : bool
         Replace an existing recording.
     progress : callable
@@ -66,10 +80,11 @@ def run(settings: Settings, out: Path, force: bool, progress: Progress) -> RunRe
     AlignmentError
         The estimates are.
     """
-    refuse_existing(out, force)
+    folder = recording_folder(out, run_id(settings))
+    refuse_existing(folder, force)
     simulation = Simulation(settings)
-    with folder_beside(out) as beside:
-        return _Run(simulation, beside).record(progress, out)
+    with folder_beside(folder) as beside:
+        return _Run(simulation, beside).record(progress, folder)
 
 
 class _Run:
@@ -82,6 +97,8 @@ class _Run:
             simulation.stand,
             simulation.plan,
         )
+        path = self.settings.table.model
+        self.own_model = {} if path is None else contents_of(path)  # the shipped one is no news
         self.saturated = np.zeros(len(CHANNELS), int)
         self.events: list[tuple[int, str, str]] = []
         self.phases = [_phase(step) for step in self.plan.steps]
@@ -102,15 +119,15 @@ class _Run:
             dwells, attitudes = collector.finish(begins)
             scores, refusals = self._evaluate(dwells, attitudes)
             result = RunResult(
-                out,
-                self.settings,
-                self.plan,
-                self.simulation.total,
-                tuple(int(n) for n in self.saturated),
-                records,
-                tuple(scores),
-                tuple(spreads(scores)),
-                tuple(refusals),
+                out=out,
+                settings=self.settings,
+                plan=self.plan,
+                samples=self.simulation.total,
+                saturated=tuple(int(n) for n in self.saturated),
+                records=records,
+                scores=tuple(scores),
+                spreads=tuple(spreads(scores)),
+                refusals=tuple(refusals),
             )
             text = json.dumps(result_json(result), indent=1, allow_nan=False)
             write_file(self.folder / "result.json", text + "\n")
@@ -183,7 +200,8 @@ class _Run:
         settings = self.settings
         return McapWriter(
             self.folder / "run.mcap",
-            model=self.stand,
+            model=self.simulation.built,
+            errors=self.simulation.errors,
             robot_description=urdf(self.stand),
             epoch_ns=EPOCH_NS,
             metadata=self._metadata(),
@@ -191,6 +209,10 @@ class _Run:
                 "procedure.toml": ("application/toml", settings.procedure.text.encode()),
                 "imu.toml": ("application/toml", settings.imu.text.encode()),
                 "table.toml": ("application/toml", settings.table.text.encode()),
+            }
+            | {
+                MODEL_FOLDER + name: ("application/octet-stream", data)
+                for name, data in self.own_model.items()
             },
             rate_noise=np.full(3, self.simulation.imu.gyro_sigma**2),
             force_noise=np.full(3, self.simulation.imu.accel_sigma**2),
@@ -235,6 +257,7 @@ class _Run:
                 "frame_b": "X1 forward, Y1 up, Z1 right at zero table angles",
                 "model_sha256": self.stand.sha256,
             }
+            | ({"model": next(iter(self.own_model))} if self.own_model else {})
             | versions(),
             "site": describe_site(s.site),
             "estimate": describe_estimate(s.options, methods_of(s)),
@@ -323,8 +346,3 @@ def _phase(step: PlannedStep) -> Phase:
 
 def _ns(t: float) -> int:
     return round(t * 1e9)
-
-
-def run_id(settings: Settings) -> str:
-    """The default name of a run: procedure, unit, seed."""
-    return f"{settings.procedure.id}_{settings.imu.id}_seed{settings.seed}"

@@ -1,11 +1,15 @@
 """The blocks of samples that flow from the stand to the recording."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, IntArray, set_owned
+
+AXES = ("X1", "Y1", "Z1")  # of the instrument, b
+CHANNELS = tuple(f"{sensor} {axis}" for sensor in ("gyro", "accel") for axis in AXES)
+_OF_JOINTS = np.empty((0, 0))  # encoders that were not given
 
 
 def _own_readings(block: "Sensed | ImuBlock") -> None:
@@ -33,8 +37,8 @@ class TruthBlock:
     joints, joint_rates : (n, 6)
         True joint angles [rad] and rates [rad/s] at `t_ns`, in the order of `JOINTS`.
     encoders, encoder_rates : (n, 6)
-        What the encoders say [rad], and the rates of what they measure [rad/s]. None: of a
-        table without errors, the joints'.
+        What the encoders say [rad], and the rates of what they measure [rad/s]; if not given,
+        of a table without errors, the joints'.
     """
 
     t_ns: IntArray
@@ -43,8 +47,8 @@ class TruthBlock:
     q_wb: Array
     joints: Array
     joint_rates: Array
-    encoders: Array = None  # pyright: ignore[reportAssignmentType]  # never None once made
-    encoder_rates: Array = None  # pyright: ignore[reportAssignmentType]
+    encoders: Array = field(default_factory=lambda: _OF_JOINTS)
+    encoder_rates: Array = field(default_factory=lambda: _OF_JOINTS)
 
     def __post_init__(self) -> None:
         n = len(self.t_ns)
@@ -58,7 +62,7 @@ class TruthBlock:
             joint_rates=(self.joint_rates, (n, None), float),
         )
         for said, true in (("encoders", "joints"), ("encoder_rates", "joint_rates")):
-            if getattr(self, said) is None:
+            if getattr(self, said) is _OF_JOINTS:
                 object.__setattr__(self, said, getattr(self, true))
             else:
                 shape = getattr(self, true).shape

@@ -163,3 +163,43 @@ def faulty_sensors(
     rate = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1) + earth
     force = acceleration + 2 * np.cross(earth, velocity) + gravity * UP
     return np.einsum("nji,nj->ni", C, rate), np.einsum("nji,nj->ni", C, force), C
+
+
+# A stand whose axes cross nowhere: each hinge at its own offset from the one that carries it.
+
+
+def jet_apply(A, p):
+    """A jet of matrices times a jet of vectors (n, 3)."""
+
+    def times(M, x):
+        return np.einsum("nij,nj->ni", M, x)
+
+    return (
+        times(A[0], p[0]),
+        times(A[1], p[0]) + times(A[0], p[1]),
+        times(A[2], p[0]) + 2 * times(A[1], p[1]) + times(A[0], p[2]),
+    )
+
+
+def offset_sensors(q, v, a, latitude, gravity, offsets):
+    """Angular rate, specific force in b (n, 3) and attitude C_wb of a stand with offset axes.
+
+    `offsets` (7, 3): the first hinge from the world's origin, each next one from the one before,
+    and the instrument's point from the last, east, north, up at zero angles. The place is
+    ``o_0 + R_1 (o_1 + R_2 (o_2 + ... R_6 o_6))``, differentiated by the product rule.
+    """
+    n = len(q)
+    still = np.zeros((n, 3))
+    place = (np.broadcast_to(offsets[6], (n, 3)), still, still)
+    M = fixed(np.eye(3), n)
+    for i in reversed(range(6)):
+        R = jet_turn(AXES[i], (q[:, i], v[:, i], a[:, i]))
+        M = jet_product(R, M)
+        turned = jet_apply(R, place)
+        place = (offsets[i] + turned[0], turned[1], turned[2])
+    earth = EARTH_RATE * np.array([0.0, np.cos(latitude), np.sin(latitude)])
+    spin = np.einsum("nij,nkj->nik", M[1], M[0])  # R' R^T = [w x]
+    rate = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1) + earth
+    force = place[2] + 2 * np.cross(earth, place[1]) + gravity * UP
+    C = M[0] @ ZERO
+    return np.einsum("nji,nj->ni", C, rate), np.einsum("nji,nj->ni", C, force), C

@@ -1,16 +1,23 @@
 """What every catalogue entry and every estimator owes; a new one is tested without a line here."""
 
+import ast
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from alignment import ESTIMATORS, Dwell, ImuReadings, Options, Site, Turn
+from alignment import ESTIMATORS, Dwell, ImuReadings, Method, Options, Priors, Site, Turn
 from alignment.errors import NotAtRest, PoleError
+from alignment.information import Stretch
+from alignment.methods.rocking_gains import inertial_functional
+from alignment.methods.triad import triad_gains
 from alignment.methods.vectors import Fixes
 from alignment.navigation import ecef
-from alignment.units import DEG
+from alignment.sources import SOURCES
+from alignment.units import DEG, DEG_PER_HOUR, DEG_PER_RT_HOUR, MILLI_G
 from stand import toml_files as catalogue
 from stand.imu import Imu, Stated, load_imu
 from stand.motion.limits import check
@@ -24,6 +31,7 @@ from stand.table.table import load_table
 from stand.vehicle.path import Start
 from stand.vehicle.scenario import Leg, path_of, sense
 
+ROOT = Path(__file__).resolve().parents[1]
 STAND = describe(load_model())
 LATITUDE = 48.5 * DEG
 SITE = Site(LATITUDE)
@@ -31,9 +39,17 @@ SITE = Site(LATITUDE)
 W_N = np.array([9.96651, 0.0, -11.26509]) * DEG / 3600
 F_N = np.array([0.0, 0.0, -9.8093587])
 OPTIONS = Options(offset_window=10.0)
+TOLD = replace(  # a tactical unit, as its data sheet says
+    OPTIONS,
+    priors=Priors(
+        gyro_bias=5 * DEG_PER_HOUR,
+        accel_bias=2 * MILLI_G,
+        gyro_walk=0.15 * DEG_PER_RT_HOUR,
+        accel_walk=1e-3,
+    ),
+)
 RATE = 10  # Hz
 # five attitudes no axis of which is level or vertical, and the level one
-UPRIGHT = ("two-gyro",)  # methods that want Y1 up
 NOT_TURNED = Rotation.identity()
 Y1 = np.array([0.0, 1, 0])
 LEVEL = Rotation.from_matrix([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # X1 north, Y1 up, Z1 east
@@ -205,10 +221,21 @@ def stretches(name: str, turned: Rotation = NOT_TURNED) -> list[Dwell]:
     """Perfect readings of what a method is for."""
     if ESTIMATORS[name].takes == "fixes":
         return roads(turned)
-    if name in UPRIGHT:
+    if ESTIMATORS[name].needs_upright:
         headings = Rotation.from_euler("z", [[0], [40], [-130], [100]], degrees=True) * LEVEL
         return [rest(f"P{k}", turned * C_nb, 100.0 * k) for k, C_nb in enumerate(headings)]
     return turns(turned) if ESTIMATORS[name].takes == "turning" else rests(turned)
+
+
+def planned(name: str) -> list[Stretch]:
+    """The same as a plan has them."""
+    turning = ESTIMATORS[name].takes == "turning"
+    return [
+        Stretch(d.label, d.t_from, d.t_to - d.t_from, d.nominal, 4 * np.pi / 30, Y1)
+        if turning
+        else Stretch(d.label, d.t_from, d.t_to - d.t_from, d.nominal)
+        for d in stretches(name)
+    ]
 
 
 METHODS = pytest.mark.parametrize("name", list(ESTIMATORS))
@@ -218,11 +245,82 @@ METHODS = pytest.mark.parametrize("name", list(ESTIMATORS))
 def test_every_estimator_says_what_it_is(name):
     method = ESTIMATORS[name]
     assert method.title[0].isupper()
-    assert method.source.startswith("[S")
+    assert re.match(r"\[(\w+)\] ", method.source)[1] in SOURCES
     assert "±" in method.note or "drift" in method.note
     assert name == name.lower()
     assert method.estimate.__doc__
     assert "Leading errors" in method.estimate.__doc__
+
+
+@METHODS
+def test_every_estimator_predicts_its_sigma_or_says_why_not(name):
+    """By one of its two ways; a reason is a sentence, not a word, and is not told of itself."""
+    method = ESTIMATORS[name]
+    if method.no_prediction:
+        assert len(method.no_prediction.split()) > 8
+        assert not method.no_prediction.endswith(".")
+    elif method.gains is not None:
+        answers = method.gains(planned(name), SITE, TOLD)
+        assert answers
+        for answer in answers:
+            assert answer.gain.shape[0] == 3
+            assert np.isfinite(answer.gain).all()
+            assert len(answer.stretches) == len(answer.planned)
+            assert answer.label in {s.label for s in planned(name)}
+            assert answer.window in method.windows or not answer.window
+    else:
+        run = method.functional(stretches(name)[1].readings, SITE, TOLD)
+        assert np.isfinite(run.gyro).all()
+        assert run.gyro.any()
+        assert (run.C_nb.inv() * stretches(name)[1].nominal).magnitude() < 3e-6  # hand numbers
+
+
+@pytest.mark.parametrize(
+    "ways",
+    [
+        {},
+        {"gains": triad_gains, "no_prediction": "nobody knows"},
+        {"gains": triad_gains, "functional": inertial_functional},
+    ],
+)
+def test_a_method_says_one_thing_of_its_prediction(ways):
+    with pytest.raises(ValueError, match="needs one of gains, functional, no_prediction"):
+        Method(title="A", source="[S0] a", note="±", estimate=ESTIMATORS["rk4"].estimate, **ways)
+
+
+NAMED = {  # files that may name a method: its own module, the list
+    "alignment/estimators.py": None,
+    "stand/recording/urdf.py": {"inertial"},  # a tag of URDF
+}
+
+
+def test_a_method_is_told_in_one_place():
+    """No module but its own and the list holds a method's id, so that none asks for it by name."""
+    own: dict[str, list[str]] = {}
+    for package in ("alignment", "stand"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            file = path.relative_to(ROOT).as_posix()
+            if NAMED.get(file, ()) is None:
+                continue
+            found = ids_in(path.read_text(encoding="utf-8")) - NAMED.get(file, set())
+            for name in found:
+                own.setdefault(name, []).append(file)
+    for name, files in own.items():
+        assert len(files) == 1, f"{name} is named in {files}"
+        assert files[0].startswith("alignment/methods/"), f"{name} is named in {files}"
+    assert set(own) == set(ESTIMATORS)
+
+
+def ids_in(source: str) -> set[str]:
+    """The methods' ids among the strings of a module."""
+    nodes = ast.walk(ast.parse(source))
+    strings = {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+    return strings & set(ESTIMATORS)
+
+
+def test_a_name_is_seen():
+    assert ids_in('if method == "inertial": pass') == {"inertial"}
+    assert ids_in('"""An inertial method."""') == set()
 
 
 @METHODS

@@ -25,10 +25,20 @@ OURS = ("alignment", "stand")
 
 # The storeys of the stand: a module imports from its own storey and from lower ones.
 STOREYS = (
-    ("errors", "toml_files", "columns", "folder", "samples", "table", "procedure", "imu"),
+    (
+        "errors",
+        "versions",
+        "toml_files",
+        "columns",
+        "folder",
+        "samples",
+        "table",
+        "procedure",
+        "imu",
+    ),
     ("motion", "physics", "vehicle", "simulation"),
     ("recording", "evaluation", "rehearsal"),
-    ("report", "recorded_run", "recorded_drive", "api", "cli", "__main__"),
+    ("report", "recorded_run", "recorded_drive", "api", "results", "cli", "__main__"),
 )
 
 

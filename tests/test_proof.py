@@ -6,8 +6,9 @@ import pytest
 
 from stand.imu import load_imu
 from stand.procedure.procedure import load_procedure, table_of
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.verify import with_verification
+from stand.simulation.settings import assembled
 
 # runs of each: a sigma of n runs is known to 1/sqrt(2 n), 60 to 9 %; the more so with many
 # quantities, of which none may be off by more than chance and the 10 % that are promised
@@ -20,7 +21,7 @@ SEED = 90_000  # none of those of the long proof
 def compared(name, imu, runs):
     procedure = load_procedure(name)
     site = procedure.entry.site.site()
-    asked = request(procedure, load_imu(imu), table_of(procedure), site, 20)
+    asked = assembled(procedure, load_imu(imu), table_of(procedure), site, 20)
     result = rehearse(asked)
     result = with_verification(result, replace(asked, seed=SEED), runs, workers=1)
     assert result.verification is not None

@@ -40,10 +40,43 @@ def wheel(tmp_path_factory):
 
 def test_the_wheel_ships_every_model_and_catalogue_entry(wheel):
     inside = set(zipfile.ZipFile(wheel).namelist())
-    for kind in ("*.xml", "*.toml", "*.py"):
+    for kind in ("*.toml", "*.py", "py.typed"):
         for path in [p for package in OURS for p in (ROOT / package).rglob(kind)]:
             assert str(path.relative_to(ROOT)) in inside
-    assert not any(name.startswith(("tests", "tools")) for name in inside)
+    models = {f"stand/{path.relative_to(ROOT)}" for path in (ROOT / "models").rglob("*.xml")}
+    assert models == {name for name in inside if name.endswith(".xml")} != set()
+    tops = {name.partition("/")[0] for name in inside}
+    assert {name for name in tops if not name.endswith(".dist-info")} == set(OURS)
+
+
+WHERE = """
+import stand, alignment
+from stand.physics.mjcf import load_model, models_folder
+assert load_model().nu == 6
+print(stand.__file__, alignment.__file__, models_folder())
+"""
+
+
+@pytest.mark.slow
+def test_an_editable_install_finds_the_models_of_the_checkout(tmp_path):
+    """As `pip install -e .` makes it; the build backend and dependencies are lent."""
+    home = tmp_path / "env"
+    venv.create(home, with_pip=False)
+    (site,) = home.glob("lib/python*/site-packages")
+    (site / "lent.pth").write_text(sysconfig.get_path("purelib"))
+    python = home / "bin" / "python"
+    pip = [sys.executable, "-m", "pip", "--python", python, "install", "--quiet"]
+    options = ["--no-deps", "--no-build-isolation", "--disable-pip-version-check"]
+    # lent packages count as installed: those of this environment must not be looked for
+    subprocess.run(
+        [*pip, *options, "--ignore-installed", "--editable", ROOT], check=True, cwd=tmp_path
+    )
+    where = subprocess.run(
+        [python, "-c", WHERE], cwd=tmp_path, capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert [Path(p) for p in where] == [
+        ROOT / "stand" / "__init__.py", ROOT / "alignment" / "__init__.py", ROOT / "models"
+    ]  # fmt: skip
 
 
 @pytest.mark.slow
@@ -70,11 +103,7 @@ def test_an_installed_wheel_runs_outside_the_checkout(wheel, tmp_path):
         return done.stdout
 
     where = subprocess.run(
-        [python, "-c", "import stand, alignment; print(stand.__file__, alignment.__file__)"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
+        [python, "-c", WHERE], cwd=tmp_path, capture_output=True, text=True, check=True
     ).stdout
     assert all(Path(p).is_relative_to(home) for p in where.split())
     assert "stim300" in stand("list", "imus")

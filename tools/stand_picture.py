@@ -13,12 +13,17 @@ from pathlib import Path
 import numpy as np
 
 from stand.errors import StandError, unknown
+from stand.folder import write_file
 from stand.physics.picture import pictures, png
 from stand.table.joints import JOINTS
 
 
 def picture(
-    angles_deg: dict[str, float], camera: str = "review", width: int = 1600, height: int = 1200
+    angles_deg: dict[str, float],
+    camera: str = "review",
+    width: int = 1600,
+    height: int = 1200,
+    model: Path | None = None,
 ) -> bytes:
     """The stand as a PNG; joints [deg] that are not named stay at zero.
 
@@ -33,7 +38,7 @@ def picture(
         if name not in JOINTS:
             raise unknown("joint", name, JOINTS)
     joints = np.radians([angles_deg.get(name, 0.0) for name in JOINTS])
-    return png(pictures(joints, camera, width, height)[0])
+    return png(pictures(joints, camera, width, height, model)[0])
 
 
 def _angle(text: str) -> tuple[str, float]:
@@ -47,9 +52,11 @@ def _main() -> None:
     parser.add_argument("angles", nargs="*", type=_angle, metavar="JOINT=DEG")
     parser.add_argument("--camera", default="review", help="name, or azimuth,elevation,distance")
     parser.add_argument("--size", type=int, nargs=2, default=(1600, 1200), metavar="PIXELS")
+    parser.add_argument("--model", type=Path, help="MJCF of a stand of your own")
     given = parser.parse_args()
     try:
-        given.out.write_bytes(picture(dict(given.angles), given.camera, *given.size))
+        image = picture(dict(given.angles), given.camera, *given.size, model=given.model)
+        write_file(given.out, image)
     except StandError as error:
         sys.exit(f"error: {error}")
 

@@ -1,11 +1,28 @@
 """Allan analysis: noise terms of a unit at rest, each with its interval, or a refusal.
 
-Readings -> `stretches` (the longest without gaps) -> `deviation` (allantools) -> `fit` of the five
-`terms`, weighted by `covariance` -> `analysis`: what the record shows, and how long it must be to
-show the rest.
+Readings -> `stretches` (the longest without gaps, of each rest) -> `deviation` (allantools) ->
+`fit` of the five `terms`, weighted by `covariance` -> `analysis`: what the record shows, and how
+long it must be to show the rest.
 """
 
-from alignment.allan.analysis import Analysis, Channel, Found, Missing, analyse, channel
+from alignment.allan.analysis import (
+    Analysis,
+    Channel,
+    Found,
+    Missing,
+    Stretch,
+    analyse,
+    channel,
+)
 from alignment.allan.stretches import Interruption
 
-__all__ = ["Analysis", "Channel", "Found", "Interruption", "Missing", "analyse", "channel"]
+__all__ = [
+    "Analysis",
+    "Channel",
+    "Found",
+    "Interruption",
+    "Missing",
+    "Stretch",
+    "analyse",
+    "channel",
+]

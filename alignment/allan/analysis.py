@@ -1,20 +1,32 @@
 """From readings at rest to noise terms, or to how long a record must be to show them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtri
 
 from alignment.allan.covariance import degrees_of_freedom
-from alignment.allan.deviation import Deviation, deviation, octaves
-from alignment.allan.fit import Fit, evidence, fit, interval, problem, solve, worse_with
+from alignment.allan.deviation import FEWEST, Deviation, deviation, octaves
+from alignment.allan.fit import (
+    MEMORY,
+    Fit,
+    evidence,
+    fit,
+    holding,
+    interval,
+    problem,
+    solve,
+    worse_with,
+)
 from alignment.allan.stretches import Interruption, interruptions, longest
 from alignment.allan.terms import KEYS, design, index, value, variance, weight
 from alignment.arrays import Array, set_owned
-from alignment.errors import NotAtRest, TooShort
+from alignment.errors import TooShort
+from alignment.noise import check_rest
 from alignment.readings import ImuReadings
-from alignment.units import DEG, STANDARD_GRAVITY
+from alignment.sampling import bursts, evened, repeats, sigma_below, step_of
+from alignment.saturation import saturation_doubt
 
 SENSORS = ("gyro", "accel")
 AXES = ("x", "y", "z")
@@ -25,9 +37,13 @@ EXPECTED_OF_WALK = 50.0  # the few long taus that show K scatter more: four in f
 PART = 0.1  # of the whole variance that a term must be at some tau
 LONGEST_ADVICE = 87_600 * 3600.0  # s: ten years; beyond that no record is long enough
 
-REST_RATE = 0.1 * DEG  # rad/s between successive 1 s means
-REST_FORCE = 0.5 * DEG * STANDARD_GRAVITY  # m/s^2 between them: half a degree of tilt
-REST_SIGMAS = 8.0  # of those differences themselves: noise is no motion
+RESOLVED = 0.1  # of the variance of the noise that rounding may leave unknown
+COARSEST = 0.5  # steps of the readings: noise of so much would have been seen
+ALIKE_RATE = 0.01  # relative difference of the rates of stretches that are taken together
+BLOCK = 64  # samples whose scatter is read about their own mean
+SHAKEN = 25.0  # times the median variance in such a block: no chance, but a knock or a vibration
+
+_Q, _N = index("Q"), index("N")
 
 Sheet = Mapping[tuple[str, str], float]  # (sensor, term) -> value in SI
 
@@ -77,6 +93,14 @@ class Channel:
         Shortest correlation time of the bias instability [s], an octave or so; 0: none is seen.
     model_error : float
         Relative error of the deviation that the five terms leave, 0 if within their certainty.
+    smoothing : float
+        What a low-pass takes, c of ``N^2/tau (1 - 3c/(2 tau))`` [s]; 0 where none is seen.
+    step : float
+        What the readings are rounded to, 0 if to nothing that is seen [rad/s, m/s^2].
+    rounding : float
+        White noise of that rounding, as N; it is in the deviation and not in the term N.
+    resolved : bool
+        False where the noise is lost below the step: then no term can be told.
     """
 
     sensor: str
@@ -91,6 +115,10 @@ class Channel:
     first_tau: float
     onset: float
     model_error: float
+    smoothing: float = 0.0
+    step: float = 0.0
+    rounding: float = 0.0
+    resolved: bool = True
 
     def __post_init__(self) -> None:
         k = len(self.tau)
@@ -100,44 +128,91 @@ class Channel:
 
     def fitted(self, tau: Array) -> Array:
         """The fitted deviation at tau [s]."""
-        return np.sqrt(variance(self.values, tau, self.onset))
+        white = self.values[_N] ** 2 + self.rounding**2
+        both = variance(self.values, tau, self.onset) + self.rounding**2 / tau
+        return np.sqrt(np.maximum(both - 1.5 * white * self.smoothing / tau**2, 0.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """A part of a record at rest, without interruption: its stamps [s] and what it read on average.
+
+    `interval` [s] is that of its samples; `w_ib_b` (3,) [rad/s], `f_b` (3,) [m/s^2] their means.
+    """
+
+    t_from: float
+    t_to: float
+    samples: int
+    interval: float
+    w_ib_b: Array
+    f_b: Array
+
+    def __post_init__(self) -> None:
+        set_owned(self, w_ib_b=(self.w_ib_b, (3,), float), f_b=(self.f_b, (3,), float))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Analysis:
-    """Six channels, and which part of the record they are from.
+    """Six channels, and which parts of the record they are from.
 
-    `interval` is the mean step [s]; samples from `t_from` to `t_to` [s] (stamps) were used,
-    the longest stretch between `interruptions` of the whole.
+    `stretches` were used together: the longest one between `interruptions` of each rest. `notes`
+    say what the stamps and the readings are like, in words.
     """
 
     channels: tuple[Channel, ...]
-    interval: float
-    samples: int
-    t_from: float
-    t_to: float
+    stretches: tuple[Stretch, ...]
     interruptions: tuple[Interruption, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def interval(self) -> float:
+        """Mean step between samples [s]."""
+        return sum(s.interval * s.samples for s in self.stretches) / self.samples
+
+    @property
+    def samples(self) -> int:
+        """Of all stretches."""
+        return sum(s.samples for s in self.stretches)
+
+    @property
+    def t_from(self) -> float:
+        """The first stamp used [s]."""
+        return self.stretches[0].t_from
+
+    @property
+    def t_to(self) -> float:
+        """The last stamp used [s]."""
+        return self.stretches[-1].t_to
 
     @property
     def duration(self) -> float:
-        """Of the analysed stretch [s]."""
+        """Of the analysed stretches together [s]."""
         return self.samples * self.interval
 
 
 def analyse(
-    readings: ImuReadings, sheet: Sheet | None = None, terms: Iterable[str] = ()
+    readings: ImuReadings | Sequence[ImuReadings],
+    sheet: Sheet | None = None,
+    terms: Iterable[str] = (),
+    bandwidths: Mapping[str, float] | None = None,
+    ranges: Sequence[float] = (np.inf, np.inf),
 ) -> Analysis:
     """Noise terms of a unit at rest.
 
     Parameters
     ----------
-    readings : ImuReadings
-        At rest; stamps may jitter. Of a record with gaps or changes of rate, the longest stretch
-        without them is taken.
+    readings : ImuReadings, or several
+        At rest, each by itself; stamps may jitter or come in bursts. Of each rest the longest
+        stretch without gaps or changes of rate is taken, and all of these together: what is slower
+        than one of them, or differs between them, is not seen.
     sheet : mapping (sensor, term) -> value in SI, optional
         What the data sheet states; only used to say how long a record must be to show it.
     terms : iterable of {'Q', 'N', 'B', 'K', 'R'}
         Terms that must be shown by at least one channel.
+    bandwidths : mapping sensor -> Hz, optional
+        Where they are known the fit starts beyond them; else where it sees one.
+    ranges : (2,)
+        Of gyros [rad/s] and accelerometers [m/s^2], where they are known.
 
     Raises
     ------
@@ -145,57 +220,170 @@ def analyse(
         Fewer than 96 samples without interruption, or a term of `terms` that no channel shows:
         the message says how long the record must be.
     NotAtRest
-        Successive 1 s means differ by more than 0.1 deg/s or 0.5 deg of tilt, and by more than 8
-        of their own standard deviations.
+        As `alignment.noise.check_rest` says.
+    Saturated
+        As `alignment.saturation.saturation_doubt` says.
 
     Notes
     -----
     Leading errors: everything slow that is not one of the five (temperature) is taken for K or R;
     everything fast (vibration, dither) for Q. A term is shown if the curve without it is worse by
-    chi-square 10.8 (p = 0.001) and if it is at least a tenth of the variance at some tau.
+    chi-square 10.8 (p = 0.001) and if it is at least a tenth of the variance at some tau. Noise
+    that the readings are too coarse for is not told at all; where they are only coarse, the white
+    noise of the rounding, step^2/12 a sample, is taken out of N.
     Source: IEEE Std 952-1997 annex C; uncertainty as NIST SP 1065, see `covariance` and `fit`.
     """
     asked = [KEYS[index(term)] for term in terms]
-    events = interruptions(readings.t)
-    part = longest(readings.t, events)
-    t = readings.t[part]
-    step = float(t[-1] - t[0]) / max(1, len(t) - 1)
-    _check_rest(t, readings.w_ib_b[part], REST_RATE, "rate", 1 / DEG, "deg/s")
-    _check_rest(t, readings.f_b[part], REST_FORCE, "specific force", 1.0, "m/s^2")
-    channels = tuple(
-        channel(sensor, axis, np.ascontiguousarray(values[part, k]), step, sheet)
-        for sensor, values in zip(SENSORS, (readings.w_ib_b, readings.f_b), strict=True)
-        for k, axis in enumerate(AXES)
-    )
+    rests = [readings] if isinstance(readings, ImuReadings) else list(readings)
+    parts, events, notes = _stretches(rests)
+    for number, (_, part) in enumerate(parts, 1):
+        label = "record" if len(parts) == 1 else f"rest {number}"
+        check_rest(part, label)
+        notes += saturation_doubt(label, part, ranges)
+    stretches = tuple(_stretch(part, step) for step, part in parts)
+    channels: list[Channel] = []
+    for sensor in SENSORS:
+        triads = [p.w_ib_b if sensor == "gyro" else p.f_b for _, p in parts]
+        step, triads, told = _new_ones(sensor, triads, [s.interval for s in stretches])
+        notes += told
+        known = (bandwidths or {}).get(sensor, np.inf)
+        for k, axis in enumerate(AXES):
+            signals = [np.ascontiguousarray(triad[:, k]) for triad in triads]
+            channels.append(channel(sensor, axis, signals, step, sheet, known))
+    result = Analysis(tuple(channels), stretches, tuple(events), tuple(notes + _shaken(parts)))
     for term in asked:
-        _refuse_unless_shown(term, channels, len(t) * step)
-    return Analysis(channels, step, len(t), float(t[0]), float(t[-1]), tuple(events))
+        _refuse_unless_shown(term, result.channels, result.duration)
+    return result
+
+
+Part = tuple[float, ImuReadings]  # a stretch with the interval of its samples [s]
+
+
+def _stretches(rests: Sequence[ImuReadings]) -> tuple[list[Part], list[Interruption], list[str]]:
+    """The longest stretch of each rest, of those of one rate; where all are cut; what to say."""
+    parts: list[Part] = []
+    events: list[Interruption] = []
+    notes: list[str] = []
+    for rest in rests:
+        burst = bursts(rest.t)
+        if burst is not None:
+            notes.append(
+                f"{burst.count} bursts of {burst.size:.3g} samples from {rest.t[0]:.6g} s on: the "
+                "stamps are those of arrival, even ones by the mean rate are used"
+            )
+        t = rest.t if burst is None else evened(rest.t)
+        found = interruptions(t)
+        part = longest(t, found)
+        n = part.stop - part.start
+        step = float(t[part.stop - 1] - t[part.start]) / max(1, n - 1)
+        if found and n < FEWEST:
+            gaps = sum(event.kind == "gap" for event in found)
+            raise TooShort(
+                f"{gaps} gaps, one in {len(t) / max(1, gaps):.3g} samples: the longest stretch "
+                f"without one has {n} samples ({n * step:.3g} s), an Allan variance needs at "
+                f"least {FEWEST}"
+            )
+        parts.append((step, ImuReadings(t[part], rest.w_ib_b[part], rest.f_b[part])))
+        events += found
+    best = max(parts, key=lambda p: len(p[1]))
+    usual = best[0]
+    alike = [p for p in parts if abs(p[0] - usual) <= ALIKE_RATE * usual and len(p[1]) >= FEWEST]
+    return alike or [best], events, notes
+
+
+def _stretch(part: ImuReadings, step: float) -> Stretch:
+    means = part.w_ib_b.mean(axis=0), part.f_b.mean(axis=0)
+    return Stretch(float(part.t[0]), float(part.t[-1]), len(part), step, *means)
+
+
+def _new_ones(
+    sensor: str, triads: list[Array], intervals: list[float]
+) -> tuple[float, list[Array], list[str]]:
+    """Mean interval of the new values of a triad (n, 3) per stretch, and these alone."""
+    fresh = [repeats(triad) for triad in triads]
+    lengths = [len(triad) for triad in triads]
+    span = float(np.dot(lengths, intervals))
+    if any(starts is None for starts in fresh):
+        return span / sum(lengths), triads, []
+    kept = [triad[starts] for triad, starts in zip(triads, fresh, strict=True)]
+    times = sum(lengths) / sum(map(len, kept))
+    step = times * span / sum(lengths)
+    return (
+        step,
+        kept,
+        [
+            f"{sensor}: every value stands {times:.3g} times: the new ones alone are used, "
+            f"{1 / step:.4g} Hz"
+        ],
+    )
+
+
+def _shaken(parts: Sequence[Part]) -> list[str]:
+    """Where the scatter of readings is far above what it usually is."""
+    notes = []
+    for sensor in SENSORS:
+        for _, part in parts:
+            values = part.w_ib_b if sensor == "gyro" else part.f_b
+            scatter = _scatter(values)
+            usual = np.median(scatter, axis=0)
+            beyond = scatter > SHAKEN * np.where(usual > 0, usual, np.inf)
+            if beyond.any():
+                first = int(np.flatnonzero(beyond.any(axis=1))[0])
+                share = 100 * np.mean(beyond.any(axis=1))
+                notes.append(
+                    f"{sensor}: scatter far above the usual near {part.t[first * BLOCK]:.6g} s, "
+                    f"in {share:.2g} % of the time: a knock or a vibration is in the terms"
+                )
+    return notes
+
+
+def _scatter(values: Array) -> Array:
+    """Variances (b, k) of values (n, k) about the means of successive blocks."""
+    blocks = len(values) // BLOCK
+    if blocks == 0:
+        return values.var(axis=0, ddof=1)[None]
+    return values[: blocks * BLOCK].reshape(blocks, BLOCK, -1).var(axis=1, ddof=1)
 
 
 def channel(
-    sensor: str, axis: str, signal: Array, step: float, sheet: Sheet | None = None
+    sensor: str,
+    axis: str,
+    signal: Array | Sequence[Array],
+    step: float,
+    sheet: Sheet | None = None,
+    bandwidth: float = np.inf,
 ) -> Channel:
     """The Allan deviation of one signal (n,) sampled every `step` [s], and its terms.
+
+    `signal` may be several stretches; `bandwidth` [Hz] is the sensor's, where it is known.
 
     Raises
     ------
     TooShort
         Fewer than 96 samples.
     """
-    curve = deviation(signal, step)
-    stated = {key: (sheet or {}).get((sensor, key), 0.0) for key in KEYS}
+    signals = [signal] if isinstance(signal, np.ndarray) else list(signal)
+    curve = deviation(signals, step)
     if curve.silent:
         return _silent(sensor, axis, curve)
-    fitted = fit(curve)
+    stated = {key: (sheet or {}).get((sensor, key), 0.0) for key in KEYS}
+    fitted = fit(curve, bandwidth)
+    rounding = _rounding(signals, fitted)
+    if rounding.memory > 1:
+        fitted = fit(curve, min(bandwidth, MEMORY / (rounding.memory * step)))
+    weights = np.maximum(fitted.weights, 0.0)
     low, high = _bounds(curve, fitted.weights)
+    if not rounding.resolved:
+        return _unresolved(sensor, axis, curve, low, high, rounding)
+    weights[_N] = max(0.0, weights[_N] - rounding.least)
     found, missing = [], []
     for k, key in enumerate(KEYS):
-        ends = interval(fitted, k)
-        if shown(fitted, k):
-            values = (fitted.weights[k], *ends)
-            found.append(Found(key, *(value(w, k, step) for w in values)))
+        ends = rounding.taken(interval(fitted, k)) if k == _N else interval(fitted, k)
+        if weights[k] > 0 and shown(fitted, k):
+            found.append(Found(key, *(value(w, k, step) for w in (weights[k], *ends))))
         else:
             missing.append(_missing(curve, fitted, k, ends[1], stated[key]))
+    smoothing = 2 * max(0.0, -fitted.weights[_Q]) / max(fitted.weights[_N], 1e-300) * step
     return Channel(
         sensor,
         axis,
@@ -203,20 +391,84 @@ def channel(
         np.sqrt(curve.variance),
         low,
         high,
-        np.array([value(w, k, step) for k, w in enumerate(fitted.weights)]),
+        np.array([value(w, k, step) for k, w in enumerate(weights)]),
         tuple(found),
         tuple(missing),
         float(curve.tau[fitted.first]),
         fitted.onset * step if fitted.weights[index("B")] > 0 else 0.0,
         fitted.problem.excess / 2,  # of the deviation: half of that of its square
+        smoothing,
+        rounding.step,
+        value(rounding.least, _N, step),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Rounding:
+    """What rounding to `step` adds to the weight of N: from `least` - `doubt` to `most` + `doubt`.
+
+    Nothing where its errors do not add up, as of increments: `memory` is how many samples they
+    correlate over. `resolved` as in `Channel`.
+    """
+
+    step: float
+    least: float = 0.0
+    most: float = 0.0
+    doubt: float = 0.0
+    resolved: bool = True
+    memory: float = 1.0
+
+    def taken(self, ends: tuple[float, float]) -> tuple[float, float]:
+        """An interval of N without it."""
+        low, high = ends
+        return max(0.0, low - self.most - self.doubt), max(0.0, high - self.least + self.doubt)
+
+
+def _rounding(signals: Sequence[Array], fitted: Fit) -> _Rounding:
+    """How coarse the readings are for their noise."""
+    step = step_of(np.concatenate(signals))
+    if step == 0.0:
+        return _Rounding(0.0)
+    added = step**2 / 12
+    low, high = interval(fitted, _Q)
+    if low <= 2 * added and high >= added / 2 and shown(fitted, _Q):
+        # Increments, whose rounding is a Q of just that size: it correlates over m samples as
+        # exp(-2 pi^2 m sigma^2/step^2), 0.003 being too little to matter.
+        memory = 0.3 * step**2 / max(float(fitted.weights[_N]), 0.001 * step**2)
+        return _Rounding(step, memory=memory)
+    scatter = float(np.mean(np.concatenate([_scatter(signal[:, None]) for signal in signals])))
+    left, doubt = sigma_below(step, scatter)
+    if doubt > RESOLVED * left:
+        return _Rounding(step, resolved=False)
+    return _Rounding(step, 0.0 if low <= added <= high else added, added, doubt)
+
+
+def _unresolved(
+    sensor: str, axis: str, curve: Deviation, low: Array, high: Array, rounding: _Rounding
+) -> Channel:
+    """No term can be told; each is below what would lift the readings over their step."""
+    size, span = rounding.step, max(curve.lengths) * curve.interval
+    most = {
+        "Q": size * curve.interval,
+        "N": COARSEST * size * np.sqrt(curve.interval),
+        "B": size,
+        "K": size * np.sqrt(3 / span),
+        "R": size * np.sqrt(2) / span,
+    }
+    missing = tuple(Missing(key, most[key], most[key], None) for key in KEYS)
+    zeros, first = np.zeros(len(KEYS)), float(curve.tau[0])
+    deviations = np.sqrt(curve.variance)
+    return Channel(
+        sensor, axis, curve.tau, deviations, low, high, zeros, (), missing, first, 0.0, 0.0,
+        step=size, resolved=False,
+    )  # fmt: skip
 
 
 def shown(fitted: Fit, term: int) -> bool:
     """Whether the record shows a term: it cannot be left out, and is a fair part at some tau."""
-    return _part(fitted.weights, fitted.problem.design, term) >= PART and (
-        evidence(fitted, term) >= SEEN
-    )
+    columns = fitted.problem.allowing(0.0).design
+    weights = np.maximum(fitted.weights, 0.0)
+    return _part(weights, columns, term) >= PART and evidence(fitted, term) >= SEEN
 
 
 def _part(weights: Array, columns: Array, term: int) -> float:
@@ -226,7 +478,7 @@ def _part(weights: Array, columns: Array, term: int) -> float:
 
 def _bounds(curve: Deviation, weights: Array) -> tuple[Array, Array]:
     """95 % bounds of the deviation: chi-square of its equivalent degrees of freedom."""
-    freedom = degrees_of_freedom(curve.n, tuple(int(m) for m in curve.m), weights)
+    freedom = degrees_of_freedom(curve.lengths, tuple(int(m) for m in curve.m), weights)
     scale = curve.variance * freedom
     return np.sqrt(scale / chdtri(freedom, 0.025)), np.sqrt(scale / chdtri(freedom, 0.975))
 
@@ -244,13 +496,17 @@ def _silent(sensor: str, axis: str, curve: Deviation) -> Channel:
 def _missing(curve: Deviation, fitted: Fit, term: int, upper: float, stated: float) -> Missing:
     step = curve.interval
     largest = upper if np.isfinite(upper) else float(np.max(curve.variance))
+    if term == _Q and -fitted.weights[_Q] > largest:  # a low-pass may hide as much as it takes
+        hidden = value(-float(fitted.weights[_Q]), term, step)
+        return Missing(KEYS[term], hidden, hidden, None)
     assumed = min(weight(stated, term, step), largest) if stated > 0 else largest
-    others = solve(fitted.problem, term, assumed, near=fitted.weights)
+    asked, own = holding(fitted.problem, fitted.solution, term)
+    others = asked.physical(solve(asked, term, assumed, near=np.maximum(own, 0.0)))
     return Missing(
         KEYS[term],
         value(largest, term, step),
         value(assumed, term, step),
-        needed(others, term, curve.n, step),
+        needed(np.maximum(others, 0.0), term, sum(curve.lengths), step),
     )
 
 
@@ -283,9 +539,11 @@ def _expected(weights: Array, term: int, n: int) -> bool:
     columns = design(m)
     if _part(weights, columns, term) < PART:
         return False
-    posed = problem(Deviation(n, 1.0, m, columns @ weights))
+    posed = problem(Deviation((n,), 1.0, m, columns @ weights))
+    own = weights.copy()
+    own[_Q] += posed.lowpass * own[_N]
     enough = EXPECTED_OF_WALK if KEYS[term] == "K" else EXPECTED
-    return worse_with(posed, weights, term, 0.0) >= enough
+    return worse_with(posed, own, term, 0.0) >= enough
 
 
 def _refuse_unless_shown(term: str, channels: tuple[Channel, ...], duration: float) -> None:
@@ -305,22 +563,3 @@ def _refuse_unless_shown(term: str, channels: tuple[Channel, ...], duration: flo
         f"{term} is not identifiable in {duration / 3600:.3g} h: needs "
         f"{lengths[first] / 3600:.3g} h ({first}) to {lengths[last] / 3600:.3g} h ({last})"
     )
-
-
-def _check_rest(t: Array, values: Array, least: float, what: str, scale: float, unit: str) -> None:
-    """Raise `NotAtRest` where successive 1 s means jump."""
-    size = max(1, round(len(t) / max(float(t[-1] - t[0]), 1e-9))) if len(t) > 1 else 1
-    blocks = len(t) // size
-    if blocks < 3:
-        return
-    means = values[: blocks * size].reshape(blocks, size, -1).mean(axis=1)
-    jumps = np.abs(np.diff(means, axis=0))
-    sigma = 1.4826 * np.median(jumps, axis=0)
-    beyond = jumps / np.maximum(least, REST_SIGMAS * sigma)
-    worst = int(np.argmax(beyond.max(axis=1)))
-    if beyond[worst].max() > 1:
-        axis = int(np.argmax(beyond[worst]))
-        raise NotAtRest(
-            f"not at rest near {t[(worst + 1) * size]:.1f} s: {what} {AXES[axis]} jumps by "
-            f"{jumps[worst, axis] * scale:.3g} {unit} between 1 s means"
-        )

@@ -15,6 +15,8 @@ Leading errors: the sum over lags is an integral with 8 nodes per averaging time
 that were decimated by m/32 are taken as fully overlapping, but for Q (below 1 %).
 """
 
+from collections import Counter
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -22,6 +24,7 @@ import numpy as np
 from alignment.allan.terms import KEYS, design
 from alignment.arrays import Array
 
+LONGEST = 8  # parts of a record that the longest averaging time must fit in
 NODES = 8  # per averaging time
 REACH = 64  # averaging times after which flicker's covariance, ~ u^-2, no longer counts
 OVERLAP = 32  # start points per averaging time that are used of long taus
@@ -61,16 +64,46 @@ def table(n: int, m: tuple[int, ...]) -> Array:
     return T
 
 
+def octaves(n: int) -> np.ndarray:
+    """Averaging times in samples for a record of n samples."""
+    return 2 ** np.arange(int(np.log2(n // LONGEST)) + 1)
+
+
+def shares(lengths: Sequence[int], m: tuple[int, ...]) -> Array:
+    """What each stretch (of `lengths` samples) has in the pooled variance at each tau: (s, k).
+
+    By their squares: M = n + 1 - 2m of them, none where tau is too long for a stretch.
+    """
+    n, tau = np.asarray(lengths)[:, None], np.asarray(m)
+    squares = np.where(tau * LONGEST <= n, n + 1.0 - 2 * tau, 0.0)
+    return squares / squares.sum(axis=0)
+
+
+@lru_cache(maxsize=64)
+def pooled(lengths: tuple[int, ...], m: tuple[int, ...]) -> Array:
+    """`table` of Allan variances that are pooled from stretches, whose noise is independent."""
+    if len(lengths) == 1:
+        return table(lengths[0], m)
+    T = np.zeros((len(KEYS), len(KEYS), len(m), len(m)))
+    part = shares(lengths, m)
+    for n, times in Counter(lengths).items():
+        k = int(np.count_nonzero(np.asarray(m) * LONGEST <= n))
+        own = part[lengths.index(n), :k]
+        T[:, :, :k, :k] += times * table(n, m[:k]) * np.outer(own, own)
+    T.flags.writeable = False
+    return T
+
+
 def covariance(T: Array, weights: Array) -> Array:
     """Covariance (k, k) of Allan variances from `table` for the terms' weights (5,)."""
     products = np.outer(weights, weights).ravel()
     return (products @ T.reshape(len(products), -1)).reshape(T.shape[2:])
 
 
-def degrees_of_freedom(n: int, m: tuple[int, ...], weights: Array) -> Array:
+def degrees_of_freedom(lengths: tuple[int, ...], m: tuple[int, ...], weights: Array) -> Array:
     """Equivalent degrees of freedom (k,): ``2 E[v]^2 / Var v``, noise and ramp of these weights."""
     expected = design(m) @ weights
-    variances = np.diag(covariance(table(n, m), weights))
+    variances = np.diag(covariance(pooled(lengths, m), weights))
     return 2 * expected**2 / np.maximum(variances, 2e-12 * expected**2)  # a ramp alone has none
 
 

@@ -1,14 +1,14 @@
 """The overlapping Allan variance of a record, at octaves of averaging time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from alignment.allan.covariance import stride
+from alignment.allan.covariance import octaves, shares, stride
 from alignment.arrays import Array, set_owned
 from alignment.errors import TooShort
 
-LONGEST = 8  # parts of a record that the longest averaging time must fit in
 FEWEST = 96  # samples: four octaves, 1 to 8 samples, with 12 averages at the longest
 CANCELLED = 1e-12  # of the largest variance: less is a pattern that repeats
 SILENT = 1e-13  # of the signal's size: a scatter this small is rounding
@@ -20,17 +20,18 @@ class Deviation:
 
     Attributes
     ----------
-    n : int
-        Samples of the record.
+    lengths : tuple of int
+        Samples of each stretch of the record.
     interval : float
         Of one sample [s].
     m : (k,) int64
-        Averaging times in samples: powers of two, up to n / `LONGEST`.
+        Averaging times in samples: powers of two, up to an eighth of the longest stretch.
     variance : (k,)
-        Overlapping Allan variance [unit^2]; all zero where the signal is constant.
+        Overlapping Allan variance [unit^2], over all stretches that are long enough for a tau;
+        all zero where the signal is constant.
     """
 
-    n: int
+    lengths: tuple[int, ...]
     interval: float
     m: np.ndarray
     variance: Array
@@ -50,17 +51,12 @@ class Deviation:
         return not self.variance.any()
 
 
-def octaves(n: int) -> np.ndarray:
-    """Averaging times in samples for a record of n samples."""
-    return 2 ** np.arange(int(np.log2(n // LONGEST)) + 1)
-
-
-def deviation(signal: Array, interval: float) -> Deviation:
-    """Overlapping Allan variance of a signal.
+def deviation(signal: Array | Sequence[Array], interval: float) -> Deviation:
+    """Overlapping Allan variance of a signal, or of several stretches of one.
 
     Parameters
     ----------
-    signal : (n,)
+    signal : (n,), or a sequence of such
         Equidistant samples, each the mean over its interval [any unit].
     interval : float
         [s].
@@ -68,29 +64,40 @@ def deviation(signal: Array, interval: float) -> Deviation:
     Raises
     ------
     TooShort
-        Fewer than `FEWEST` samples.
+        Fewer than `FEWEST` samples in every stretch; shorter ones beside a longer are left out.
 
     Notes
     -----
     ``v(m) = <(x_{k+2m} - 2 x_{k+m} + x_k)^2> / (2 m^2)``, x the running sum (NIST SP 1065 eq. 11,
     by allantools). An averaging time of more than 32 samples starts at every m/32nd sample only,
-    which costs less than 1 % of its certainty (white x excepted, see `covariance`).
+    which costs less than 1 % of its certainty (white x excepted, see `covariance`). Stretches are
+    pooled by the number of their squares; what lies between them is in none.
     """
-    n = len(signal)
-    if n < FEWEST:
+    every = [signal] if isinstance(signal, np.ndarray) else list(signal)
+    longest = max(map(len, every), default=0)
+    if longest < FEWEST:
         raise TooShort(
-            f"{n} samples ({n * interval:.3g} s): an Allan variance needs at least {FEWEST} "
-            f"({FEWEST * interval:.3g} s)"
+            f"{longest} samples ({longest * interval:.3g} s): an Allan variance needs at least "
+            f"{FEWEST} ({FEWEST * interval:.3g} s)"
         )
-    m = octaves(n)
+    parts = [part for part in every if len(part) >= FEWEST]
+    lengths = tuple(map(len, parts))
+    m = octaves(longest)
+    found = np.zeros(len(m))
+    for part, share in zip(parts, shares(lengths, tuple(map(int, m))), strict=True):
+        own = octaves(len(part))
+        found[: len(own)] += share[: len(own)] * _variances(part, own)
+    # A pattern can cancel at one tau; a logarithm of it is needed all the same.
+    return Deviation(lengths, interval, m, np.maximum(found, CANCELLED * found.max()))
+
+
+def _variances(signal: Array, m: np.ndarray) -> Array:
+    """Of one stretch; all zero where it is constant but for rounding."""
     offset = signal - signal[0]
     if np.abs(offset).max() <= SILENT * np.abs(signal).max():
-        return Deviation(n, interval, m, np.zeros(len(m)))
+        return np.zeros(len(m))
     offset -= offset.mean()
-    phase = np.concatenate([[0.0], np.cumsum(offset, out=offset)])
-    found = variances(phase, m)
-    # A pattern can cancel at one tau; a logarithm of it is needed all the same.
-    return Deviation(n, interval, m, np.maximum(found, CANCELLED * found.max()))
+    return variances(np.concatenate([[0.0], np.cumsum(offset, out=offset)]), m)
 
 
 def variances(phase: Array, m: np.ndarray) -> Array:

@@ -13,11 +13,20 @@ are well above zero, and 5.14, right where one of them is as likely as not held 
 chi-square of 1, half of 2: Self and Liang, 1987). Measured coverage of white noise, walk, plateau,
 quantisation, ramp and sums of them: 93 to 100 % (tests/test_allan.py).
 
+White noise through a low-pass of any shape, an averaging or a hold has no white increments at lags
+within the filter's memory; beyond it the integral's structure function is ``N^2 (u - c)``, with
+``c = (1/pi) int (1 - |H|^2)/w^2 dw`` (0.159/bandwidth of first order, 0.113/bandwidth of second
+order Butterworth), and that is white noise with a *negative* quantisation, ``Q^2 = -N^2 c/2``, in
+variance and covariance alike: ``sigma^2 = N^2/tau (1 - 3c/(2 tau))``. The weight of Q may therefore
+be negative in every fit, down to where c is half the shortest averaging time; only a positive one
+is quantisation. The fit starts at `MEMORY` / bandwidth where a bandwidth is known, and at
+`FORGOTTEN` c, as it is seen, where none is.
+
 A plateau is never flat: sums of Gauss-Markov processes ripple by 2 % of the deviation, so that B^2
 is allowed `PLATEAU` at each tau. Nor does it go on to the shortest tau: it is fitted without a
 beginning and with some (`terms.plateau`); intervals are those of the likeliest and of the outermost
 that are nearly as likely. Where the terms still do not describe the curve (p < 0.001), up to
-`MOST_DROPPED` of the shortest taus are left out, where a sensor's bandwidth shows; if that does not
+`MOST_DROPPED` of the shortest taus are left out, where a filter's memory shows; if that does not
 help, the least relative model error common to all taus that explains the misfit is added (Paule and
 Mandel, 1982).
 """
@@ -31,7 +40,7 @@ import numpy as np
 from scipy.optimize import brentq, nnls
 from scipy.special import chdtrc
 
-from alignment.allan.covariance import covariance, table
+from alignment.allan.covariance import covariance, pooled
 from alignment.allan.deviation import Deviation
 from alignment.allan.terms import TERMS, design, index
 from alignment.arrays import Array, IntArray
@@ -44,9 +53,12 @@ PLATEAU = 0.03  # of B^2, at each tau by itself: no real plateau is flat
 MOST_EXCESS = 2.0  # relative error of v: a deviation known to a factor of two
 LEAST_PLATEAU = 30  # onsets that a plateau must be seen over
 LEAST_EIGENVALUE = 1e-3  # of the correlations between taus
+SHORTEST = 4  # c is at most half of the shortest averaging time: Q^2 at least -N^2 m/4
+MEMORY = 1.1  # periods of the bandwidth after which a low-pass forgets (first order: exp(-7))
+FORGOTTEN = 7.0  # c after which it does: first order exp(-7), second 4 % of what it takes
 ROUNDING = 1e-6  # least relative error of a variance: a ramp alone would have none
 _ROUNDS = 40
-_B = index("B")
+_Q, _N, _B = index("Q"), index("N"), index("B")
 _STARTS = (None, index("R"), index("K"))
 _DOUBLINGS = 40
 _SETTLED = 1e-3  # of twice the log likelihood
@@ -56,13 +68,29 @@ _SETTLED = 1e-3  # of twice the log likelihood
 class Problem:
     """Variances at some taus (in samples) and what is needed to judge a model of them.
 
-    `T` is `covariance.table`'s, `excess` the relative model error of v common to all taus.
+    `T` is `covariance.pooled`'s, `excess` the relative model error of v common to all taus.
+    `lowpass` is how far below zero the weight of Q may be, in weights of N: `design`, `T` and
+    every weight here are those of (Q + `lowpass` N, N, B, K, R), none of which may be negative.
     """
 
     design: Array
     variance: Array
     T: Array
     excess: float = 0.0
+    lowpass: float = 0.0
+
+    def allowing(self, lowpass: float) -> "Problem":
+        """The same with another least weight of Q."""
+        mixing = np.eye(len(TERMS))
+        mixing[_Q, _N] = self.lowpass - lowpass
+        T = np.einsum("pa,qb,pqij->abij", mixing, mixing, self.T)
+        return replace(self, design=self.design @ mixing, T=T, lowpass=lowpass)
+
+    def physical(self, weights: Array) -> Array:
+        """The terms' own weights: that of Q may be negative."""
+        own = weights.copy()
+        own[_Q] -= self.lowpass * own[_N]
+        return own
 
     @property
     def root_slope(self) -> float:
@@ -145,18 +173,24 @@ class Rival:
 class Fit:
     """Weights (5,) as in `terms`, the problem they solve, and how well.
 
-    `first` is the first tau used, `onset` where the plateau begins [samples; 0: nowhere],
-    `chi2` the misfit before any `problem.excess` was allowed and
-    `freedom` what it should be.
+    `solution` is in the problem's own weights, `weights` in the terms': below zero, that of Q is
+    what a low-pass took. `first` is the first tau used, `onset` where the plateau begins [samples;
+    0: nowhere], `chi2` the misfit before any `problem.excess` was allowed and `freedom` what it
+    should be.
     """
 
-    weights: Array
+    solution: Array
     problem: Problem
     first: int
     onset: float
     chi2: float
     freedom: int
     rivals: tuple[Rival, ...] = ()
+
+    @property
+    def weights(self) -> Array:
+        """In the order of `terms.KEYS`."""
+        return self.problem.physical(self.solution)
 
 
 def _whitener(relative: Array) -> tuple[Array, float]:
@@ -172,43 +206,55 @@ def _whitener(relative: Array) -> tuple[Array, float]:
     return (vectors / np.sqrt(values)).T / sigma, log_det
 
 
-def fit(curve: Deviation) -> Fit:
-    """The non-negative weights that describe the curve; it must not be silent."""
-    whole = _fit(curve, 0)
+def fit(curve: Deviation, bandwidth: float = math.inf) -> Fit:
+    """The weights that describe the curve, which must not be silent; `bandwidth` [Hz] if known."""
+    most = max(0, len(curve.m) - FEWEST_TAUS)
+    start = min(most, int(np.searchsorted(curve.tau, MEMORY / bandwidth)))
+    whole = _fit(curve, start)
+    # selection by the curve itself costs certainty: only where nobody knows
+    while bandwidth == math.inf and start < most and FORGOTTEN * _smoothing(whole) > curve.m[start]:
+        start += 1
+        whole = _fit(curve, start)
     if _described(whole):
         return whole
-    for first in range(1, min(MOST_DROPPED, len(curve.m) - FEWEST_TAUS) + 1):
+    for first in range(start + 1, min(start + MOST_DROPPED, most) + 1):
         for onset in {0.0, whole.onset}:
             if _described(_fit_with(curve, first, onset)):
                 return _fit(curve, first)
     return _with_excess(whole)
 
 
+def _smoothing(found: Fit) -> float:
+    """c of a low-pass [samples], from what it takes."""
+    return 2 * max(0.0, -found.weights[_Q]) / max(found.weights[_N], 1e-300)
+
+
 def problem(curve: Deviation, first: int = 0, onset: float = 0.0) -> Problem:
     """The problem of a curve from its tau number `first` on; `onset` [samples] of its plateau."""
     m = tuple(int(k) for k in curve.m)
-    T = table(curve.n, m)[:, :, first:, first:].copy()
+    T = pooled(curve.lengths, m)[:, :, first:, first:].copy()
     T[_B, _B] += PLATEAU**2 * np.eye(len(m) - first)
-    return Problem(design(curve.m[first:], onset), curve.variance[first:], T)
+    plain = Problem(design(curve.m[first:], onset), curve.variance[first:], T)
+    return plain.allowing(m[first] / SHORTEST)
 
 
 def _fit(curve: Deviation, first: int) -> Fit:
     """The likeliest of the fits with the plateau beginning somewhere or nowhere."""
     flat = _fit_with(curve, first, 0.0)
-    found = [flat, *(_fit_with(curve, first, onset, flat.weights) for onset in _onsets(curve))]
+    found = [flat, *(_fit_with(curve, first, onset, flat.solution) for onset in _onsets(curve))]
     best = min(found, key=_cost)
-    if not best.weights[_B] > 0:
+    if not best.solution[_B] > 0:
         return best
     for part in (1, 0.5, 0.25) if best.onset > 0 else ():
         beside = (best.onset * 2**k for k in (-part, part))
-        found += [_fit_with(curve, first, onset, best.weights) for onset in beside]
+        found += [_fit_with(curve, first, onset, best.solution) for onset in beside]
         best = min(found, key=_cost)
     found.sort(key=lambda one: one.onset)
     worse = [_cost(one) - _cost(best) for one in found]
     near = [k for k, one in enumerate(found) if worse[k] < LIMIT and one is not best]
     outer = sorted({near[0], near[-1]}) if near else []
     return replace(
-        best, rivals=tuple(Rival(found[k].problem, found[k].weights, worse[k]) for k in outer)
+        best, rivals=tuple(Rival(found[k].problem, found[k].solution, worse[k]) for k in outer)
     )
 
 
@@ -220,7 +266,7 @@ def _fit_with(curve: Deviation, first: int, onset: float, near: Array | None = N
 
 
 def _cost(found: Fit) -> float:
-    return found.problem.whiten(found.weights).cost(found.weights)
+    return found.problem.whiten(found.solution).cost(found.solution)
 
 
 def _onsets(curve: Deviation) -> list[float]:
@@ -246,7 +292,7 @@ def _with_excess(found: Fit) -> Fit:
     low, high = math.log(1e-4), math.log(MOST_EXCESS)
     at = low if over(low) <= 0 else high if over(high) >= 0 else _crossing(over, low, high, 1e-2)
     posed, weights = solved(at)
-    return replace(found, problem=posed, weights=weights)
+    return replace(found, problem=posed, solution=weights)
 
 
 def solve(
@@ -321,33 +367,45 @@ def _iterated(posed: Problem, weights: Array, free: IntArray) -> Array:
 def evidence(fitted: Fit, term: int) -> float:
     """How much worse the curve is described without a term: chi-square of 1 if there is none."""
     rivals = (r.worse + worse_with(r.problem, r.weights, term, 0.0) for r in fitted.rivals)
-    return min(worse_with(fitted.problem, fitted.weights, term, 0.0), *rivals, np.inf)
+    return min(worse_with(fitted.problem, fitted.solution, term, 0.0), *rivals, np.inf)
 
 
 def interval(fitted: Fit, term: int) -> tuple[float, float]:
     """The 95 % interval of a term's weight; the lower end is 0 where it may be absent."""
-    ends = [_interval(fitted.problem, fitted.weights, term, LIMIT)]
+    ends = [_interval(fitted.problem, fitted.solution, term, LIMIT)]
     ends += [_interval(r.problem, r.weights, term, LIMIT - r.worse) for r in fitted.rivals]
     return min(low for low, _ in ends), max(high for _, high in ends)
 
 
+def holding(posed: Problem, best: Array, term: int) -> tuple[Problem, Array]:
+    """The problem whose weight of a term is the term's own, and `best` in its weights.
+
+    Only Q has another weight, where a low-pass is allowed; there `best` may have a negative one.
+    """
+    if term != _Q:
+        return posed, best
+    return posed.allowing(0.0), posed.physical(best)
+
+
 def worse_with(posed: Problem, best: Array, term: int, at: float) -> float:
     """How much worse a fit is with a term held `at` a weight: chi-square of 1 if that is true."""
-    held = solve(posed, term, at, near=best)
-    white = posed.whiten(held)
-    return min(
-        white.cost(held) - posed.whiten(best).cost(best), white.chi2(held) - white.chi2(best)
-    )
+    asked, own = holding(posed, best, term)
+    held = solve(asked, term, at, near=np.maximum(own, 0.0))
+    white = asked.whiten(held)
+    return min(white.cost(held) - asked.whiten(own).cost(own), white.chi2(held) - white.chi2(own))
 
 
 def _interval(posed: Problem, best: Array, term: int, limit: float) -> tuple[float, float]:
-    peak = float(np.cbrt(best[term]))
+    asked, own = holding(posed, best, term)
+    peak = float(np.cbrt(max(own[term], 0.0)))
 
     def beyond(cube_root: float) -> float:
         worse = worse_with(posed, best, term, cube_root**3)
         return float(np.sqrt(max(worse, 0.0)) - np.sqrt(limit))
 
-    width = _guess(posed, best, term)
+    if peak == 0.0 and beyond(0.0) > 0:  # a low-pass for certain, no quantisation
+        return 0.0, 0.0
+    width = _guess(asked, own, term)
     high = _edge(beyond, peak, width)
     return _edge(beyond, peak, -width) ** 3 if peak > 0 else 0.0, high**3
 
@@ -358,7 +416,8 @@ def _guess(posed: Problem, best: Array, term: int) -> float:
     scale = 1 / np.sqrt(np.diag(information))
     unit = information * np.outer(scale, scale) + 1e-6 * np.eye(len(best))
     sigma = scale[term] * np.sqrt(np.linalg.inv(unit)[term, term])
-    return float(np.cbrt(best[term] + np.sqrt(LIMIT) * sigma) - np.cbrt(best[term]))
+    least = max(best[term], 0.0)
+    return float(np.cbrt(least + np.sqrt(LIMIT) * sigma) - np.cbrt(least))
 
 
 def _edge(beyond: Callable[[float], float], peak: float, width: float) -> float:

@@ -83,11 +83,6 @@ class Budget:
         """All contributions at their worst signs, (7,) [rad]."""
         return np.asarray(np.sum(np.abs(self.contributions), axis=0))
 
-    @property
-    def rss(self) -> Array:
-        """Root of the sum of squares, (7,) [rad]."""
-        return np.asarray(np.sqrt(np.sum(self.contributions**2, axis=0)))
-
     def of(self, output: str) -> dict[str, float]:
         """Contributions [rad] to one of `OUTPUTS` by source."""
         column = self.contributions[:, OUTPUTS.index(output)]

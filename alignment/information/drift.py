@@ -12,6 +12,9 @@ import numpy as np
 
 from alignment.arrays import Array
 
+DECADES = (1.0, 10.0, 100.0, 1000.0, 10000.0)  # s: correlation times that make up an instability
+LEVEL = 0.76475  # least Allan deviation, between 10 and 1000 s, of a unit process on each of them
+
 _TO_REAL = np.array([[1, 0, 0], [0, 1, 1], [0, -1j, 1j]])  # of integrals with k = 0, 1, -1
 
 
@@ -28,6 +31,11 @@ class GaussMarkov:
     def __post_init__(self) -> None:
         if not self.sigma >= 0 or not self.time > 0:
             raise ValueError(f"sigma {self.sigma}, time {self.time}: must be >= 0 and > 0")
+
+
+def flicker(plateau: float) -> tuple[GaussMarkov, ...]:
+    """The processes whose Allan deviation stays about `plateau` from seconds to an hour."""
+    return tuple(GaussMarkov(plateau / LEVEL, time) for time in DECADES) if plateau else ()
 
 
 @dataclass(frozen=True, slots=True)

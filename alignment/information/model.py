@@ -6,7 +6,7 @@ first order in every error: ``(1 + s)(1 + M + N) x + a |x| + q x^2 + c x^3 + G f
 ramp t``, x the true rate or specific force; the same as the stand's instrument reports.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,9 +14,11 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
+from alignment.constant_errors import BY_AXIS, ERRORS_OF
+from alignment.cross import cross_matrix
 from alignment.earth import Site
 from alignment.errors import TooShort
-from alignment.information.drift import GaussMarkov, Span, ramp_coefficients
+from alignment.information.drift import GaussMarkov, Span, flicker, ramp_coefficients
 from alignment.options import Priors
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G, MRAD, PPM, STANDARD_GRAVITY
 
@@ -175,14 +177,27 @@ class Setting:
 def assumed(priors: Priors, latitude_known: bool = True) -> tuple[Unit, Setting]:
     """Instrument and table as a fit of positions takes them that is told `priors`.
 
-    A bias of 0 there means that nobody knows it; biases are taken for constant. The
-    gains of this are the estimator's own, and what they make of another unit is
-    `Information.contributions` with that gain.
+    A bias of 0 there means that nobody knows it. The gains of this are the estimator's own, and
+    what they make of another unit is `Information.contributions` with that gain.
     """
-    gyro = Triad(priors.gyro_walk, priors.gyro_bias or np.inf, scale=priors.gyro_scale)
-    accel = Triad(priors.accel_walk, priors.accel_bias or np.inf, scale=priors.accel_scale)
     unknown = 0.0 if latitude_known else np.inf
-    return Unit(gyro, accel), Setting(placement=priors.turn, latitude=unknown, gravity=unknown)
+    return Unit(_assumed_triad(priors, "gyro"), _assumed_triad(priors, "accel")), Setting(
+        placement=priors.turn, latitude=unknown, gravity=unknown
+    )
+
+
+def _assumed_triad(priors: Priors, sensor: str) -> Triad:
+    def told(name: str) -> float:
+        return getattr(priors, f"{sensor}_{name}")
+
+    return Triad(
+        noise=told("walk"),
+        bias=told("bias") or np.inf,
+        ramp=told("ramp"),
+        drift=flicker(told("instability")),
+        random_walk=told("random_walk"),
+        **{name: told(name) for name in ERRORS_OF[sensor]},
+    )
 
 
 def _sigmas(values: ArrayLike, name: str) -> Array:
@@ -217,47 +232,6 @@ class Parameter:
         return self.prior
 
 
-# --- how each error shows ------------------------------------------------------------------------
-
-
-def cross_matrix(v: Array) -> Array:
-    """Matrices (..., 3, 3) with ``M u = v x u``."""
-    M = np.zeros((*v.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        M[..., i, j], M[..., i, k] = -v[..., k], v[..., j]
-    return M
-
-
-def _diagonal(x: Array) -> Array:
-    return x[..., None] * np.eye(3)
-
-
-def _leaning(x: Array) -> Array:
-    """By angles Y-Z, Z-X, X-Y: half of each to both axes of the pair."""
-    X, Y, Z = np.moveaxis(x, -1, 0)
-    zero = np.zeros_like(X)
-    rows = [[zero, Z, Y], [Z, zero, X], [Y, X, zero]]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1)) / 2
-
-
-def _by_force(f: Array) -> Array:
-    """(..., 3, 9): each sensor's three coefficients by the components of `f`."""
-    return np.asarray(np.eye(3)[:, :, None] * f[..., None, None, :]).reshape(*f.shape[:-1], 3, 9)
-
-
-# field of `Triad`: columns (..., 3, k) of readings by the true value x and the force f
-BY_AXIS: dict[str, Callable[[Array, Array], Array]] = {
-    "bias": lambda x, f: _diagonal(np.ones_like(x)),
-    "ramp": lambda x, f: _diagonal(np.zeros_like(x)),  # by time, not by what is felt
-    "scale": lambda x, f: _diagonal(x),
-    "asymmetry": lambda x, f: _diagonal(np.abs(x)),
-    "quadratic": lambda x, f: _diagonal(x**2),
-    "cubic": lambda x, f: _diagonal(x**3),
-    "misalignment": lambda x, f: cross_matrix(x),
-    "non_orthogonality": lambda x, f: _leaning(x),
-    "g_sensitivity": lambda x, f: _by_force(f),
-    "g2_sensitivity": lambda x, f: _by_force(f**2),
-}
 _PAIRS = ("Y1-Z1", "Z1-X1", "X1-Y1")
 _BY_SENSOR = ("g_sensitivity", "g2_sensitivity")
 # unit, its size in SI, and a usual size in it: of gyros, of accelerometers

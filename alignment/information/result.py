@@ -111,12 +111,6 @@ class Information:
         """Standard deviations beforehand (p,); infinite ones are there."""
         return np.array([parameter.prior for parameter in self.parameters])
 
-    @property
-    def fisher(self) -> Array:
-        """Fisher matrix (p, p) of the readings alone."""
-        W = _whitening(self.noises, self.used) @ self.J
-        return np.asarray(W.T @ W)
-
     def row(self, quantity: str, stretch: int = 0) -> Array:
         """Sensitivity (p,) of a quantity to the parameters.
 

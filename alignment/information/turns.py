@@ -9,7 +9,12 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError
-from alignment.methods.position_fit import drift_variances, local_vectors, predicted_covariance
+from alignment.methods.position_fit import (
+    drift_covariance,
+    equal_spans,
+    local_vectors,
+    predicted_covariance,
+)
 from alignment.methods.positions import pays
 from alignment.options import Priors
 
@@ -90,8 +95,10 @@ def turn_pays(
     def heading(*angles: float) -> float:
         relative = Rotation.from_rotvec(np.outer(angles, axis)).as_matrix()
         variances = np.tile(density * len(angles) / seconds, (len(angles), 1))
-        variances += drift_variances(priors, len(angles))
-        P = predicted_covariance(C_nb.as_matrix(), variances, relative, latitude, gravity, priors)
+        drift = drift_covariance(priors, equal_spans(len(angles), seconds))
+        P = predicted_covariance(
+            C_nb.as_matrix(), variances, relative, latitude, gravity, priors, drift=drift
+        )
         return float(np.sqrt(P[0, 2, 2]))
 
     return TurnPays(heading(0.0), heading(0.0, np.pi), heading(0.0, np.pi / 2))

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.angles import Sequence
 from alignment.arrays import Array
+from alignment.constant_errors import in_one_attitude
 from alignment.doubts import heading_doubt
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
@@ -132,9 +133,10 @@ def _covariance(
     gravity = np.sqrt(f_axis**2 + np.sum(accels.across**2, axis=-1))
     axis_n = C_nb @ axis_b
     # errors of force in n: noise of the harmonic across the axis, bias and scale along it
-    along = accels.variance + priors.accel_bias**2 + (priors.accel_scale * f_axis) ** 2
+    near = in_one_attitude(priors, float(np.mean(gravity)))
+    along = accels.variance + near.accel_bias**2 + (near.accel_scale * f_axis) ** 2
     outer = axis_n[..., :, None] * axis_n[..., None, :]
-    leaning = (C_nb @ accels.across[..., None]) * priors.accel_scale
+    leaning = (C_nb @ accels.across[..., None]) * near.accel_scale
     F = accels.variance[..., None, None] * (np.eye(3) - outer) + along[..., None, None] * outer
     F = F + accels.share[..., None, None] * leaning * np.swapaxes(leaning, -1, -2)
     tilt = np.zeros((*gravity.shape, 3, 3))
@@ -148,7 +150,9 @@ def _covariance(
     P[..., 2, 2] += gyros.variance / q[..., 2] ** 2
     # an axis that is elsewhere in b takes vertical and north along: b is turned across it
     seated = priors.seat**2 * (np.eye(3) - outer)
-    placed: Array = P + seated + priors.turn**2 * np.eye(3)
+    # gyros turned about the axis turn the azimuth; across it they feel its own rate, a constant
+    astray = priors.gyro_misalignment**2 * outer
+    placed: Array = P + seated + astray + priors.turn**2 * np.eye(3)
     return placed
 
 

@@ -6,7 +6,7 @@ the matrices of all intervals come vectorised and only the updates are a loop. T
 place is that of its lever arm about a point that stays: the zero-displacement update.
 
 The reference comes from the inertial-frame match of the same readings, but only as the point of
-linearisation: the filter starts with an attitude error of `_START` and learns everything from the
+linearisation: the filter starts with an attitude error of `START` and learns everything from the
 updates, so that nothing is used twice. Source: methods.md section 3; P. D. Groves, Principles of
 GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013), 14.2, 15.2.
 """
@@ -18,6 +18,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
+from alignment.constant_errors import in_one_attitude
+from alignment.cross import cross_matrix
 from alignment.doubts import heading_doubt
 from alignment.earth import Site
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
@@ -30,7 +32,6 @@ from alignment.methods.inertial import (
     gravity_velocity,
     match,
     noise_of,
-    skew,
     sway_covariance,
     told_at,
     wander_doubt,
@@ -44,9 +45,9 @@ from alignment.strapdown import Carried, carry, matrices
 METHOD = "fine"
 UPDATE = 0.1  # s between zero-displacement updates
 STILL = 1e-6  # m: least noise of an update
-_START = np.repeat([0.3, 10.0, 1.0, 1.0], [2, 1, 3, 3])  # rad N, E; D; m/s; m: as good as unknown
+START = np.repeat([0.3, 10.0, 1.0, 1.0], [2, 1, 3, 3])  # rad N, E; D; m/s; m: as good as unknown
 _GRAVITY = 0.01  # part by which gravity's size is free where no accelerometer constant has a prior
-_ERRORS = len(_START) + 1  # attitude, velocity, displacement, size of gravity
+_ERRORS = len(START) + 1  # attitude, velocity, displacement, size of gravity
 _SETTLED = 0.01  # rad: a correction of the reference above it calls for another pass
 _PASSES = 8
 _COARSE = 0.5  # s between the updates of passes that only look for the reference
@@ -120,7 +121,7 @@ class Filtered:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Model:
+class Model:
     """What does not change from pass to pass; `names`: the constants that are states."""
 
     readings: ImuReadings
@@ -222,7 +223,7 @@ def innovations(dwell: Dwell, site: Site, options: Options) -> Innovations:
 def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     """The filter over one stretch; parameters and errors as for `fine`."""
     site.horizontal_rate()
-    readings, priors = checked_readings(dwell), options.priors
+    readings, priors = checked_readings(dwell), in_one_attitude(options.priors, site.gravity)
     noise = noise_of(readings, priors)
     carried = carry(readings, UPDATE)
     matched = match(carried, site)
@@ -230,7 +231,7 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += wander_doubt(dwell.label, carried, matched, wander)
     names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
-    model = _Model(readings, site, noise, priors, names)
+    model = Model(readings, site, noise, priors, names)
     reference = _Reference(carried, matched.C_ni, np.zeros(3))
     variance = _update_variance(reference.carried, noise, priors)
     far = float(np.trace(coarse)) > (_SETTLED / 2) ** 2
@@ -272,7 +273,7 @@ def _update_variance(carried: Carried, noise: Noise, priors: Priors) -> float:
 
 
 def _settle(
-    model: _Model, reference: _Reference, variance: float, far: bool
+    model: Model, reference: _Reference, variance: float, far: bool
 ) -> tuple[_Reference, _Pass]:
     """Filter, and again about a corrected reference until the correction is small.
 
@@ -292,7 +293,7 @@ def _settle(
     return reference, run
 
 
-def _found(model: _Model, reference: _Reference, variance: float) -> tuple[_Reference, bool]:
+def _found(model: Model, reference: _Reference, variance: float) -> tuple[_Reference, bool]:
     """The reference that passes of fewer updates settle about, and whether they do."""
     coarse = _about(model, _at_end(reference), reference.offset, _COARSE)
     for _ in range(_PASSES):
@@ -303,25 +304,25 @@ def _found(model: _Model, reference: _Reference, variance: float) -> tuple[_Refe
     return _about(model, _at_end(coarse), coarse.offset, UPDATE), False
 
 
-def _is_settled(model: _Model, reference: _Reference, run: _Pass) -> bool:
+def _is_settled(model: Model, reference: _Reference, run: _Pass) -> bool:
     span = reference.carried.t[-1] - reference.carried.t[0]
     turned = span * np.linalg.norm(_constant(model, run.x[-1], "gyro_bias"))
     return float(max(np.linalg.norm(run.x[-1, :3]), turned)) < _SETTLED
 
 
-def _constant(model: _Model, x: Array, name: str) -> Array:
+def _constant(model: Model, x: Array, name: str) -> Array:
     """The part of a state (s,) that holds the constant; zeros where it has no prior."""
     if name not in model.names:
         return np.zeros(3)
-    return x[_place(model.names.index(name))]
+    return x[columns_of(model.names.index(name))]
 
 
-def _place(k: int) -> slice:
+def columns_of(k: int) -> slice:
     """Where the k-th constant stands in the state."""
     return slice(_ERRORS + 3 * k, _ERRORS + 3 * k + 3)
 
 
-def _corrected(model: _Model, reference: _Reference, run: _Pass, span: float) -> _Reference:
+def _corrected(model: Model, reference: _Reference, run: _Pass, span: float) -> _Reference:
     """The reference with the attitude and the gyro bias that the filter found."""
     offset = reference.offset + _constant(model, run.x[-1], "gyro_bias")
     C_nb = Rotation.from_rotvec(-run.x[-1, :3]) * _at_end(reference)
@@ -333,13 +334,13 @@ def _at_end(reference: _Reference) -> Rotation:
     return reference.C_ni * Rotation.from_quat(reference.carried.q[-1])
 
 
-def _about(model: _Model, C_nb: Rotation, offset: Array, span: float) -> _Reference:
+def _about(model: Model, C_nb: Rotation, offset: Array, span: float) -> _Reference:
     """The reference whose attitude at the end is ``C_nb``, by blocks of `span` seconds."""
     carried = carry(model.readings, span, offset)
     return _Reference(carried, C_nb * Rotation.from_quat(carried.q[-1]).inv(), offset)
 
 
-def _filter(model: _Model, reference: _Reference, variance: float) -> _Pass:
+def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     """One run over all updates."""
     carried, names = reference.carried, model.names
     C_ni = reference.C_ni.as_matrix()
@@ -350,15 +351,15 @@ def _filter(model: _Model, reference: _Reference, variance: float) -> _Pass:
     told = model.priors.accel_bias > 0 or model.priors.accel_scale > 0
     gravity = [0.0 if told else _GRAVITY]
     state = np.zeros((size, size + 1))
-    state[:, :-1] = np.diag(np.concatenate([_START, gravity, *sigmas]) ** 2)
+    state[:, :-1] = np.diag(np.concatenate([START, gravity, *sigmas]) ** 2)
     if "gyro_bias" in names:  # the reference has some of it taken out already
-        state[_place(names.index("gyro_bias")), -1] = -reference.offset
+        state[columns_of(names.index("gyro_bias")), -1] = -reference.offset
     out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
     for first in range(0, m, _CHUNK):
         part = slice(first, min(first + _CHUNK, m))
         push = np.diff(v[part.start : part.stop + 1], axis=0)
         _updates(
-            state, (*_matrices(model, carried, C_ni, push, part), z[part], variance), part, out
+            state, (*error_matrices(model, carried, C_ni, push, part), z[part], variance), part, out
         )
     return out
 
@@ -425,8 +426,8 @@ def _inverse(S: Array) -> Array:
     return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, third)))
 
 
-def _matrices(
-    model: _Model, carried: Carried, C_ni: Array, gravity: Array, part: slice
+def error_matrices(
+    model: Model, carried: Carried, C_ni: Array, gravity: Array, part: slice
 ) -> tuple[Array, Array, Array]:
     """Transition and noise (k, s, s) of the intervals after the edges of `part`; updates (., 3, s).
 
@@ -442,14 +443,14 @@ def _matrices(
     F = np.tile(np.eye(size), (steps.stop - steps.start, 1, 1))
     H = np.zeros((len(C_nb), 3, size))
     H[:, :, 6:9] = np.eye(3)
-    spans, push = carried.spans[steps, None, None], skew(gravity)
+    spans, push = carried.spans[steps, None, None], cross_matrix(gravity)
     F[:, 3:6, :3] = -push
     F[:, 6:9, :3] = -spans / 2 * push
     F[:, 6:9, 3:6] = spans * np.eye(3)
     F[:, 3:6, 9] = gravity
     F[:, 6:9, 9] = spans[:, 0] / 2 * gravity
     for k, name in enumerate(model.names):
-        column = _place(k)
+        column = columns_of(k)
         if name == "lever_arm":
             H[:, :, column] = C_nb
             continue
@@ -467,7 +468,7 @@ def _matrices(
 
 
 def _walks(
-    model: _Model, carried: Carried, C_ni: Array, push: Array, steps: slice, size: int
+    model: Model, carried: Carried, C_ni: Array, push: Array, steps: slice, size: int
 ) -> Array:
     """Covariances (k, s, s) of what white noise adds in each interval.
 
@@ -493,7 +494,7 @@ def _walks(
             getattr(model.priors, name.replace("bias", "instability")) if "bias" in name else 0
         )
         # a walk that over the record has the Allan deviation of the plateau
-        own = np.arange(_place(k).start, _place(k).stop)
+        own = np.arange(columns_of(k).start, columns_of(k).stop)
         Q[:, own, own] = 3 * plateau**2 * spans[:, 0] / carried.spans.sum()
     for row, column in ((3, 0), (6, 0), (6, 3)):
         block = Q[:, row : row + 3, column : column + 3]
@@ -501,7 +502,7 @@ def _walks(
     return Q
 
 
-def _answer(model: _Model, reference: _Reference, run: _Pass, flags: tuple[str, ...]) -> Filtered:
+def _answer(model: Model, reference: _Reference, run: _Pass, flags: tuple[str, ...]) -> Filtered:
     """Attitudes and constants from the reference and its errors."""
     carried = reference.carried
     left = (carried.t[-1] - carried.t)[:, None] * model.site.w_ie_n  # n turns back to then

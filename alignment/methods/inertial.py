@@ -16,6 +16,8 @@ from numpy.polynomial.legendre import legvander
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.constant_errors import in_one_attitude
+from alignment.cross import cross_matrix
 from alignment.doubts import heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
@@ -170,7 +172,7 @@ def sensitivity(weights: Array, C_ni: Array, carried: Carried) -> tuple[Array, A
     """
     S = _after(weights)
     push = np.diff(carried.v, axis=0) @ C_ni.T
-    return _after(-S @ skew(push)), S
+    return _after(-S @ cross_matrix(push)), S
 
 
 def drive(
@@ -269,7 +271,8 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     """The attitude at the end of the record so far, as it grows: the last of them `inertial`'s."""
     site.horizontal_rate()
     readings = checked_readings(dwell)
-    noise = noise_of(readings, options.priors)
+    priors = in_one_attitude(options.priors, site.gravity)
+    noise = noise_of(readings, priors)
     carried = carry(readings, block_of(readings))
     m = len(carried.spans)
     ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
@@ -278,7 +281,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         part = carried.until(int(end))
         matched = match(part, site)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
-        found.append((C_nb, covariances(part, matched, noise, options.priors)[0]))
+        found.append((C_nb, covariances(part, matched, noise, priors)[0]))
     sequence = options.rule.sequence_for(found[-1][0].inv().apply([0.0, 0.0, -1.0]))
     return [
         AttitudeTrack(
@@ -312,8 +315,9 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     readings = checked_readings(dwell)
     carried = carry(readings, block_of(readings))
     matched = match(carried, site)
-    noise = noise_of(readings, options.priors)
-    covariance, wander = covariances(carried, matched, noise, options.priors)
+    priors = in_one_attitude(options.priors, site.gravity)
+    noise = noise_of(readings, priors)
+    covariance, wander = covariances(carried, matched, noise, priors)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += wander_doubt(dwell.label, carried, matched, wander)
     C_nb = told_at(dwell, matched.C_ni * Rotation.from_quat(carried.q[-1]))
@@ -347,7 +351,7 @@ def covariances(
     basis = _legendre(carried)[:, _WANDER_ORDERS] * spans[:, None]
     m = len(spans)
     weights = np.empty((m, 12, 3))
-    weights[:, :3] = -fit @ skew(reference * spans[:, None])
+    weights[:, :3] = -fit @ cross_matrix(reference * spans[:, None])
     weights[:, 3:] = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 9, 3)
     gyro, accel = sensitivity(weights, C_ni, carried)
     gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
@@ -356,7 +360,7 @@ def covariances(
     # Each order is one at both ends of the record, where the sway happens to stand.
     wander = P[3:, 3:] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
     sway = sway + _slow_sway(wander_values(carried, matched), wander)
-    ends = [fit @ skew(reference[[k]])[0] for k in (0, -1)]
+    ends = [fit @ cross_matrix(reference[[k]])[0] for k in (0, -1)]
     return P[:3, :3] + sum(e @ sway @ e.T for e in ends), wander
 
 
@@ -407,14 +411,6 @@ def gravity_doubt(carried: Carried, site: Site) -> tuple[str, ...]:
 
 def _centred(curve: Array, spans: Array) -> Array:
     return curve - spans @ curve / spans.sum()
-
-
-def skew(v: Array) -> Array:
-    """Matrices (m, 3, 3) of the cross products with rows (m, 3)."""
-    K = np.zeros((len(v), 3, 3))
-    K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    K[:, 1, 0], K[:, 2, 0], K[:, 2, 1] = v[:, 2], -v[:, 1], v[:, 0]
-    return K
 
 
 def _after(rows: Array) -> Array:

@@ -15,6 +15,8 @@ from alignment.doubts import heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.gains import Answer, after_offset
+from alignment.information import Stretch
 from alignment.noise import check_at_rest, gap_doubt, mean_variance
 from alignment.nominal import (
     nominal_attitude,
@@ -174,3 +176,14 @@ def rk4(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEs
 def rk4_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrack]:
     """The integrated attitude over the dwell."""
     return integrated_tracks(METHOD, integrate, dwell, site, options)
+
+
+def integration_gains(stretches: Ordered[Stretch], site: Site, options: Options) -> list[Answer]:
+    """Gyros less their offset, integrated by any rule from the attitude the table was told."""
+
+    def gain(later: Stretch) -> Array:
+        turned = np.zeros((3, 6))
+        turned[:, :3] = later.C_pb.as_matrix() * later.duration
+        return turned
+
+    return after_offset(stretches, site, options, gain)

@@ -1,15 +1,19 @@
 """Least squares fit of several positions: attitudes and biases at once, with priors."""
 
+from collections.abc import Sequence as Ordered
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from scipy.special import chdtri
 
 from alignment.angles import Sequence
 from alignment.arrays import Array
+from alignment.constant_errors import constant_columns
+from alignment.cross import cross_matrix
 from alignment.earth import EARTH_RATE, Site, normal_gravity
 from alignment.errors import PoleError
+from alignment.information.drift import Span, flicker, gauss_markov, ramp_coefficients, random_walk
 from alignment.levelling import attitude_from_means
 from alignment.options import Priors
 
@@ -19,7 +23,7 @@ UNKNOWN_LATITUDE = 1.0  # rad
 UNKNOWN_GRAVITY = 0.03  # m/s^2: 9.78 to 9.83 over the Earth
 ROUNDING = np.repeat([1e-10, 1e-7], 3)  # rad/s (2e-5 deg/h), m/s^2: no mean is surer than this
 SEEN = 0.5  # part of its prior that a bias must come down to
-_EXACT = 1e-12  # a scale error not stated beside one that is
+MISFIT = 1e-3  # probability of chi-square above which positions contradict one another
 _ITERATIONS = 30
 _CONVERGED = 1e-9  # rad, and parts of a standard deviation
 _POLE = 1e-3  # least horizontal part of Earth rate
@@ -52,6 +56,10 @@ class PositionFit:
         How many of attitude (3) and biases (6) the readings alone determine.
     margin : (...)
         By how much chi-square of another attitude exceeds this one's; inf where there is none.
+
+    The covariances are those of the priors and of the noise, and where another attitude fits nearly
+    as well they reach over to it: the mean square of what would be wrong, by its odds
+    ``exp(-margin/2)``. What a contradiction among the positions makes of them is `growth`.
     """
 
     C_nb: Array
@@ -68,65 +76,123 @@ class PositionFit:
     margin: Array
 
     @property
+    def contradicted(self) -> Array:
+        """Whether (...) the positions contradict one another: once in a thousand by chance."""
+        return np.asarray(self.chi2 > chdtri(self.freedom, MISFIT))
+
+    @property
+    def growth(self) -> Array:
+        """Factor (...) of all covariances: 1, or ``chi2/(freedom - 2)`` of a contradiction.
+
+        What is wrong is not known then, only how much larger than stated the errors are: all
+        variances grow alike. That is Birge's ratio, with the 2 that Student's variance has over
+        the normal one for a scale found from so few residuals; infinite where two or fewer are
+        left. Source: R. T. Birge, Phys. Rev. 40 (1932) 207; A. Gelman et al., Bayesian Data
+        Analysis (2013), eq. 14.4 to 14.7.
+        """
+        enough = self.freedom > 2.5  # vague priors leave parts of one
+        left = np.where(enough, self.freedom - 2, 1.0)
+        ratio = np.where(enough, self.chi2 / left, np.inf)
+        return np.where(self.contradicted, ratio, 1.0)
+
+    @property
     def unseen(self) -> Array:
         """Which biases (..., 6) stayed near their prior: the turns do not show them."""
         return np.sqrt(np.einsum("...ii->...i", self.bias_covariance)) > SEEN * self.bias_prior
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Unknowns:
-    """Where each group of unknowns lies in the vector of p, and the prior sigmas (p - 3,).
+class _Problem:
+    """What n positions are fitted by.
 
-    Attitude comes first and has no prior; then biases; then scale errors, placements (n, 3), seat,
-    latitude and gravity where they are unknown. `vague`: which priors nobody stated.
+    Sought are attitude (3), biases (6), then latitude and gravity where they are unknown, p in
+    all. Weighed, each in units of its standard deviation, are placements and seat (t of them) and
+    the instrument's constants: nobody asks for them, but they are found beside the rest.
+
+    Attributes
+    ----------
+    relative : (n, 3, 3)
+    latitude, gravity : float or None
+        Given, or None.
+    priors : Priors
+        Of the constants.
+    sigmas : (p - 3,)
+        Of what is sought; attitude has no prior. `vague` (p - 3,): which of them nobody stated.
+    turned : (n, 3, t)
+        Small turns in b of each position by placements and seat.
+    drift : (6n, 6n)
+        Covariance of the means, position by position, by drift of the biases.
     """
 
+    relative: Array
+    latitude: float | None
+    gravity: float | None
+    priors: Priors
     sigmas: Array
     vague: Array
-    scale: slice
-    placement: slice
-    seat: slice
-    latitude: slice
-    gravity: slice
+    turned: Array
+    drift: Array
+    heavier: bool
 
     @property
     def count(self) -> int:
+        """How many unknowns are sought."""
         return 3 + len(self.sigmas)
 
-    def misplaced(self, relative: Array) -> Array:
-        """Small turns (n, 3, p) in b of each position that unknowns give it beside the told one.
-
-        A seat turned by m in b makes of the told turn R another one: ``exp(-m) R exp(m)``, to
-        first order R turned on by ``m - R^T m``.
-        """
-        n = len(relative)
-        to_turn = np.zeros((n, 3, self.count))
-        if self.placement.stop > self.placement.start:
-            for k in range(n):
-                at = self.placement.start + 3 * k
-                to_turn[k, :, at : at + 3] = np.eye(3)
-        if self.seat.stop > self.seat.start:
-            to_turn[:, :, self.seat] = np.eye(3) - relative.transpose(0, 2, 1)
-        return to_turn
+    @property
+    def units(self) -> Array:
+        """What each of them (p,) is measured in: a radian, or its standard deviation."""
+        return np.concatenate([np.ones(3), self.sigmas])
 
 
-def _unknowns(n: int, priors: Priors, latitude_known: bool, gravity_sigma: float) -> _Unknowns:
+def _problem(
+    relative: Array,
+    given: tuple[float | None, float | None],
+    priors: Priors,
+    gravity_sigma: float,
+    drift: Array | None,
+) -> _Problem:
+    latitude, gravity = given
+    n = len(relative)
     stated = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
-    scale = np.repeat([priors.gyro_scale, priors.accel_scale], 3)
-    groups = [
-        np.where(stated > 0, stated, UNKNOWN_BIAS),
-        np.maximum(scale, _EXACT) if scale.any() else scale[:0],
-        np.full(3 * n if priors.turn > 0 else 0, priors.turn),
-        np.full(3 if priors.seat > 0 else 0, priors.seat),
-        np.full(0 if latitude_known else 1, UNKNOWN_LATITUDE),
-        np.full(1 if gravity_sigma > 0 else 0, gravity_sigma),
+    gravity_sigma = UNKNOWN_GRAVITY if gravity is None else gravity_sigma
+    sigmas = [
+        *np.where(stated > 0, stated, UNKNOWN_BIAS),
+        *([UNKNOWN_LATITUDE] if latitude is None else []),
+        *([gravity_sigma] if gravity_sigma > 0 else []),
     ]
-    ends = 3 + np.cumsum([len(group) for group in groups])
-    parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-    vague = np.zeros(ends[-1] - 3, dtype=bool)
-    vague[:6] = stated == 0
-    vague[parts[2].start - 3 : parts[2].stop - 3] = True
-    return _Unknowns(np.concatenate(groups), vague, *parts)
+    vague = np.zeros(len(sigmas), dtype=bool)
+    vague[:6], vague[6:7] = stated == 0, latitude is None
+    by_channel = np.zeros((n, 6, n, 6))
+    if drift is not None:
+        for channel in range(6):
+            by_channel[:, channel, :, channel] = drift[channel // 3]
+    return _Problem(
+        relative,
+        latitude,
+        gravity,
+        priors,
+        np.array(sigmas),
+        vague,
+        _turned_by_table(relative, priors),
+        by_channel.reshape(6 * n, 6 * n),
+        gravity_sigma > 0,
+    )
+
+
+def _turned_by_table(relative: Array, priors: Priors) -> Array:
+    """Small turns (n, 3, t) in b of each position beside the told one, by placements and seat.
+
+    A seat turned by m in b makes of the told turn R another one: ``exp(-m) R exp(m)``, to
+    first order R turned on by ``m - R^T m``.
+    """
+    n = len(relative)
+    parts = [np.zeros((n, 3, 0))]
+    if priors.turn > 0:
+        parts.append(priors.turn * np.eye(3 * n).reshape(n, 3, 3 * n))
+    if priors.seat > 0:
+        parts.append(priors.seat * (np.eye(3) - relative.transpose(0, 2, 1)))
+    return np.concatenate(parts, axis=2)
 
 
 def fit_positions(
@@ -137,6 +203,7 @@ def fit_positions(
     gravity: float | None,
     priors: Priors,
     gravity_sigma: float = 0.0,
+    drift: Array | None = None,
 ) -> PositionFit:
     """Attitude of every position and the biases, from the means of all of them.
 
@@ -151,11 +218,13 @@ def fit_positions(
     latitude, gravity : float or None
         [rad], [m/s^2]; None: estimated.
     priors : Priors
-        Biases and scale errors of each axis; `turn` is the placement of each position about each
-        of its three axes, `seat` that of b on the table. A bias of 0 here means that nobody
-        knows it, not that there is none.
+        Biases and all other constant errors of each triad; `turn` is the placement of each
+        position about each of its three axes, `seat` that of b on the table. A bias of 0 here
+        means that nobody knows it, not that there is none; any other 0 that there is none.
     gravity_sigma : float
         Of a gravity that is given [m/s^2].
+    drift : (2, n, n) or None
+        Covariance of the means by drift of gyro and accelerometer biases (`drift_covariance`).
 
     Raises
     ------
@@ -164,48 +233,107 @@ def fit_positions(
 
     Notes
     -----
-    Model: ``y_k = (1 + K)(C_nbk^T (w_ie, -g)) + b + noise``, ``C_nbk = C_nb0 C_b0_bk exp(d_k)``,
-    `d_k` being its placement and what the seat makes of its turn; Gauss-Newton by QR, started from
-    linear fits of the two vectors and the biases; of two ends the likelier one.
+    Model: ``y_k = x_k + A(x_k) u + b + noise``, x_k the true ``C_nbk^T (w_ie, -g)``,
+    ``C_nbk = C_nb0 C_b0_bk exp(d_k)``, `d_k` being its placement and what the seat makes of its
+    turn; A u are scale, axes' misalignment and non-orthogonality, g-sensitivity and so on, which
+    change with the attitude as `alignment.constant_errors` says. Gauss-Newton; in each step the
+    weighed errors stand in the covariance ``R + A A^T`` of the readings, which is the same as to
+    solve for them, and are then found from what the step leaves. Started from linear fits of the
+    two vectors and the biases; of two ends the likelier one, the other in its covariance.
     """
     lead, n = means.shape[:-2], means.shape[-2]
-    sigma = np.sqrt(np.broadcast_to(variances, means.shape) + ROUNDING**2).reshape(-1, n, 6)
-    y = means.reshape(-1, n, 6)
-    unknown_gravity = UNKNOWN_GRAVITY if gravity is None else gravity_sigma
-    unknowns = _unknowns(n, priors, latitude is not None, unknown_gravity)
-    given = latitude, gravity
-    starts, hidden = _starts(y, sigma, relative, unknowns)
-    ends = [_descended(start, y, sigma, relative, given, unknowns) for start in starts]
-    C, x, margin = _likeliest(ends)
+    sigma = np.sqrt(np.broadcast_to(variances, means.shape) + ROUNDING**2).reshape(-1, 6 * n)
+    y = means.reshape(-1, 6 * n)
+    problem = _problem(relative, (latitude, gravity), priors, gravity_sigma, drift)
+    starts, hidden = _starts(y.reshape(-1, n, 6), sigma.reshape(-1, n, 6), problem)
+    ends = [_descended(start, y, sigma, problem) for start in starts]
+    state, margin = _likeliest(ends)
     if hidden is not None:
-        start = _mirrored(C, x, hidden, latitude, unknowns)
-        ends.append(_descended(start, y, sigma, relative, given, unknowns))
-        C, x, margin = _likeliest(ends)
-    C, x = C.reshape(*lead, 3, 3), x.reshape(*lead, unknowns.count)
-    sigma = sigma.reshape(means.shape)
-    predicted, J = _readings(C, x, relative, given, unknowns)
-    fit = _result(C, x, (means - predicted) / sigma, J / sigma[..., None], relative, unknowns)
-    return replace(fit, margin=margin.reshape(lead))
+        start = _mirrored(state[0], state[1], hidden, problem)
+        ends.append(_descended(start, y, sigma, problem))
+        state, margin = _likeliest(ends)
+    fit = _result(state, _linearised(state, y, sigma, problem), problem)
+    apart, weights = _others(ends, state, problem)
+    return _reshaped(_spread(replace(fit, margin=margin), apart, weights), lead)
 
 
-def _likeliest(ends: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Array]:
-    """Of several ends (C, x, cost) the best of each run, and by how much (r,) another one's cost
+def _reshaped(fit: PositionFit, lead: tuple[int, ...]) -> PositionFit:
+    """The same with leading dimensions (...) for that of all runs."""
+    changed = {}
+    for name in PositionFit.__slots__:
+        value = getattr(fit, name)
+        if name not in ("bias_prior", "rank") and value is not None:
+            changed[name] = value.reshape((*lead, *value.shape[1:]))
+    return replace(fit, **changed)
+
+
+# runs' attitudes of position 0 (r, 3, 3), what is sought (r, p) with zeros for the attitude, and
+# the weighed errors (r, q)
+_State = tuple[Array, Array, Array]
+
+
+def _likeliest(ends: list[tuple[_State, Array]]) -> tuple[_State, Array]:
+    """Of several ends (state, cost) the best of each run, and by how much (r,) another one's cost
     exceeds it."""
-    attitudes, unknowns, costs = (np.stack(parts) for parts in zip(*ends, strict=True))
+    states, costs = [end[0] for end in ends], np.stack([end[1] for end in ends])
+    C, x, u = (np.stack(parts) for parts in zip(*states, strict=True))
     best, runs = np.argmin(costs, axis=0), np.arange(costs.shape[1])
-    C = attitudes[best, runs]
-    between = Rotation.from_matrix((attitudes @ np.swapaxes(C, -1, -2)).reshape(-1, 3, 3))
-    another = between.magnitude().reshape(costs.shape) > _ANOTHER
+    state = C[best, runs], x[best, runs], u[best, runs]
+    another = np.array([_angle(end[0][0], state[0]) > _ANOTHER for end in ends])
     margins = np.where(another, costs - costs[best, runs], np.inf)
-    return C, unknowns[best, runs], margins.min(axis=0)
+    return state, margins.min(axis=0)
 
 
-def _mirrored(
-    C: Array, x: Array, hidden: Array, latitude: float | None, unknowns: _Unknowns
+def _angle(C: Array, other: Array) -> Array:
+    """Of the turns (r,) between attitudes (r, 3, 3) [rad]."""
+    return np.asarray(Rotation.from_matrix(C @ np.swapaxes(other, -1, -2)).magnitude())
+
+
+def _others(
+    ends: list[tuple[_State, Array]], taken: _State, problem: _Problem
 ) -> tuple[Array, Array]:
+    """How far other ends lie from the one taken, and their probabilities.
+
+    Differences (e, r, 3n + p - 3) of all attitudes and of what else is sought; weights (e, r),
+    ``exp(-margin/2)`` over the sum of all, each end counted once.
+    """
+    least = np.min([cost for _, cost in ends], axis=0)
+    placed = _placed(taken[0], taken[2], problem)
+    apart, odds, seen = [], [], [taken[0]]
+    for (C, x, u), cost in ends:
+        new = np.all([_angle(C, other) > _ANOTHER for other in seen], axis=0)
+        turned = _placed(C, u, problem) @ np.swapaxes(placed, -1, -2)
+        turns = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(len(x), -1)
+        apart.append(np.concatenate([turns, (x - taken[1])[:, 3:]], axis=1))
+        odds.append(np.where(new, np.exp(-(cost - least) / 2), 0.0))
+        seen.append(C)
+    weights = np.array(odds)
+    return np.array(apart), weights / (1 + weights.sum(axis=0))
+
+
+def _spread(fit: PositionFit, apart: Array, weights: Array) -> PositionFit:
+    """The fit whose covariances hold the other ends too: the mean square about the one taken."""
+    n = fit.C_nb.shape[1]
+    turns = apart[..., : 3 * n].reshape(*apart.shape[:2], n, 3)
+    rest = apart[..., 3 * n :]
+    covariance = np.einsum("er,erni,ernj->rnij", weights, turns, turns)
+    cross = np.einsum("er,erni,erj->rnij", weights, turns, rest[..., :6])
+    biases = np.einsum("er,eri,erj->rij", weights, rest[..., :6], rest[..., :6])
+    latitude = fit.latitude_sigma
+    if latitude is not None:
+        latitude = np.sqrt(latitude**2 + np.einsum("er,er->r", weights, rest[..., 6] ** 2))
+    return replace(
+        fit,
+        covariance=fit.covariance + covariance,
+        cross=fit.cross + cross,
+        bias_covariance=fit.bias_covariance + biases,
+        latitude_sigma=latitude,
+    )
+
+
+def _mirrored(C: Array, x: Array, hidden: Array, problem: _Problem) -> tuple[Array, Array]:
     """Start from the other sign of the rate along the axis that the turns do not show."""
-    lat = x[:, unknowns.latitude][:, 0] if latitude is None else np.full(len(C), latitude)
-    w_n = EARTH_RATE * np.stack([np.cos(lat), np.zeros(len(C)), -np.sin(lat)], axis=1)
+    w_n, _, _ = _vectors(x, problem)
     w = np.einsum("rji,rj->ri", C, w_n)
     flipped = 2 * (w @ hidden)[:, None] * hidden
     x = x.copy()
@@ -215,32 +343,34 @@ def _mirrored(
 
 
 def _descended(
-    start: tuple[Array, Array],
-    y: Array,
-    sigma: Array,
-    relative: Array,
-    given: tuple[float | None, float | None],
-    unknowns: _Unknowns,
-) -> tuple[Array, Array, Array]:
-    """Attitudes (r, 3, 3), unknowns (r, p) and costs (r,) that Gauss-Newton ends in."""
+    start: tuple[Array, Array], y: Array, sigma: Array, problem: _Problem
+) -> tuple[_State, Array]:
+    """The state that Gauss-Newton ends in, and its cost (r,)."""
     C, x = (part.copy() for part in start)
+    u = _no_errors(problem, len(y))
     active = np.arange(len(y))
     for _ in range(_ITERATIONS):
-        predicted, J = _readings(C[active], x[active], relative, given, unknowns)
-        noise = sigma[active]
-        step, _ = _step((y[active] - predicted) / noise, J / noise[..., None], x[active], unknowns)
+        system = _linearised((C[active], x[active], u[active]), y[active], sigma[active], problem)
+        step, _ = _step(system, x[active], problem)
         # beyond a radian the linear system says nothing
         turn = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
         step = step / np.maximum(turn, 1.0)
+        found = system.weighed(step)
         C[active] = _turned(step[:, :3], C[active])
         x[active, 3:] += step[:, 3:]
-        scaled = np.concatenate([step[:, :3], step[:, 3:] / unknowns.sigmas], axis=1)
-        active = active[np.abs(scaled).max(axis=1) >= _CONVERGED]
+        changes = np.concatenate([step / problem.units, found - u[active]], axis=1)
+        u[active] = found
+        active = active[np.abs(changes).max(axis=1) >= _CONVERGED]
         if not len(active):
             break
-    predicted, J = _readings(C, x, relative, given, unknowns)
-    _, whole = _system((y - predicted) / sigma, J, x, unknowns)
-    return C, x, np.sum(whole**2, axis=-1)
+    system = _linearised((C, x, u), y, sigma, problem)
+    return (C, x, u), _cost(system, x, problem)
+
+
+def _no_errors(problem: _Problem, runs: int) -> Array:
+    """Weighed errors (r, q), none of them there."""
+    columns = constant_columns(np.zeros(3), np.zeros(3), problem.priors)
+    return np.zeros((runs, problem.turned.shape[2] + columns.shape[-1]))
 
 
 def predicted_covariance(
@@ -251,6 +381,7 @@ def predicted_covariance(
     gravity: float,
     priors: Priors,
     estimated: bool = False,
+    drift: Array | None = None,
 ) -> Array:
     """Covariance (n, 3, 3) about n of each position's attitude, before there are readings.
 
@@ -258,39 +389,35 @@ def predicted_covariance(
     not given latitude and gravity; the rest as `fit_positions`.
     """
     given = (None, None) if estimated else (latitude, gravity)
-    unknowns = _unknowns(len(relative), priors, not estimated, UNKNOWN_GRAVITY * estimated)
-    x = np.zeros(unknowns.count)
-    x[unknowns.latitude] = latitude
-    predicted, J = _readings(C_nb, x, relative, given, unknowns)
-    sigma = np.sqrt(variances + ROUNDING**2)
-    return _result(C_nb, x, 0 * predicted, J / sigma[..., None], relative, unknowns).covariance
+    problem = _problem(relative, given, priors, 0.0, drift)
+    x = np.zeros((1, problem.count))
+    if estimated:
+        x[:, 9] = latitude
+    sigma = np.sqrt(variances + ROUNDING**2).reshape(1, -1)
+    state = C_nb[None], x, _no_errors(problem, 1)
+    system = _linearised(state, _predicted(state, problem)[0], sigma, problem)
+    return _result(state, system, problem).covariance[0]
 
 
 def _turned(eta: Array, C: Array) -> Array:
-    """``exp(eta x) C`` for (..., 3) and (..., 3, 3)."""
-    turns = Rotation.from_rotvec(eta.reshape(-1, 3)).as_matrix()
-    return np.asarray(turns.reshape(*eta.shape, 3) @ C)
+    """``exp(eta x) C`` for (r, 3) and (r, 3, 3)."""
+    return np.asarray(Rotation.from_rotvec(eta).as_matrix() @ C)
 
 
-def _cross_matrix(v: Array) -> Array:
-    """Matrices (..., 3, 3) with ``M u = v x u``."""
-    M = np.zeros((*v.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        M[..., i, j], M[..., i, k] = -v[..., k], v[..., j]
-    return M
+# --- where to start ------------------------------------------------------------------------------
 
 
 def _starts(
-    y: Array, sigma: Array, relative: Array, unknowns: _Unknowns
+    y: Array, sigma: Array, problem: _Problem
 ) -> tuple[list[tuple[Array, Array]], Array | None]:
-    """Attitudes (r, 3, 3) of position 0 and unknowns (r, p) to start from; the hidden axis.
+    """Attitudes (r, 3, 3) of position 0 and what is sought (r, p) to start from; the hidden axis.
 
-    Linear least squares for each triad: ``y_k = R_k^T u + b``, `u` no larger than it can be. Where
+    Linear least squares for each triad: ``y_k = R_k^T v + b``, `v` no larger than it can be. Where
     the turns do not tell the rate along their axis from its bias, there are two starts: along the
     axis (3,) in b, either way what is missing of Earth rate.
     """
-    w, w_bias, weak, doubt = _linear(y[..., :3], sigma[..., :3], relative, unknowns, EARTH_RATE)
-    f, f_bias, _, _ = _linear(y[..., 3:], sigma[..., 3:], relative, unknowns, _GRAVITY)
+    w, w_bias, weak, doubt = _linear(y[..., :3], sigma[..., :3], problem, EARTH_RATE)
+    f, f_bias, _, _ = _linear(y[..., 3:], sigma[..., 3:], problem, _GRAVITY)
     candidates, hidden = [(w, w_bias)], None
     if doubt > _DOUBTED * EARTH_RATE:
         hidden = weak
@@ -308,28 +435,29 @@ def _starts(
         raise PoleError("mean rate and vertical are collinear: heading is undefined")
     starts = []
     for w, w_bias in candidates:
-        x = np.zeros((len(y), unknowns.count))
+        x = np.zeros((len(y), problem.count))
         x[:, 3:9] = np.concatenate([w_bias, f_bias], axis=1)
-        lean = np.einsum("ri,ri->r", w, up) / np.linalg.norm(w, axis=1)
-        x[:, unknowns.latitude] = np.arcsin(np.clip(lean, -_LATITUDE_START, _LATITUDE_START))[
-            :, None
-        ]
+        if problem.latitude is None:
+            lean = np.einsum("ri,ri->r", w, up) / np.linalg.norm(w, axis=1)
+            x[:, 9] = np.arcsin(np.clip(lean, -_LATITUDE_START, _LATITUDE_START))
         C = attitude_from_means(w, f, Sequence.YAW_PITCH_ROLL).as_matrix()
         starts.append((C, x))
     return starts, hidden
 
 
 def _linear(
-    y: Array, sigma: Array, relative: Array, unknowns: _Unknowns, size: float
+    y: Array, sigma: Array, problem: _Problem, size: float
 ) -> tuple[Array, Array, Array, float]:
     """Vectors (r, 3), biases (r, 3), the direction (3,) known worst, and its sigma."""
-    n = len(relative)
-    bias_sigma = unknowns.sigmas[:3] if size == EARTH_RATE else unknowns.sigmas[3:6]
+    n = len(problem.relative)
+    gyros = size == EARTH_RATE
+    bias_sigma = problem.sigmas[:3] if gyros else problem.sigmas[3:6]
     A = np.zeros((3 * n + 6, 6))
-    A[: 3 * n, :3] = relative.transpose(0, 2, 1).reshape(3 * n, 3)
+    A[: 3 * n, :3] = problem.relative.transpose(0, 2, 1).reshape(3 * n, 3)
     A[: 3 * n, 3:] = np.tile(np.eye(3), (n, 1))
-    # one noise for all positions is enough to start from
-    noise = float(np.sqrt(np.mean(sigma**2)))
+    # one noise for all positions is enough to start from, with what gravity pulls of gyros
+    pulled = problem.priors.gyro_g_sensitivity * _GRAVITY if gyros else 0.0
+    noise = float(np.hypot(np.sqrt(np.mean(sigma**2)), pulled))
     A[: 3 * n] /= noise
     A[3 * n :] = np.diag(1 / np.concatenate([np.full(3, size), bias_sigma]))
     inverse = np.linalg.pinv(A)
@@ -339,56 +467,57 @@ def _linear(
     return solution[:, :3], solution[:, 3:], directions[:, -1], worst
 
 
-def _readings(
-    C: Array,
-    x: Array,
-    relative: Array,
-    given: tuple[float | None, float | None],
-    unknowns: _Unknowns,
-) -> tuple[Array, Array]:
-    """Predicted readings (..., n, 6) and their Jacobian (..., n, 6, p)."""
-    n = len(relative)
-    lead = x.shape[:-1]
-    latitude, gravity = given
-    lat = x[..., unknowns.latitude][..., 0] if latitude is None else np.full(lead, latitude)
-    g = _normal_gravity(lat) if gravity is None else np.full(lead, gravity)
-    heavier = unknowns.gravity.stop > unknowns.gravity.start
-    if heavier:
-        g = g + x[..., unknowns.gravity][..., 0]
-    zero = np.zeros(lead)
+# --- the readings, and one step ------------------------------------------------------------------
+
+
+def _vectors(x: Array, problem: _Problem) -> tuple[Array, Array, Array]:
+    """Earth rate, specific force and Earth rate's change with latitude in n, each (r, 3)."""
+    runs = len(x)
+    lat = x[:, 9] if problem.latitude is None else np.full(runs, problem.latitude)
+    g = _normal_gravity(lat) if problem.gravity is None else np.full(runs, problem.gravity)
+    if problem.heavier:
+        g = g + x[:, -1]
+    zero = np.zeros(runs)
     w_n = EARTH_RATE * np.stack([np.cos(lat), zero, -np.sin(lat)], axis=-1)
-    f_n = np.stack([zero, zero, -g], axis=-1)
-    to_turn = unknowns.misplaced(relative)
-    C_k = _placed(C, x, relative, to_turn)
-    C_kn = np.swapaxes(C_k, -1, -2)
-    felt, J = [], np.zeros((*lead, n, 6, unknowns.count))
+    by_lat = EARTH_RATE * np.stack([-np.sin(lat), zero, -np.cos(lat)], axis=-1)
+    return w_n, np.stack([zero, zero, -g], axis=-1), by_lat
+
+
+def _predicted(state: _State, problem: _Problem) -> tuple[Array, Array, Array]:
+    """Readings (r, 6n), their Jacobian (r, 6n, p), and what each weighed error adds (r, 6n, q).
+
+    To first order in the instrument's errors: that they change what a turn does to the readings is
+    left out of the Jacobian, not of the readings.
+    """
+    C, x, u = state
+    runs, n, t = len(x), len(problem.relative), problem.turned.shape[2]
+    w_n, f_n, by_lat = _vectors(x, problem)
+    C_kn = np.swapaxes(_placed(C, u, problem), -1, -2)
+    J = np.zeros((runs, n, 6, problem.count))
+    felt = np.empty((runs, n, 6))
+    by_turn = np.empty((runs, n, 6, 3))
     for part, vector in ((slice(0, 3), w_n), (slice(3, 6), f_n)):
-        v = C_kn @ vector[..., None, :, None]
-        felt.append(v[..., 0])
-        J[..., part, :] = _cross_matrix(v[..., 0]) @ to_turn
-        J[..., part, 0:3] = C_kn @ _cross_matrix(vector)[..., None, :, :]
-    true = np.concatenate(felt, axis=-1)
+        felt[..., part] = (C_kn @ vector[:, None, :, None])[..., 0]
+        by_turn[..., part, :] = cross_matrix(felt[..., part])
+        J[..., part, 0:3] = C_kn @ cross_matrix(vector)[:, None]
     J[..., 3:9] = np.eye(6)
-    scale = np.zeros((*lead, 1, 6))
-    if unknowns.scale.stop > unknowns.scale.start:
-        scale = x[..., None, unknowns.scale]
-        turned = [*range(3), *range(unknowns.placement.start, unknowns.seat.stop)]
-        J[..., turned] *= 1 + scale[..., None]
-        J[..., unknowns.scale] = true[..., None] * np.eye(6)
-    if latitude is None:
-        by_lat = EARTH_RATE * np.stack([-np.sin(lat), zero, -np.cos(lat)], axis=-1)
-        J[..., :3, unknowns.latitude] = C_kn @ by_lat[..., None, :, None]
-    if heavier:
-        J[..., 3:, unknowns.gravity] = true[..., 3:, None] / g[..., None, None, None]
-    return (1 + scale) * true + x[..., None, 3:9], J
+    if problem.latitude is None:
+        J[..., :3, 9] = (C_kn @ by_lat[:, None, :, None])[..., 0]
+    if problem.heavier:
+        J[..., 3:, -1] = felt[..., 3:] / np.linalg.norm(f_n, axis=1)[:, None, None]
+    constants = constant_columns(felt[..., :3], felt[..., 3:], problem.priors)
+    weighed = np.concatenate([by_turn @ problem.turned, constants], axis=-1)
+    y = felt + np.einsum("rkiq,rq->rki", constants, u[:, t:]) + x[:, None, 3:9]
+    return y.reshape(runs, -1), J.reshape(runs, 6 * n, -1), weighed.reshape(runs, 6 * n, -1)
 
 
-def _placed(C: Array, x: Array, relative: Array, to_turn: Array) -> Array:
-    """Attitudes (..., n, 3, 3) of all positions from that of position 0 and the unknowns."""
-    C_k = C[..., None, :, :] @ relative
-    d = np.einsum("nip,...p->...ni", to_turn, x)
-    if not to_turn.any():
+def _placed(C: Array, u: Array, problem: _Problem) -> Array:
+    """Attitudes (r, n, 3, 3) of all positions from that of position 0 and the weighed errors."""
+    C_k = C[:, None] @ problem.relative
+    t = problem.turned.shape[2]
+    if not t:
         return np.asarray(C_k)
+    d = np.einsum("nip,rp->rni", problem.turned, u[:, :t])
     turns = Rotation.from_rotvec(d.reshape(-1, 3)).as_matrix()
     return np.asarray(C_k @ turns.reshape(*d.shape, 3))
 
@@ -398,75 +527,109 @@ def _normal_gravity(latitude: Array) -> Array:
     return np.vectorize(normal_gravity, otypes=[float])(latitude)
 
 
-def _system(residual: Array, J: Array, x: Array, unknowns: _Unknowns) -> tuple[Array, Array]:
-    """Whitened rows of readings and priors: matrix (..., m, p) in units of the priors, vector."""
-    lead, p = x.shape[:-1], unknowns.count
-    units = np.concatenate([np.ones(3), unknowns.sigmas])
-    prior = np.broadcast_to(np.eye(p)[3:], (*lead, p - 3, p))
-    A = np.concatenate([J.reshape(*lead, -1, p) * units, prior], axis=-2)
-    expected = -x[..., 3:] / unknowns.sigmas
-    return A, np.concatenate([residual.reshape(*lead, -1), expected], axis=-1)
+@dataclass(frozen=True, slots=True, eq=False)
+class _System:
+    """The readings about a state, whitened by noise, drift and weighed errors together.
+
+    `J` (r, 6n, p), `A` (r, 6n, q) and `innovation` (r, 6n): what is left of the readings without
+    the weighed errors. `plain` (r, 6n, p): the Jacobian in units of the noise alone.
+    """
+
+    J: Array
+    A: Array
+    innovation: Array
+    plain: Array
+
+    def weighed(self, step: Array) -> Array:
+        """The likeliest weighed errors (r, q) after a step (r, p)."""
+        left = self.innovation - (self.J @ step[..., None])[..., 0]
+        return np.asarray((np.swapaxes(self.A, -1, -2) @ left[..., None])[..., 0])
 
 
-def _step(residual: Array, J: Array, x: Array, unknowns: _Unknowns) -> tuple[Array, Array]:
-    """Step (..., p) to the least squares solution, and the root (..., p, p) of the covariance."""
-    A, y = _system(residual, J, x, unknowns)
-    Q, R = np.linalg.qr(A)
+def _linearised(state: _State, y: Array, sigma: Array, problem: _Problem) -> _System:
+    predicted, J, A = _predicted(state, problem)
+    J, A = J / sigma[..., None], A / sigma[..., None]
+    residual = (y - predicted) / sigma + (A @ state[2][..., None])[..., 0]
+    S = A @ np.swapaxes(A, -1, -2) + np.eye(A.shape[1])
+    S += problem.drift / (sigma[:, :, None] * sigma[:, None, :])
+    L = np.linalg.cholesky(S)
+    p = problem.count
+    whole = np.linalg.solve(L, np.concatenate([J, residual[..., None], A], axis=-1))
+    return _System(whole[..., :p], whole[..., p + 1 :], whole[..., p], J)
+
+
+def _cost(system: _System, x: Array, problem: _Problem) -> Array:
+    """Chi-square (r,) of a state: of its readings and of its priors."""
+    priors = x[:, 3:] / problem.sigmas
+    return np.asarray(np.sum(system.innovation**2, axis=-1) + np.sum(priors**2, axis=-1))
+
+
+def _step(system: _System, x: Array, problem: _Problem) -> tuple[Array, Array]:
+    """Step (r, p) to the least squares solution, and the root (r, p, p) of the covariance."""
+    runs, p = x.shape
+    prior = np.broadcast_to(np.eye(p)[3:], (runs, p - 3, p))
+    rows = np.concatenate([system.J * problem.units, prior], axis=-2)
+    wanted = np.concatenate([system.innovation, -x[:, 3:] / problem.sigmas], axis=-1)
+    Q, R = np.linalg.qr(rows)
     diagonal = np.abs(np.einsum("...ii->...i", R))
-    if np.any(diagonal[..., :3] == 0):
+    if np.any(diagonal[:, :3] == 0):
         raise PoleError("readings do not determine the attitude: heading is undefined")
-    inverse = np.linalg.inv(R)
-    units = np.concatenate([np.ones(3), unknowns.sigmas])
-    root = units[:, None] * inverse
-    return (root @ (np.swapaxes(Q, -1, -2) @ y[..., None]))[..., 0], root
+    root = problem.units[:, None] * np.linalg.inv(R)
+    return (root @ (np.swapaxes(Q, -1, -2) @ wanted[..., None]))[..., 0], root
 
 
-def _result(
-    C: Array, x: Array, residual: Array, J: Array, relative: Array, unknowns: _Unknowns
-) -> PositionFit:
-    n = len(relative)
-    lead = x.shape[:-1]
-    _, root = _step(residual, J, x, unknowns)
+def _result(state: _State, system: _System, problem: _Problem) -> PositionFit:
+    """The fit about a state that is its end.
+
+    The weighed errors that turn positions are what the readings make of the sought ones' errors,
+    ``-A^T J dx``, and what no reading tells, of covariance ``1 - A^T A``.
+    """
+    C, x, u = state
+    n, t = len(problem.relative), problem.turned.shape[2]
+    _, root = _step(system, x, problem)
     P = root @ np.swapaxes(root, -1, -2)
-    to_turn = unknowns.misplaced(relative)
-    C_k = _placed(C, x, relative, to_turn)
-    # position k turns with position 0, and by its own misplacement seen in n
-    to_n = C_k @ to_turn
-    to_n[..., :3] = np.eye(3)
-    half = to_n @ P[..., None, :, :]
-    _, whole = _system(residual, J, x, unknowns)
-    estimated = unknowns.latitude.stop > unknowns.latitude.start
-    at = unknowns.latitude.start
+    C_k = _placed(C, u, problem)
+    to_n = C_k @ problem.turned
+    A_t = np.swapaxes(system.A[..., :t], -1, -2)
+    moved = np.zeros((len(x), n, 3, problem.count))
+    moved[..., :3] = np.eye(3)
+    moved -= to_n @ (A_t @ system.J)[:, None]
+    left = np.eye(t) - A_t @ np.swapaxes(A_t, -1, -2)
+    half = moved @ P[:, None]
+    estimated = problem.latitude is None
     return PositionFit(
         C_nb=C_k,
-        covariance=half @ np.swapaxes(to_n, -1, -2),
-        biases=x[..., 3:9],
-        bias_covariance=P[..., 3:9, 3:9],
+        covariance=half @ np.swapaxes(moved, -1, -2)
+        + to_n @ left[:, None] @ np.swapaxes(to_n, -1, -2),
+        biases=x[:, 3:9],
+        bias_covariance=P[:, 3:9, 3:9],
         cross=half[..., 3:9],
-        bias_prior=unknowns.sigmas[:6],
-        latitude=x[..., at] if estimated else None,
-        latitude_sigma=np.sqrt(P[..., at, at]) if estimated else None,
-        chi2=np.sum(whole**2, axis=-1),
-        freedom=6 * n - 3 - _spent(P, unknowns),
-        rank=_rank(J, unknowns),
-        margin=np.full(lead, np.inf),
+        bias_prior=problem.sigmas[:6],
+        latitude=x[:, 9] if estimated else None,
+        latitude_sigma=np.sqrt(P[:, 9, 9]) if estimated else None,
+        chi2=_cost(system, x, problem),
+        freedom=6 * n - 3 - _spent(P, problem),
+        rank=_rank(system.plain[0], problem),
+        margin=np.full(len(x), np.inf),
     )
 
 
-def _spent(P: Array, unknowns: _Unknowns) -> Array:
-    """How many readings (...) went into unknowns whose prior is so vague that it adds nothing."""
-    kept = np.einsum("...ii->...i", P)[..., 3:] / unknowns.sigmas**2
-    return np.asarray(np.sum((1 - kept) * unknowns.vague, axis=-1))
+def _spent(P: Array, problem: _Problem) -> Array:
+    """How many readings (r,) went into unknowns whose prior is so vague that it adds nothing."""
+    kept = np.einsum("...ii->...i", P)[:, 3:] / problem.sigmas**2
+    return np.asarray(np.sum((1 - kept) * problem.vague, axis=-1))
 
 
-def _rank(J: Array, unknowns: _Unknowns) -> int:
-    """Of the readings' Jacobian for attitude and biases, in units of noise and priors.
+def _rank(J: Array, problem: _Problem) -> int:
+    """Of one run's Jacobian (6n, p) for attitude and biases, in units of noise and priors.
 
-    A direction counts that the readings of the first run know better than the priors do.
+    A direction counts that the readings know better than the priors do.
     """
-    units = np.concatenate([np.ones(3), unknowns.sigmas[:6]])
-    A = J.reshape(-1, *J.shape[-3:])[0].reshape(-1, unknowns.count)[:, :9] * units
+    A = (J * problem.units)[:, :9]
     return int(np.sum(np.linalg.svd(A, compute_uv=False) > 1.0))
+
+
+# --- noise and drift -----------------------------------------------------------------------------
 
 
 def pooled_variances(variances: Array, spans: Array) -> Array:
@@ -478,19 +641,29 @@ def pooled_variances(variances: Array, spans: Array) -> Array:
     return density / spans[:, None]
 
 
-def drift_variances(priors: Priors, n: int) -> Array:
-    """By how much (6,) biases of one of n positions leave their common mean: no turn cancels that.
+def drift_covariance(priors: Priors, spans: Ordered[Span]) -> Array:
+    """Covariance (2, n, n) of means of gyro and accelerometer biases about their common mean.
 
-    Notes
-    -----
-    Two positions: the squared Allan deviation, so that their means differ by twice it and half a
-    turn has the sigma of `double_sigma`. Flicker goes on growing over more of them, by
-    ``n ln n / (2 (n - 1) ln 2)``: J. A. Barnes, Tables of bias functions, NBS TN 375 (1969).
+    Instability, random walk and ramp over the time from one position to the next; no turn cancels
+    that. The mean over all positions, by their time, is the bias, which has its own prior.
     """
-    plateau = np.repeat([priors.gyro_instability, priors.accel_instability], 3)
-    if n < 2:
-        return np.zeros(6)
-    return np.asarray(plateau**2 * n * np.log(n) / (2 * (n - 1) * np.log(2)))
+    n = len(spans)
+    weights = np.array([span.length for span in spans])
+    about = np.eye(n) - weights / weights.sum()
+    p = priors
+    gyro = (p.gyro_instability, p.gyro_random_walk, p.gyro_ramp)
+    sizes = np.array([gyro, (p.accel_instability, p.accel_random_walk, p.accel_ramp)])
+    if n == 1 or not sizes.any():
+        return np.zeros((2, n, n))
+    unit = sum(one.sigma**2 * gauss_markov(spans, one.time) for one in flicker(1.0))
+    times = np.concatenate([ramp_coefficients(span) for span in spans])
+    parts = np.array([unit, random_walk(spans), np.outer(times, times)])
+    return about @ np.einsum("sp,pij->sij", sizes**2, parts) @ about.T
+
+
+def equal_spans(n: int, seconds: float) -> list[Span]:
+    """The times of `n` positions that follow one another at once, `seconds` in all."""
+    return [Span(k * seconds / n, seconds / n) for k in range(n)]
 
 
 def local_vectors(site: Site) -> tuple[float | None, float | None]:

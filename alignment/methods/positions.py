@@ -10,17 +10,18 @@ from collections.abc import Sequence as Ordered
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import chdtri
 
 from alignment.arrays import Array
 from alignment.doubts import heading_doubt
 from alignment.earth import Site, normal_gravity
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate
+from alignment.information.drift import Span
 from alignment.methods.position_fit import (
     ROUNDING,
     PositionFit,
-    drift_variances,
+    drift_covariance,
+    equal_spans,
     fit_positions,
     local_vectors,
     pooled_variances,
@@ -38,7 +39,6 @@ MULTI_POSITION = "multi-position"
 ANOMALY = 5e-4  # m/s^2: of gravity about its WGS 84 value, where nobody measured it
 
 LEAST_TURN = np.radians(30.0)  # below it biases hardly change sides
-MISFIT = 1e-3  # probability of chi-square above which positions contradict one another
 AMBIGUOUS = 12.0  # margin of chi-square: odds of 400 to 1
 
 
@@ -72,7 +72,10 @@ def two_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     Notes
     -----
     Leading errors: placement ``(d180 - d0)/2`` in heading; white noise
-    ``ARW/(W cos lat sqrt(T))`` with T the time of both dwells; drift of the biases between them.
+    ``ARW/(W cos lat sqrt(T))`` with T the time of both dwells; drift of the biases between them;
+    what the unit's axes are off, for it does not turn sides: accelerometers misaligned by m tilt
+    the answer by m, gyros turn its heading by m about the vertical. Where the positions contradict
+    one another (chi-square once in a thousand) all sigmas grow by `PositionFit.growth`.
     """
     dwells = _in_time(dwells)
     summaries = _summaries(dwells)
@@ -111,7 +114,10 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
     Leading errors: placements (in each attitude its own, less what the others tell of it); white
     noise ``ARW/(W cos lat sqrt(T))``, T the time of all dwells; drift of the biases. With three
     positions or more the placements themselves show, as far as Earth rate and scale are known:
-    leave `gyro_scale` at 0 only where it is.
+    leave `gyro_scale` at 0 only where it is. Axes off, scale errors and g-sensitivity are matrices
+    that many positions tell from biases; what they do not tell stays in the sigmas. Where the
+    positions contradict one another (chi-square once in a thousand) all sigmas grow by
+    `PositionFit.growth`.
     """
     if len(dwells) < 2:
         raise AlignmentError(f"too little turn: {len(dwells)} dwells, at least 2 are needed")
@@ -163,9 +169,14 @@ def _estimates(
     if latitude is not None:
         site.horizontal_rate()  # refuses at a pole
     anomaly = ANOMALY if site.local_gravity is None else 0.0
-    drifting = variances + drift_variances(options.priors, len(dwells))
-    fit = fit_positions(means, drifting, relative, latitude, gravity, options.priors, anomaly)
-    shared = _doubts(fit) + _verdict(fit, variances, relative, (latitude, gravity), options.priors)
+    times = [Span(dwell.t_from, span) for dwell, span in zip(dwells, spans.tolist(), strict=True)]
+    drift = drift_covariance(options.priors, times)
+    fit = fit_positions(
+        means, variances, relative, latitude, gravity, options.priors, anomaly, drift
+    )
+    growth = _growth(fit)
+    given = latitude, gravity, float(spans.sum())
+    shared = _doubts(fit) + _verdict(fit, variances, relative, given, options.priors)
     return [
         AttitudeEstimate(
             method,
@@ -174,18 +185,32 @@ def _estimates(
             t_to,
             site.plumb * Rotation.from_matrix(fit.C_nb[k]),
             options.rule.sequence_for(_told(dwell).inv().apply([0.0, 0.0, -1.0])),
-            covariance=fit.covariance[k],
+            covariance=growth * fit.covariance[k],
             latitude=None if fit.latitude is None else float(fit.latitude) - site.deflection[0],
-            latitude_sigma=None if fit.latitude_sigma is None else float(fit.latitude_sigma),
+            latitude_sigma=None
+            if fit.latitude_sigma is None
+            else float(np.sqrt(growth) * fit.latitude_sigma),
             flags=gap_doubt(dwell.window())
             + saturation_doubt(dwell.label, dwell.window())
-            + heading_doubt(fit.covariance[k])
+            + heading_doubt(growth * fit.covariance[k])
             + shared,
             biases=fit.biases,
-            bias_sigmas=np.sqrt(fit.bias_covariance.diagonal()),
+            bias_sigmas=np.sqrt(growth * fit.bias_covariance.diagonal()),
         )
         for k, dwell in enumerate(dwells)
     ]
+
+
+def _growth(fit: PositionFit) -> float:
+    """Factor of all covariances; a refusal where a contradiction leaves too little to tell it."""
+    growth = float(fit.growth)
+    if not np.isfinite(growth):
+        raise AlignmentError(
+            f"positions contradict one another: chi-square {float(fit.chi2):.0f} for "
+            f"{float(fit.freedom):.0f} degrees of freedom, too few to tell how large the errors "
+            "are: another position, the latitude or priors of the biases would do"
+        )
+    return growth
 
 
 def _doubts(fit: PositionFit) -> tuple[str, ...]:
@@ -194,12 +219,14 @@ def _doubts(fit: PositionFit) -> tuple[str, ...]:
     if fit.margin < AMBIGUOUS:
         flags += (
             "ambiguous: another attitude fits nearly as well (chi-square "
-            f"{float(fit.margin):.1f} more); a turn about a second axis would tell",
+            f"{float(fit.margin):.1f} more), and the sigmas reach over to it; "
+            "a turn about a second axis would tell",
         )
-    if fit.chi2 > chdtri(fit.freedom, MISFIT):
+    if fit.contradicted:
         flags += (
             f"positions contradict one another: chi-square {float(fit.chi2):.0f} for "
-            f"{float(fit.freedom):.0f} degrees of freedom (bias drifts, or other turns than told)",
+            f"{float(fit.freedom):.0f} degrees of freedom (errors that nobody stated, or other "
+            f"turns than told): sigmas are {float(np.sqrt(fit.growth)):.3g} times as large for it",
         )
     return flags
 
@@ -208,11 +235,15 @@ def _verdict(
     fit: PositionFit,
     variances: Array,
     relative: Array,
-    given: tuple[float | None, float | None],
+    given: tuple[float | None, float | None, float],
     priors: Priors,
 ) -> tuple[str, ...]:
-    """Whether the turns paid, and of two positions 90 against 180 deg; empty without a bias."""
-    if not priors.gyro_bias:
+    """Whether the turns paid, and of two positions 90 against 180 deg.
+
+    `given`: latitude, gravity, and the time [s] of all positions. Empty without a bias to weigh
+    the turns against, and where the positions contradict what the priors say.
+    """
+    if not priors.gyro_bias or fit.contradicted:
         return ()
     latitude = float(fit.latitude) if fit.latitude is not None else given[0]
     assert latitude is not None
@@ -221,9 +252,11 @@ def _verdict(
     whole = 1 / np.sum(1 / (variances + ROUNDING**2), axis=0)
 
     def heading(turns: Array) -> float:
-        shared = np.tile(len(turns) * whole + drift_variances(priors, len(turns)), (len(turns), 1))
+        n = len(turns)
+        drift = drift_covariance(priors, equal_spans(n, given[2]))
+        shared, unknown = np.tile(n * whole, (n, 1)), given[0] is None
         P = predicted_covariance(
-            fit.C_nb[0], shared, turns, latitude, gravity, priors, given[0] is None
+            fit.C_nb[0], shared, turns, latitude, gravity, priors, unknown, drift
         )
         return float(np.sqrt(P[0, 2, 2]))
 

@@ -11,13 +11,16 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.constant_errors import constant_covariance
 from alignment.doubts import heading_doubt
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate
+from alignment.gains import Answer, each_alone, from_b
+from alignment.information import Stretch
 from alignment.levelling import attitude_covariance
 from alignment.methods.position_fit import ROUNDING, local_vectors
-from alignment.methods.triad import prior_variances, triad_attitude
+from alignment.methods.triad import triad_attitude
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from alignment.options import Options
 from alignment.readings import Dwell
@@ -132,7 +135,7 @@ def single_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[At
         With a latitude, one gyro tells the heading (another only its side, east or west);
         without it the three of them tell the latitude too.
     options : Options
-        `rule`; `priors`: biases and scale errors, which enter the covariance.
+        `rule`; `priors`: biases and all other constant errors, which enter the covariance.
 
     Returns
     -------
@@ -157,6 +160,19 @@ def single_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[At
     return [_single(dwell, site, options) for dwell in dwells]
 
 
+def single_gyro_gains(stretches: Ordered[Stretch], site: Site, options: Options) -> list[Answer]:
+    """Each rest by itself, heading from the gyro nearest to east or west."""
+    latitude = site.known_latitude()
+    site.horizontal_rate()
+
+    def gain(C_nb: Rotation) -> Array:
+        C = C_nb.as_matrix()
+        best = int(np.argmax(np.abs(C[1])))
+        return from_b(single_gyro_sensitivity(C[:, best], latitude, site.gravity), C_nb)
+
+    return each_alone(stretches, gain)
+
+
 def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     means, variances = mean_and_variance(dwell.window())
     try:
@@ -164,7 +180,7 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     except AlignmentError as error:
         raise type(error)(f"{dwell.label}: {error}") from error
     up = means[3:] if dwell.nominal is None else dwell.nominal.inv().apply([0.0, 0.0, -1.0])
-    whole = variances + prior_variances(means, options.priors) + ROUNDING**2
+    whole = np.diag(variances + ROUNDING**2) + constant_covariance(means, options.priors)
     covariance = attitude_covariance(C_nb, whole, G)
     sigma = None
     if latitude_row is not None:

@@ -14,7 +14,9 @@ from alignment.arrays import Array
 from alignment.doubts import heading_doubt
 from alignment.earth import Site
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
-from alignment.levelling import attitude_covariance, attitude_from_means, attitude_sensitivity
+from alignment.gains import Answer, after_offset, compass_gain, from_b
+from alignment.information import Stretch
+from alignment.levelling import attitude_covariance, attitude_from_means
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance, mean_variance
 from alignment.nominal import (
     TRACK_LEAD,
@@ -48,12 +50,6 @@ def _drift_variances(priors: Priors) -> Array:
     """
     plateau = np.repeat([priors.gyro_instability, priors.accel_instability], 3)
     return np.asarray(2 * plateau**2)
-
-
-def _sensitivity(site: Site) -> Array:
-    site.horizontal_rate()  # refuses poles
-    w_n = site.w_ie_n
-    return attitude_sensitivity(w_n[0], -w_n[2], site.gravity)
 
 
 def six_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
@@ -97,7 +93,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     flags += () if dwell.nominal is not None else assumed
     sequence = sequence_of(nominal, options.rule)
     offset = zero_offset(dwell, nominal, site, options.offset_window)
-    G = _sensitivity(site)
+    G = compass_gain(site)
     t_offset = dwell.t_from + options.offset_window
 
     same = dwell.window(0.0, options.offset_window)
@@ -139,7 +135,7 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
     """
     nominal = nominal_attitude(dwell)
     offset = zero_offset(dwell, nominal, site, options.offset_window)
-    G = _sensitivity(site)
+    G = compass_gain(site)
     sequence = sequence_of(nominal, options.rule)
     same = dwell.window(0.0, options.offset_window)
     parts: list[tuple[str, ImuReadings, Array]] = [("same", same, np.zeros(6))]
@@ -173,3 +169,9 @@ def _means_up_to(values: Array, ends: np.ndarray) -> Array:
     """Means (m, k) of the first `ends` (m,) rows of `values` (n, k)."""
     starts = np.concatenate([[0], ends[:-1]])
     return np.cumsum(np.add.reduceat(values[: ends[-1]], starts, axis=0), axis=0) / ends[:, None]
+
+
+def six_position_gains(stretches: Ordered[Stretch], site: Site, options: Options) -> list[Answer]:
+    """Later samples less the zero offset of the first ones: what is constant cancels."""
+    G = compass_gain(site)
+    return after_offset(stretches, site, options, lambda later: from_b(G, later.C_pb), "fresh")

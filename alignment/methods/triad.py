@@ -9,10 +9,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.constant_errors import constant_columns, constant_covariance
 from alignment.doubts import heading_doubt
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, PoleError
 from alignment.estimate import AttitudeEstimate
+from alignment.gains import Answer, compass_gain, each_alone, from_b
+from alignment.information import Stretch
 from alignment.levelling import attitude_covariance, attitude_sensitivity
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from alignment.options import Options, Priors
@@ -74,18 +77,6 @@ def pair_latitude(w_first: Array, f_first: Array, w_second: Array, f_second: Arr
     return float(np.arcsin(ratio))
 
 
-def prior_variances(means: Array, priors: Priors) -> Array:
-    """What constant errors add to the variances (..., 6) of mean rates and forces, by priors."""
-    bias, scale = _constants(priors)
-    return np.asarray(bias**2 + (scale * means) ** 2)
-
-
-def _constants(priors: Priors) -> tuple[Array, Array]:
-    """Standard deviations (6,) of biases and of scale errors, gyros before accelerometers."""
-    bias = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
-    return bias, np.repeat([priors.gyro_scale, priors.accel_scale], 3)
-
-
 def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
     """Attitude and latitude of each dwell, and the latitude of each opposed pair of dwells.
 
@@ -97,7 +88,7 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
         Latitude not needed. A known deflection of the vertical is taken out of attitude and
         latitude (astronomical less its northern part).
     options : Options
-        `rule`; `priors`: biases and scale errors, which enter the covariance.
+        `rule`; `priors`: biases and all other constant errors, which enter the covariance.
 
     Returns
     -------
@@ -132,6 +123,12 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
     return singles + pairs
 
 
+def triad_gains(stretches: Ordered[Stretch], site: Site, options: Options) -> list[Answer]:
+    """Each rest by itself: level, and east from the horizontal rate."""
+    G = compass_gain(site)
+    return each_alone(stretches, lambda C_nb: from_b(G, C_nb))
+
+
 def _single(
     dwell: Dwell, means: Array, variances: Array, site: Site, options: Options
 ) -> AttitudeEstimate:
@@ -144,7 +141,7 @@ def _single(
     up = f if dwell.nominal is None else dwell.nominal.inv().apply([0.0, 0.0, -1.0])
     rate, gravity = float(np.linalg.norm(w)), float(np.linalg.norm(f))
     G = attitude_sensitivity(rate * np.cos(latitude), rate * np.sin(latitude), gravity)
-    whole = variances + prior_variances(means, options.priors)
+    whole = np.diag(variances) + constant_covariance(means, options.priors)
     covariance = attitude_covariance(C_nb, whole, G)
     to_latitude = _latitude_sensitivity(latitude, rate, gravity)
     variance = attitude_covariance(C_nb, whole, to_latitude)[0, 0]
@@ -218,7 +215,7 @@ def _pair_sigma(
 ) -> float:
     """Half of each dwell's vertical rate error, and of its tilt toward the horizontal rate.
 
-    Noise differs from dwell to dwell, drift too; biases and scale errors are one unit's.
+    Noise differs from dwell to dwell, drift too; the constant errors are one unit's.
     """
     gravity = float(np.linalg.norm(means[0][3:]))
     half = np.array([0, 0, -1 / (EARTH_RATE * np.cos(latitude)), 1 / gravity, 0, 0]) / 2
@@ -226,9 +223,12 @@ def _pair_sigma(
     for m in means:
         R = triad_attitude(m[:3], m[3:]).as_matrix()
         rows.append(np.concatenate([half[:3] @ R, half[3:] @ R]))
-    bias, scale = _constants(priors)
+    bias = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
     drift = np.repeat([priors.gyro_instability, priors.accel_instability], 3)
     own = sum(row**2 @ (v + drift**2) for row, v in zip(rows, variances, strict=True))
     shared = (rows[0] + rows[1]) * bias
-    scaled = (rows[0] * means[0] + rows[1] * means[1]) * scale
-    return _root(float(own + shared @ shared + scaled @ scaled))
+    constant = np.sum(
+        [row @ constant_columns(m[:3], m[3:], priors) for row, m in zip(rows, means, strict=True)],
+        axis=0,
+    )
+    return _root(float(own + shared @ shared + constant @ constant))

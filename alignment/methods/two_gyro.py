@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 
 from alignment.angles import C_nb_from_angles, Sequence
 from alignment.arrays import Array
+from alignment.constant_errors import constant_covariance
 from alignment.doubts import heading_doubt
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, TooShort
 from alignment.estimate import AttitudeEstimate
 from alignment.levelling import attitude_covariance, attitude_sensitivity, level
 from alignment.methods.position_fit import ROUNDING, local_vectors
-from alignment.methods.triad import prior_variances
 from alignment.noise import gap_doubt
 from alignment.options import Options
 from alignment.readings import Dwell, ImuReadings
@@ -168,7 +168,7 @@ def two_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     site : Site
         Latitude known.
     options : Options
-        `rule`; `priors`: biases and scale errors, which enter the covariance.
+        `rule`; `priors`: biases and all other constant errors, which enter the covariance.
 
     Returns
     -------
@@ -211,7 +211,7 @@ def _single(
     found = float(azimuth(w[0], w[2], sway.beta, sway.gamma, latitude))
     C_nb = C_nb_from_angles(Sequence.YAW_ROLL_PITCH, -sway.beta, -found, sway.gamma)
     G = attitude_sensitivity(EARTH_RATE * np.cos(latitude), EARTH_RATE * np.sin(latitude), gravity)
-    covariance = attitude_covariance(C_nb, _variances(readings, options), G)
+    covariance = attitude_covariance(C_nb, _reading_covariance(readings, options), G)
     up = readings.f_b.mean(axis=0)
     if dwell.nominal is not None:
         up = dwell.nominal.inv().apply([0.0, 0.0, -1.0])
@@ -230,8 +230,8 @@ def _single(
     )
 
 
-def _variances(readings: ImuReadings, options: Options) -> Array:
-    """Of the mean rates and forces, (6,); the vertical gyro is not used."""
+def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
+    """Of the mean rates and forces, (6, 6); the vertical gyro is not used."""
     T = readings.interval * len(readings)
     means = np.concatenate([readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0)])
     variances = np.concatenate(
@@ -240,9 +240,9 @@ def _variances(readings: ImuReadings, options: Options) -> Array:
             white_density(readings.f_b, readings.interval) / T,
         ]
     )
-    variances += prior_variances(means, options.priors) + ROUNDING**2
-    variances[1] = 0.0
-    return variances
+    whole = np.diag(variances + ROUNDING**2) + constant_covariance(means, options.priors)
+    whole[1], whole[:, 1] = 0.0, 0.0
+    return whole
 
 
 def _check_sway(label: str, readings: ImuReadings, sway: Sway) -> None:

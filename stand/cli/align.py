@@ -3,33 +3,22 @@
 from __future__ import annotations
 
 import shlex
-from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from stand import __version__
 from stand.cli.options import (
-    ALLAN_TERMS,
     ForceOption,
     HeightOption,
     JsonOption,
     LatitudeOption,
     RuleOption,
-    file_in,
-    options_with,
-    site_with,
-    with_data_sheet,
+    numbers,
+    quick_imports,
+    words,
 )
 from stand.cli.progress import print_json, working
-from stand.errors import StandError, unknown
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from stand.evaluation.score import Refusal, Score
-    from stand.recording.vehicle_log import Vehicle
 
 
 def align(
@@ -100,102 +89,49 @@ def align(
 
     A turning table's log: stand align log.mcap --method carousel --turn-joint yaw --latitude 48.5
     """
-    from alignment import ESTIMATORS
-    from alignment.units import DEG
-    from stand.evaluation.score import evaluate_each, score_to_json, spread_to_json, spreads
-    from stand.recording.log import load_log
+    with quick_imports():
+        from stand import api
+        from stand.evaluation.aligned import alignment_json
 
-    if method is not None and method not in ESTIMATORS:
-        raise unknown("method", method, ESTIMATORS)
-    vehicle = _vehicle(method == "vectors", start_attitude, start_sigma, fix_sigma)
-    axis = None if turn_axis is None else _numbers("--turn-axis", turn_axis, 3)
+    axis = numbers("--turn-axis", turn_axis, 3)
+    attitude = numbers("--start-attitude", start_attitude, 3)
+    noise = numbers("--fix-sigma", fix_sigma, 2)
     with working("reading", as_json):
         logs = [
-            load_log(file_in(p, "run.mcap"), topic, t_from, t_to, turn_joint, axis, vehicle)
-            for p in recordings
-        ]
-    first = logs[0]
-    methods = [method] if method else first.methods
-    site = site_with(first.site, latitude, height)
-    options = with_data_sheet(options_with(first.options, sequences), imu)
-    dwells = [d for log in logs for d in log.dwells]
-    truths = [t for log in logs for t in log.truths]
-    _check_labels([d.label for d in dwells])
-    for name in methods:
-        if name not in ESTIMATORS:  # a recording made by a newer version
-            raise StandError(f"{first.path}: {unknown('method', name, ESTIMATORS)}")
-        if ESTIMATORS[name].needs_latitude and site.latitude is None:
-            raise StandError(
-                f"{recordings[0]}: method {name} needs the latitude: give --latitude DEG"
+            api.read(
+                path,
+                topic=topic,
+                t_from_s=t_from,
+                t_to_s=t_to,
+                turn_joint=turn_joint,
+                turn_axis=axis,
+                moving=method == "vectors",
+                start_attitude_deg=attitude,
+                start_sigma_deg=start_sigma,
+                fix_sigma=noise,
             )
+            for path in recordings
+        ]
     with working("estimating", as_json):
-        scores, refusals = evaluate_each(dwells, truths, site, options, methods)
-    if refusals and not scores:
-        raise StandError(f"{first.path}: {refusals[0].reason}")
-    if not as_json:
-        _show_scores(scores, refusals)
+        found = api.align(
+            logs,
+            method,
+            imu=imu,
+            latitude_deg=latitude,
+            height_m=height,
+            sequences=None if sequences is None else sequences.value,
+        )
+    if as_json:
+        print_json(alignment_json(found))
         return
-    print_json(
-        {
-            "recordings": [log.path for log in logs],
-            "topic": first.topic,
-            "latitude_deg": None if site.latitude is None else site.latitude / DEG,
-            "estimates": [score_to_json(s) for s in scores],
-            "spreads": [spread_to_json(s) for s in spreads(scores)],
-            "refusals": [{"method": r.method, "reason": r.reason} for r in refusals],
-        }
-    )
-
-
-def _vehicle(
-    asked: bool, start: str | None, start_sigma: float | None, fix_sigma: str | None
-) -> Vehicle | None:
-    """What the command line says of a moving vehicle; None for nothing, and not `asked` for."""
-    from alignment.angles import C_nb_from_angles
-    from alignment.angles import Sequence as Turns
-    from alignment.units import DEG
-    from stand.recording.vehicle_log import Vehicle
-
-    if (start, start_sigma, fix_sigma) == (None, None, None):
-        return Vehicle() if asked else None
-    C_nb, noise = None, (None, None)
-    if start is not None:
-        roll, yaw, pitch = (a * DEG for a in _numbers("--start-attitude", start, 3))
-        C_nb = C_nb_from_angles(Turns.YAW_PITCH_ROLL, roll, yaw, pitch)
-    if start_sigma is not None and not 0 < start_sigma <= 180:
-        raise StandError(f"--start-sigma {start_sigma:g}: must be above 0, at most 180 deg")
-    if fix_sigma is not None:
-        noise = _numbers("--fix-sigma", fix_sigma, 2)
-        if min(noise) <= 0:
-            raise StandError(f"--fix-sigma {fix_sigma}: both must be above 0")
-    return Vehicle(C_nb, None if start_sigma is None else start_sigma * DEG, *noise)
-
-
-def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
-    try:
-        values = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        values = ()
-    if len(values) != count or not all(map(isfinite, values)):
-        raise StandError(f"{option} {text}: must be {count} numbers with commas between")
-    return values
-
-
-def _show_scores(scores: Sequence[Score], refusals: Sequence[Refusal]) -> None:
     from stand.report.console import console, show
-    from stand.report.document import ANGLE_NOTE, refusal_lines, score_tables
+    from stand.report.document import ANGLE_NOTE, refusal_lines
 
     out = console()
-    show(out, score_tables(scores))
-    for line in refusal_lines(refusals):
+    show(out, found.tables())
+    for line in refusal_lines(found.refusals):
         out.print(line, style="bold yellow", markup=False)
     out.print(ANGLE_NOTE, style="dim")
-
-
-def _check_labels(labels: Sequence[str]) -> None:
-    for label in labels:
-        if labels.count(label) > 1:
-            raise StandError(f"two dwells are called {label!r}: give each recording its own name")
 
 
 def import_log(
@@ -222,37 +158,19 @@ def import_log(
     Example: stand import log.csv --columns t,gx,gy,gz,ax,ay,az --gyro-unit deg/s
     --accel-unit m/s^2 --out log.mcap
     """
-    from stand.folder import file_beside
-    from stand.recording.foreign import load_foreign
-    from stand.recording.mcap.writer import write_imu_log
-    from stand.recording.metadata import RUN
+    from stand.recording.foreign import import_foreign
 
-    if out.exists() and not force:
-        raise StandError(f"--out {out}: exists; --force replaces it")
-    if out.is_dir() or out.resolve() == file.resolve():
-        raise StandError(f"--out {out}: must be a new file")
-    if not out.parent.is_dir():
-        raise StandError(f"--out {out}: no folder {out.parent}")
     with working("importing", as_json):
-        log = load_foreign(file, columns, gyro_unit, accel_unit, time_unit, file_format)
-        record = {
-            "source": file.name,
-            "columns": columns,
-            "gyro_unit": gyro_unit,
-            "accel_unit": accel_unit,
-            "time_unit": time_unit,
-            "epoch_ns": str(log.epoch_ns),
-            "stand_version": __version__,
-        }
-        with file_beside(out) as beside:
-            write_imu_log(
-                beside,
-                t_ns=log.t_ns,
-                w_ib_b=log.w_ib_b,
-                f_b=log.f_b,
-                epoch_ns=log.epoch_ns,
-                metadata={RUN: record},
-            )
+        log = import_foreign(
+            file,
+            out,
+            columns=columns,
+            gyro_unit=gyro_unit,
+            accel_unit=accel_unit,
+            time_unit=time_unit,
+            file_format=file_format,
+            force=force,
+        )
     _show_import(out, log, as_json)
 
 
@@ -317,28 +235,30 @@ def allan(
 
     Example: stand allan static.mcap --imu stim300
     """
-    from stand.evaluation.allan import analyse, to_json
+    with quick_imports():
+        from stand import api
+        from stand.evaluation.allan import to_json
 
-    file = file_in(recording, "run.mcap")
-    asked = [term.strip().upper() for term in terms.split(",") if term.strip()]
-    for term in asked:
-        if term not in ALLAN_TERMS:
-            raise unknown("term", term, ALLAN_TERMS)
     with working("analysing", as_json):
-        report = analyse(file, topic, t_from, t_to, imu, asked)
+        found = api.allan(
+            recording,
+            imu=imu,
+            terms=words(terms),
+            topic=topic,
+            t_from_s=t_from,
+            t_to_s=t_to,
+        )
     pictures = []
     if out is not None or not as_json:
         from stand.report.allan import write_pictures
 
-        folder = out or file.with_name(f"{file.stem}_allan")
         with working("drawing", as_json):
-            pictures = write_pictures(report, folder)
+            pictures = write_pictures(found, out)
     if as_json:
-        print_json(to_json(report) | {"pictures": [str(path) for path in pictures]})
+        print_json(to_json(found) | {"pictures": [str(path) for path in pictures]})
         return
-    from stand.report.allan import tables
     from stand.report.console import console, show
 
-    show(console(), tables(report))
+    show(console(), found.tables())
     for path in pictures:
         print(path)

@@ -12,15 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stand import __version__
 from stand.cli.align import align, allan, import_log
 from stand.cli.catalogue import check_imu, list_entries
 from stand.cli.progress import Stopped
 from stand.cli.review import report, view
 from stand.cli.run import drive, run
 from stand.cli.study import compare, export, rehearse
-from stand.errors import StandError, printable
 from stand.physics import set_driver_aside
+from stand.versions import VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -77,7 +76,7 @@ def _interrupt(signum: int, frame: object) -> None:
 
 
 def guarded(command: Callable[[], Any]) -> int:
-    """Run a command; exit code 0, 2 for bad input, 130 when interrupted."""
+    """Run a command; exit code 0, 2 for bad input, 130 when interrupted; a bug is raised."""
     try:
         code = command()
     except typer.TyperException as error:
@@ -88,15 +87,15 @@ def guarded(command: Callable[[], Any]) -> int:
         return stop.exit_code
     except Stopped as stopped:
         return _complain(str(stopped), INTERRUPTED)
-    except StandError as error:
-        return _complain(str(error))
     except OSError as error:  # a full disk, a folder without permission
         named = f"{error.filename}: " if error.filename else ""
         return _complain(f"{named}{error.strerror or error}")
     except MemoryError as error:
         return _complain(f"not enough memory: {error}")
     except Exception as error:
-        if type(error).__module__ != "alignment.errors":  # imported only where it was raised
+        from alignment.errors import Fault  # not before: it takes its time to import
+
+        if not isinstance(error, Fault):  # a bug: its traceback, and exit code 1
             raise
         return _complain(str(error))
     if code == INTERRUPTED:  # typer turns Ctrl-C inside a command into this code
@@ -105,13 +104,15 @@ def guarded(command: Callable[[], Any]) -> int:
 
 
 def _complain(message: str, code: int = 2) -> int:
+    from stand.errors import printable  # not before, as above
+
     print(f"stand: {' '.join(printable(message).split())}", file=sys.stderr)
     return code
 
 
 def _version(wanted: bool) -> None:
     if wanted:
-        print(f"stand {__version__}")
+        print(f"stand {VERSION}")
         raise typer.Exit
 
 

@@ -17,18 +17,15 @@ def list_entries(
     as_json: JsonOption = False,
 ) -> None:
     """List the catalogue: what can be run, simulated, estimated."""
-    from stand.report.listing import listing
+    from stand.report.listing import entries_table, listing
 
     entries = listing(what.value)
     if as_json:
         print_json(entries)
         return
     from stand.report.console import console, show
-    from stand.report.tables import TableData
 
-    columns = tuple(entries[0])
-    rows = tuple(tuple("" if e[c] is None else str(e[c]) for c in columns) for e in entries)
-    show(console(), [TableData(f"{what.value}", columns, rows)])
+    show(console(), [entries_table(what.value, entries)])
 
 
 def check_imu(

@@ -6,21 +6,12 @@ import gc
 from contextlib import contextmanager
 from enum import StrEnum
 from math import isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stand.errors import StandError
-
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from alignment import Options, Site
-    from stand.procedure.procedure import SiteEntry
-
-
-ALLAN_TERMS = ("N", "B", "K", "Q", "R")
 
 
 class SamplingChoice(StrEnum):
@@ -71,10 +62,6 @@ RuleOption = Annotated[
 ]
 
 
-def file_in(path: Path, name: str) -> Path:
-    return path / name if path.is_dir() else path
-
-
 @contextmanager
 def quick_imports() -> Iterator[None]:
     """Import without garbage collection: modules live to the end, looking them over costs 0.5 s."""
@@ -86,50 +73,21 @@ def quick_imports() -> Iterator[None]:
         gc.enable()
 
 
-def site_of(entry: SiteEntry, latitude: float | None, height: float | None) -> Site:
-    return site_with(entry.site(), latitude, height)
+def words(text: str) -> list[str]:
+    """What stands between commas."""
+    return [word.strip() for word in text.split(",") if word.strip()]
 
 
-def site_with(site: Site, latitude: float | None, height: float | None) -> Site:
-    """The site with what the command line says instead."""
-    from dataclasses import replace
+def numbers(option: str, text: str | None, count: int) -> tuple[float, ...] | None:
+    """So many numbers with commas between; nothing where nothing was said."""
+    if text is None:
+        return None
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(map(isfinite, values)):
+        from stand.errors import StandError
 
-    from alignment.units import DEG
-
-    if latitude is not None:
-        if not abs(latitude) <= 90:
-            raise StandError(f"--latitude {latitude:g}: must be -90 to 90 deg")
-        site = replace(site, latitude=latitude * DEG)
-    if height is not None:
-        if not (isfinite(height) and -1000 <= height <= 10000):
-            raise StandError(f"--height {height:g}: must be -1000 to 10000 m")
-        site = replace(site, height=height)
-    return site
-
-
-def options_with(options: Options, sequences: RuleChoice | None) -> Options:
-    from dataclasses import replace
-
-    from alignment.angles import SequenceRule
-
-    return options if sequences is None else replace(options, rule=SequenceRule(sequences.value))
-
-
-def with_data_sheet(options: Options, imu: str | None) -> Options:
-    """The options with what a unit's data sheet says; of the table what the recording says."""
-    if imu is None:
-        return options
-    from dataclasses import replace
-
-    from stand.imu import load_imu
-    from stand.imu.priors import priors_of
-
-    known = options.priors
-    priors = replace(
-        priors_of(load_imu(imu), None),
-        turn=known.turn,
-        seat=known.seat,
-        nominal=known.nominal,
-        lever_arm=known.lever_arm,
-    )
-    return replace(options, priors=priors)
+        raise StandError(f"{option} {text}: must be {count} numbers with commas between")
+    return values

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stand.cli.options import ForceOption, file_in
+from stand.cli.options import ForceOption
 from stand.cli.progress import working
 
 
@@ -33,7 +33,10 @@ def report(
 def view(
     recording: Annotated[Path, typer.Argument(help="Folder of stand run, an .rrd or an .mcap.")],
 ) -> None:
-    """Open a recording in the rerun viewer."""
+    """Open a recording in the rerun viewer: the review of a run's folder, else its run.mcap."""
     from stand.recording.viewer import view as open_viewer
 
-    open_viewer(file_in(recording, "run.rrd"))
+    review, alone = recording / "run.rrd", recording / "run.mcap"
+    if recording.is_dir():
+        recording = alone if alone.is_file() and not review.is_file() else review
+    open_viewer(recording)

@@ -16,12 +16,10 @@ from stand.cli.options import (
     MotionChoice,
     RuleOption,
     SamplingChoice,
-    options_with,
     quick_imports,
-    site_of,
+    words,
 )
 from stand.cli.progress import print_json, progress
-from stand.errors import StandError
 
 if TYPE_CHECKING:
     from stand.evaluation.drive_result import DriveResult
@@ -74,55 +72,30 @@ def run(
     As a real table would: stand run carousel --motion servo --table mid-class
     """
     with quick_imports():
-        from dataclasses import replace
-
+        import stand
         from stand.evaluation.run_result import result_json
-        from stand.imu import load_imu
-        from stand.imu import without as switched_off
-        from stand.imu.priors import priors_of
-        from stand.motion.polynomial import MotionKind
-        from stand.physics.truth import Sampling
-        from stand.procedure.procedure import load_procedure, table_of
-        from stand.recorded_run import Settings, refuse_existing, run_id
-        from stand.recorded_run import run as run_session
         from stand.recording import review  # noqa: F401  here rather than amid the samples
-        from stand.table.table import load_table
 
-    loaded, unit = load_procedure(procedure), load_imu(imu)
-    terms = tuple(term.strip() for term in without.split(",") if term.strip())
-    chosen = load_table(table) if table else table_of(loaded)
-    priors = priors_of(switched_off(unit, terms), chosen, loaded.entry.rocks)
-    settings = Settings(
-        loaded,
-        unit,
-        chosen,
-        site_of(loaded.entry.site, latitude, height),
-        replace(options_with(loaded.entry.estimate.options(), sequences), priors=priors),
-        rate,
-        Sampling(sampling.value),
-        seed,
-        terms,
-        MotionKind(motion.value),
-        true_table,
+    settings = stand.settings(
+        procedure,
+        imu,
+        table,
+        latitude_deg=latitude,
+        height_m=height,
+        rate_hz=rate,
+        sampling=sampling.value,
+        seed=seed,
+        without=words(without),
+        motion=motion.value,
+        true_table=true_table,
+        sequences=None if sequences is None else sequences.value,
     )
-    folder = _folder(out) if out else Path("recordings") / run_id(settings)
-    refuse_existing(folder, force)
     with progress(f"{settings.procedure.id}, {settings.imu.id}", as_json) as report:
-        result = run_session(settings, folder, force, report)
+        result = stand.run(settings, out, force=force, progress=report)
     if as_json:
-        print_json(result_json(result) | {"out": str(folder)})
+        print_json(result_json(result) | {"out": str(result.out)})
     else:
         _show_run(result)
-
-
-def _folder(out: Path) -> Path:
-    """Where to record; a link is followed, so that --force replaces what it leads to."""
-    if out.name in ("", ".."):
-        raise StandError(f"--out {out}: must name a folder of its own")
-    try:
-        return out.resolve() if out.is_symlink() else out
-    except (OSError, RuntimeError) as error:
-        raise StandError(f"--out {out}: links that lead in a circle") from error
 
 
 def _show_run(result: RunResult) -> None:
@@ -174,19 +147,15 @@ def drive(
     Example: stand drive weaving --imu stim300 --seed 3
     """
     with quick_imports():
-        from stand.evaluation.drive_result import DriveSettings, result_json
-        from stand.folder import refuse_existing
-        from stand.imu import load_imu
-        from stand.recorded_drive import run_drive, run_id
-        from stand.vehicle.scenario import load_drive
+        import stand
+        from stand.evaluation.drive_result import result_json
 
-    settings = DriveSettings(load_drive(scenario), load_imu(imu), rate, seed)
-    folder = _folder(out) if out else Path("recordings") / run_id(settings)
-    refuse_existing(folder, force)
-    with progress(f"{settings.drive.id}, {settings.imu.id}", as_json) as report:
-        result = run_drive(settings, folder, force, report)
+    with progress(f"{Path(scenario).stem}, {Path(imu).stem}", as_json) as report:
+        result = stand.drive(
+            scenario, imu, rate_hz=rate, seed=seed, out=out, force=force, progress=report
+        )
     if as_json:
-        print_json(result_json(result) | {"out": str(folder)})
+        print_json(result_json(result) | {"out": str(result.out)})
     else:
         _show_drive(result)
 

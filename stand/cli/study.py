@@ -8,17 +8,15 @@ from typing import Annotated
 import typer
 
 from stand.cli.options import (
-    ALLAN_TERMS,
     ForceOption,
     HeightOption,
     JsonOption,
     LatitudeOption,
     MotionChoice,
     quick_imports,
-    site_of,
+    words,
 )
 from stand.cli.progress import Stopped, print_json, progress, working
-from stand.errors import StandError, unknown
 
 
 def compare(
@@ -76,55 +74,37 @@ def compare(
     if published:
         _compare_published(as_json)
         return
-    if procedure is None:
-        raise StandError("compare: name a procedure (stand list procedures), or --published")
     with quick_imports():
-        from dataclasses import replace
-
-        from stand.evaluation.comparison import compare as compare_methods
+        import stand
         from stand.evaluation.comparison import to_json
-        from stand.imu import load_imu
-        from stand.imu import without as switched_off
-        from stand.imu.priors import priors_of
-        from stand.motion.polynomial import MotionKind
-        from stand.procedure.procedure import load_procedure, table_of
-        from stand.recorded_run import run_id
-        from stand.simulation.settings import Settings
-        from stand.table.table import load_table
 
-    loaded, unit = load_procedure(procedure), load_imu(imu)
-    terms = tuple(term.strip() for term in without.split(",") if term.strip())
-    chosen = load_table(table) if table else table_of(loaded)
-    priors = priors_of(switched_off(unit, terms), None if true_table else chosen)
-    settings = Settings(
-        loaded,
-        unit,
-        chosen,
-        site_of(loaded.entry.site, latitude, height),
-        replace(loaded.entry.estimate.options(), priors=priors),
-        rate,
+    if procedure is None:
+        raise stand.StandError("compare: name a procedure (stand list procedures), or --published")
+    settings = stand.settings(
+        procedure,
+        imu,
+        table,
+        latitude_deg=latitude,
+        height_m=height,
+        rate_hz=rate,
         seed=seed,
-        without=terms,
-        motion=MotionKind(motion.value),
+        without=words(without),
+        motion=motion.value,
         true_table=true_table,
+        methods=words(methods) or None,
     )
-    folder = out or (None if as_json else Path("recordings") / f"compare_{run_id(settings)}")
-    asked = [name.strip() for name in methods.split(",") if name.strip()]
-    with progress(f"{loaded.id}, {unit.id}, {runs} runs", as_json) as report:
-        result = compare_methods(settings, runs, asked, report)
+    with progress(f"{settings.procedure.id}, {settings.imu.id}, {runs} runs", as_json) as report:
+        result = stand.compare(settings, runs, progress=report)
     if not as_json:  # before the picture: a folder that cannot be written costs no runs
-        from stand.report.compare import table as comparison_table
         from stand.report.console import console, show
 
-        show(console(), [comparison_table(result)])
+        show(console(), result.tables())
     pictures = []
-    if folder is not None:
-        from stand.evaluation.heading_history import histories
-        from stand.report.compare import write_picture
+    if out is not None or not as_json:
+        from stand.report.compare import write_first_run
 
         with working("drawing the first run", as_json):
-            found = histories(settings, [t.method for t in result.tallies])
-            pictures = [write_picture(result, found, folder)]
+            pictures = [write_first_run(result, out)]
     if as_json:
         print_json(to_json(result) | {"pictures": [str(path) for path in pictures]})
         return
@@ -144,6 +124,10 @@ def _compare_published(as_json: bool) -> None:
     from stand.report.console import console
 
     print(published_text(figures, console().width))
+
+
+def _unseen(done: float) -> None:
+    """Progress of no runs."""
 
 
 def rehearse(
@@ -189,51 +173,37 @@ def rehearse(
     On all cores, prediction beside simulation: stand rehearse two-position --verify 200 --rate 50
     """
     with quick_imports():
-        from dataclasses import replace
-
-        from stand.imu import load_imu
-        from stand.procedure.procedure import load_procedure, table_of
-        from stand.rehearsal.advice import with_advice
-        from stand.rehearsal.rehearse import request
+        import stand
         from stand.rehearsal.result import Verdict
         from stand.rehearsal.result_json import rehearsal_json
-        from stand.simulation.settings import HIGHEST_RATE_HZ
-        from stand.table.table import load_table
 
-    asked_terms = tuple(term.strip().upper() for term in terms.split(",") if term.strip())
-    for term in asked_terms:
-        if term not in ALLAN_TERMS:
-            raise unknown("term", term, ALLAN_TERMS)
-    if not 1 <= rate <= HIGHEST_RATE_HZ:
-        raise StandError(f"--rate {rate}: must be 1 to {HIGHEST_RATE_HZ} Hz")
-    loaded, unit = load_procedure(procedure), load_imu(imu)
-    chosen = load_table(table) if table else table_of(loaded)
-    asked = request(loaded, unit, chosen, site_of(loaded.entry.site, latitude, height), rate)
-    asked = replace(asked, revision=revision, allan_terms=asked_terms)
-    if verify is not None and verify < 1:
-        raise StandError(f"--verify {verify}: must be 1 or more")
-    if report is not None and not force:
-        from stand.report.page import refuse_existing
-        from stand.report.rehearsal import JSON, JUNIT, PAGE
+    settings = stand.settings(
+        procedure,
+        imu,
+        table,
+        latitude_deg=latitude,
+        height_m=height,
+        rate_hz=rate,
+        revision=revision,
+        allan_terms=words(terms),
+    )
+    if report is not None:
+        from stand.report.rehearsal import refuse_report
 
-        refuse_existing([report / name for name in (PAGE, JSON, JUNIT)], "--report")
-    with working("rehearsing", as_json):
-        result = with_advice(asked)
-    if verify is not None:
-        from stand.rehearsal.verify import with_verification
-
-        with progress(f"{loaded.id}, {unit.id}, {verify} runs", as_json) as done:
-            result = with_verification(result, asked, verify, done)
+        refuse_report(report, force)
+    title = f"{settings.procedure.id}, {settings.imu.id}, {verify} runs"
+    watching = working("rehearsing", as_json) if verify is None else progress(title, as_json)
+    with watching as done:
+        result = stand.rehearse(settings, verify=verify, progress=done if verify else _unseen)
     runs = result.verification
     if as_json:
         print_json(rehearsal_json(result))
     else:
         from stand.report.console import console, show
-        from stand.report.rehearsal_tables import headline, tables
 
         out = console()
-        out.print(headline(result), markup=False, soft_wrap=True)
-        show(out, tables(result))
+        out.print(result.headline(), markup=False, soft_wrap=True)
+        show(out, result.tables())
     if report is not None:  # after the answer: a folder that cannot be written costs no runs
         from stand.report.rehearsal import write_report
 
@@ -266,24 +236,12 @@ def export(
 
     Example: stand export two-position --table mid-class --out two-position.csv
     """
+    with quick_imports():
+        import stand
+        from stand.errors import unknown
+        from stand.rehearsal.export import exported, steps_file
+
     if file_format != "csv":
         raise unknown("format", file_format, ("csv",))
-    with quick_imports():
-        from stand.motion.planner import plan
-        from stand.physics.mjcf import describe, load_model
-        from stand.procedure.procedure import load_procedure, table_of
-        from stand.rehearsal.export import export as write_motion
-        from stand.rehearsal.export import steps_file
-        from stand.table.table import load_table
-
-    loaded = load_procedure(procedure)
-    chosen = load_table(table) if table else table_of(loaded)
-    if out.name in ("", "..") or out.is_dir():
-        raise StandError(f"--out {out}: must be a file")
-    for path in (out, steps_file(out)):
-        if path.exists() and not force:
-            raise StandError(f"--out {path}: exists; --force replaces it")
-    if not out.parent.is_dir():
-        raise StandError(f"--out {out}: no folder {out.parent}")
-    rows = write_motion(plan(loaded, describe(load_model()), chosen, seed), out)
+    rows = exported(stand.settings(procedure, table=table, seed=seed), out, force)
     print(f"{out}: {rows} rows\n{steps_file(out)}")

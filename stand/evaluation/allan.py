@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import isfinite, sqrt
+from math import ceil, floor, inf, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,26 @@ import numpy as np
 from alignment import ImuReadings
 from alignment.allan import Analysis, Channel, Missing
 from alignment.allan import analyse as analyse_readings
+from alignment.allan.deviation import FEWEST
+from alignment.allan.fit import MEMORY
+from alignment.allan.terms import KEYS
+from alignment.earth import EARTH_RATE
 from alignment.errors import AlignmentError, NotAtRest
-from alignment.units import ARC_SECOND, DEG_PER_HOUR, DEG_PER_RT_HOUR, M_S_PER_RT_HOUR, MICRO_G
+from alignment.noise import check_rest, longest_rest
+from alignment.units import (
+    ARC_SECOND,
+    DEG,
+    DEG_PER_HOUR,
+    DEG_PER_RT_HOUR,
+    M_S_PER_RT_HOUR,
+    MICRO_G,
+    MILLI_G,
+)
 from stand import toml_files as catalogue
-from stand.errors import StandError
+from stand.errors import StandError, located
 from stand.imu import ImuSpec, TriadSpec, imu_from, load_imu
 from stand.recording.mcap.reader import ImuLog, read_imu
-from stand.recording.metadata import RUN, epoch_of, recorded_steps
+from stand.recording.metadata import RUN, epoch_of, planned_stretches, settled_stretches
 
 HOUR = 3600.0
 RT_HOUR = 60.0  # root seconds in a root hour
@@ -44,6 +57,9 @@ UNITS: Mapping[tuple[str, str], Unit] = {
     ("accel", "R"): Unit("ug/h", MICRO_G / HOUR),
 }
 ORDER = ("N", "B", "K", "Q", "R")
+STEPS = {"gyro": Unit("deg/s", DEG), "accel": Unit("mg", MILLI_G)}
+SLIP = 0.02  # relative, to one of the known mix-ups of units
+ROUNDING_TOLD = 0.1  # of N: less white noise of the rounding is not worth a word
 DEVIATION = {"gyro": Unit("deg/h", DEG_PER_HOUR), "accel": Unit("ug", MICRO_G)}
 
 
@@ -64,7 +80,7 @@ class AllanReport:
 
 
 def analyse(
-    path: Path,
+    path: Path | ImuLog,
     topic: str | None = None,
     t_from: float | None = None,
     t_to: float | None = None,
@@ -75,12 +91,13 @@ def analyse(
 
     Parameters
     ----------
-    path : Path
+    path : Path or ImuLog
+        A file, or what was read from it.
     topic : str or None
-        See `read_imu`.
+        See `LogFile.imu`.
     t_from, t_to : float or None
-        The stretch to use [s], counted as `load_log` does; without either, the longest
-        dwell of a recording of ours, all of any other.
+        The stretch to use [s], counted as `load_log` does; without either, all rests of a
+        recording of ours together, all of any other.
     imu : str or None
         A preset whose values are put beside the measured ones; else the one in the recording.
     terms : iterable of str
@@ -91,20 +108,23 @@ def analyse(
     StandError
         The file, stretch or preset is not right.
     AlignmentError
-        Not at rest, or too short for an analysis or for a term of `terms`.
+        Not at rest, at full scale, or too short for an analysis or for a term of `terms`.
     """
-    log = read_imu(path, topic)
+    log = path if isinstance(path, ImuLog) else read_imu(path, topic)
+    path = Path(log.path)
     spec = load_imu(imu) if imu else _recorded_imu(path, log)
     sheet = sheet_of(spec) if spec else {}
-    readings, notes = _stretch(path, log, t_from, t_to)
+    known = {"gyro": spec.gyro.bandwidth, "accel": spec.accel.bandwidth} if spec else {}
+    ranges = (spec.gyro.full_scale, spec.accel.full_scale) if spec else (inf, inf)
+    rests, notes = _rests(path, log, t_from, t_to)
     try:
-        result = analyse_readings(readings, sheet, terms)
+        result = analyse_readings(rests, sheet, terms, known, ranges)
     except NotAtRest as error:
-        raise NotAtRest(f"{path}: {error}; choose a rest with --from and --to") from error
+        raise NotAtRest(f"{path}: {error}; {_advice(rests)}") from error
     except AlignmentError as error:
         raise type(error)(f"{path}: {error}") from error
     title = f"{spec.title} ({spec.id})" if spec else None
-    notes += _told(result)
+    notes += _told(result, known)
     return AllanReport(str(path), log.topic, result, sheet, title, tuple(notes))
 
 
@@ -139,26 +159,20 @@ def _recorded_imu(path: Path, log: ImuLog) -> ImuSpec | None:
         raise StandError(f"{path}: the preset in its metadata: {error}") from error
 
 
-def _stretch(
+def _rests(
     path: Path, log: ImuLog, t_from: float | None, t_to: float | None
-) -> tuple[ImuReadings, list[str]]:
-    """The samples to use, and what to say of the choice."""
-    try:
+) -> tuple[list[ImuReadings], list[str]]:
+    """The samples to use, rest by rest, and what to say of the choice."""
+    with located(path):
         ours = "epoch_ns" in log.metadata.get(RUN, {})
         origin = epoch_of(log.metadata) if ours else int(log.t_ns[0])
-    except StandError as error:
-        raise StandError(f"{path}: {error}") from error
     t = (log.t_ns - origin) * 1e-9
     t.flags.writeable = False
     readings = ImuReadings(t, log.w_ib_b, log.f_b)
-    notes = []
     if t_from is None and t_to is None:
-        dwell = _longest_dwell(path, log)
-        if dwell is None:
-            return readings, notes
-        t_from, t_to = float(dwell["t_from_s"]), float(dwell["t_to_s"])
-        if t_from > t[0] or t_to < t[-1]:
-            notes.append(f"longest dwell: {dwell['label']}, {t_from:.6g} to {t_to:.6g} s")
+        dwells = _dwells(path, log)
+        if dwells:
+            return _still(path, readings, dwells)
     begin, end = float(t[0]) - readings.interval if len(t) > 1 else float(t[0]), float(t[-1])
     a, b = (begin if t_from is None else t_from), (end if t_to is None else t_to)
     if not (isfinite(a) and isfinite(b) and begin - 1e-6 <= a < b <= end + 1e-6):
@@ -170,23 +184,60 @@ def _stretch(
     chosen = readings if whole else readings.between(a, b)
     if len(chosen) == 0:
         raise StandError(f"{path}: no samples between {a:g} and {b:g} s")
-    return chosen, notes
+    return [chosen], []
 
 
-def _longest_dwell(path: Path, log: ImuLog) -> dict[str, Any] | None:
-    if "schedule" not in log.metadata:
-        return None
+Rest = tuple[str, float, float]  # its label, from when to when [s]
+
+
+def _dwells(path: Path, log: ImuLog) -> list[Rest]:
+    """The dwells of a recording of ours, from when the table had settled."""
+    with located(path):
+        stretches = settled_stretches(planned_stretches(log.metadata), log.metadata)
+    return [(s.label, s.t_from, s.t_to) for s in stretches if s.joint is None]
+
+
+def _still(
+    path: Path, readings: ImuReadings, dwells: list[Rest]
+) -> tuple[list[ImuReadings], list[str]]:
+    """The rests that are long enough and did not move; if all moved, the longest: it refuses."""
+    parts = [(label, readings.between(a, b)) for label, a, b in dwells]
+    enough = [part for part in parts if len(part[1]) >= FEWEST]
+    if not enough:
+        return [max((part for _, part in parts), key=len)], []
+    moved = [label for label, part in enough if _moves(part)]
+    used = [(label, part) for label, part in enough if label not in moved]
+    if not used:
+        return [max((part for _, part in enough), key=len)], []
+    notes = [f"left out, not at rest: {', '.join(moved)}"] if moved else []
+    if len(used) == 1 and len(dwells) == 1:
+        return [used[0][1]], notes
+    spans = ", ".join(f"{label} ({len(p) * p.interval:.4g} s)" for label, p in used)
+    together = f"{len(used)} rests together: " if len(used) > 1 else "one rest: "
+    return [part for _, part in used], [f"used {together}{spans}", *notes]
+
+
+def _moves(part: ImuReadings) -> bool:
     try:
-        steps = recorded_steps(log.metadata)
-    except StandError as error:
-        raise StandError(f"{path}: {error}") from error
-    dwells = [step.model_dump() for step in steps if step.kind == "dwell"]
-    return max(dwells, key=lambda d: d["t_to_s"] - d["t_from_s"], default=None)
+        check_rest(part, "")
+    except NotAtRest:
+        return True
+    return False
 
 
-def _told(result: Analysis) -> list[str]:
-    """Interruptions and misfits, in words; many interruptions as their number."""
-    notes = []
+def _advice(rests: list[ImuReadings]) -> str:
+    """What would do: the longest rest there is."""
+    found = longest_rest(max(rests, key=len))
+    if found is None:
+        return "choose a rest with --from and --to"
+    # rounded inward, so that what is printed lies within the rest
+    begin, end = ceil(found[0] * 10) / 10, floor(found[1] * 10) / 10
+    return f"choose a rest with --from and --to: --from {begin:g} --to {end:g} is one"
+
+
+def _told(result: Analysis, known: Mapping[str, float]) -> list[str]:
+    """What was read on average, interruptions and misfits, in words."""
+    notes = [_means(result), *result.notes]
     gaps = [event for event in result.interruptions if event.kind == "gap"]
     rates = [event for event in result.interruptions if event.kind == "rate"]
     if gaps:
@@ -198,24 +249,57 @@ def _told(result: Analysis) -> list[str]:
             f"rate changes at {event.t:.6g} s from {1 / event.before:.6g} "
             f"to {1 / event.after:.6g} Hz"
         )
-    if result.interruptions:
+    if result.interruptions and len(result.stretches) == 1:
         notes.append(
             f"used: the longest stretch without interruption, {result.t_from:.6g} to "
             f"{result.t_to:.6g} s"
         )
-    return notes + [note for c in result.channels for note in _misfits(c)]
+    return notes + [note for c in result.channels for note in _misfits(c, known)]
 
 
-def _misfits(channel: Channel) -> list[str]:
+def _means(result: Analysis) -> str:
+    """Mean rate and specific force: whether the numbers can be those of a unit at rest on Earth."""
+    rates = [float(np.linalg.norm(s.w_ib_b)) for s in result.stretches]
+    forces = [float(np.linalg.norm(s.f_b)) for s in result.stretches]
+    times = max(rates) / EARTH_RATE
+    slip = f", {times:.1f} times Earth's: deg/s for rad/s?" if abs(times * DEG - 1) < SLIP else ""
+    if abs(max(forces) - 1) < SLIP:
+        slip += ", specific force 1: g for m/s^2?"
+    return (
+        f"mean rate {_span(rates, DEG_PER_HOUR, 4)} deg/h (Earth: 15.04), "
+        f"mean specific force {_span(forces, 1.0, 6)} m/s^2{slip}"
+    )
+
+
+def _span(values: list[float], unit: float, digits: int) -> str:
+    ends = (f"{min(values) / unit:.{digits}g}", f"{max(values) / unit:.{digits}g}")
+    return " to ".join(dict.fromkeys(ends))
+
+
+def _misfits(channel: Channel, known: Mapping[str, float]) -> list[str]:
     name = f"{channel.sensor} {channel.axis}"
+    step = channel.step / STEPS[channel.sensor].si
+    size = f"{step:.3g} {STEPS[channel.sensor].name}"
+    if not channel.resolved:
+        return [f"{name}: below resolution: its noise is lost in steps of {size}, N cannot be told"]
+    notes = []
+    if channel.rounding > ROUNDING_TOLD * channel.values[KEYS.index("N")]:
+        unit = UNITS[channel.sensor, "N"]
+        notes.append(
+            f"{name}: rounded to {size}: of that, N {channel.rounding / unit.si:.2g} {unit.name} "
+            "is taken out"
+        )
     if channel.model_error > 0:
         error = 100 * channel.model_error
-        return [
+        notes.append(
             f"{name}: the five terms describe the curve to {error:.2g} % only; intervals allow that"
-        ]
-    if channel.first_tau > channel.tau[0]:
-        return [f"{name}: fitted from {channel.first_tau:.3g} s on, the start has another shape"]
-    return []
+        )
+    elif channel.first_tau > channel.tau[0]:
+        first = f"{name}: fitted from {channel.first_tau:.3g} s on, "
+        limit = known.get(channel.sensor, inf)
+        told = isfinite(limit) and channel.first_tau < 2.5 * MEMORY / limit
+        notes.append(first + ("beyond its bandwidth" if told else "the start has another shape"))
+    return notes
 
 
 def to_json(report: AllanReport) -> dict[str, Any]:
@@ -234,6 +318,16 @@ def to_json(report: AllanReport) -> dict[str, Any]:
         "duration_s": result.duration,
         "from_s": result.t_from,
         "to_s": result.t_to,
+        "rests": [
+            {
+                "from_s": s.t_from,
+                "to_s": s.t_to,
+                "samples": s.samples,
+                "mean_rate_deg_h": (s.w_ib_b / DEG_PER_HOUR).tolist(),
+                "mean_force_m_s2": s.f_b.tolist(),
+            }
+            for s in result.stretches
+        ],
         "gaps": [{"at_s": e.t, "missing_s": e.missing} for e in events if e.kind == "gap"],
         "rate_changes": [
             {"at_s": e.t, "before_hz": 1 / e.before, "after_hz": 1 / e.after}
@@ -276,6 +370,7 @@ def _missing(report: AllanReport, channel: Channel) -> list[dict[str, Any]]:
             "needs_h": needs_hours(missing),
             "upper": missing.upper / unit.si,
             "unit": unit.name,
+            "below_resolution": not channel.resolved,
         }
         stated = report.sheet.get((channel.sensor, missing.term))
         entries.append(entry if stated is None else entry | {"datasheet": stated / unit.si})
@@ -303,4 +398,6 @@ def _curve(channel: Channel) -> dict[str, Any]:
         "first_tau_s": channel.first_tau,
         "onset_s": channel.onset,
         "model_error": channel.model_error,
+        "smoothing_s": channel.smoothing,
+        "step": channel.step / unit.si,
     } | {name: np.asarray(values / unit.si).tolist() for name, values in columns.items()}

@@ -16,20 +16,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Site
-from alignment.angles import heading_from_C_nb, wrapped
+from alignment.against_truth import heading_errors, rotation_error
 from alignment.earth import EARTH_RATE
 from alignment.errors import AlignmentError
 from alignment.units import DEG
-from stand.errors import StandError, unknown
-from stand.evaluation.score import TOLD, suited
+from stand.errors import StandError
+from stand.evaluation.score import circular, suited
 from stand.evaluation.statistics import Found, Outcome, Tally, tally
-from stand.imu import ImuSpec, without
+from stand.imu import ImuSpec
 from stand.motion.plan import Plan
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
-
-ONE_GYRO = "single-gyro"
 
 Progress = Callable[[float], None]
 
@@ -56,7 +54,6 @@ def applicable(plan: Plan) -> tuple[str, ...]:
 def compare(
     settings: Settings,
     runs: int,
-    methods: Sequence[str] = (),
     progress: Progress = lambda done: None,
     workers: int | None = None,
 ) -> Comparison:
@@ -65,10 +62,9 @@ def compare(
     Parameters
     ----------
     settings : Settings
-        Of the first run; the others differ in their seed.
+        Of the first run; the others differ in their seed. Without `methods` of its own those
+        `applicable` are compared.
     runs : int
-    methods : sequence of str
-        Ids of `ESTIMATORS`; those `applicable` if empty.
     progress : callable
         Told the part done, 0 to 1.
     workers : int, optional
@@ -78,18 +74,12 @@ def compare(
     Raises
     ------
     StandError
-        An unknown method, a setting that is impossible, a run that failed.
+        A setting that is impossible, a run that failed.
     """
-    for method in methods:
-        if method not in ESTIMATORS:
-            raise unknown("method", method, ESTIMATORS)
     if runs < 1:
-        raise StandError(f"--runs {runs}: must be 1 or more")
-    bench = _Bench(settings, tuple(methods))  # refuses what is impossible, before any process
-    ready, seeds = (
-        partial(_ready, settings, bench.methods),
-        range(settings.seed, settings.seed + runs),
-    )
+        raise StandError(f"runs = {runs}: must be 1 or more")
+    bench = _Bench(settings)  # refuses what is impossible, before any process
+    ready, seeds = partial(_ready, settings), range(settings.seed, settings.seed + runs)
     outcomes: list[list[Outcome]] = []
     with closing(campaign(ready, seeds, workers, bench.trial)) as trials:
         for found in trials:
@@ -99,20 +89,20 @@ def compare(
     return Comparison(settings, runs, tuple(tally(m, runs, own) for m, own in by_method))
 
 
-def _ready(settings: Settings, methods: tuple[str, ...]) -> Callable[[int], list[Outcome]]:
-    return _Bench(settings, methods).trial
+def _ready(settings: Settings) -> Callable[[int], list[Outcome]]:
+    return _Bench(settings).trial
 
 
 class _Bench:
     """Runs of one setting, and what all methods make of each."""
 
-    def __init__(self, settings: Settings, methods: tuple[str, ...]) -> None:
+    def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.trials = Trials(settings)
-        self.methods = methods or applicable(self.trials.plan)
+        self.methods = settings.methods or applicable(self.trials.plan)
         if not self.trials.plan.stretches or not self.methods:
             raise StandError(f"{settings.procedure.name}: nothing to estimate from: no dwell, rate")
-        self._imu = without(settings.imu, settings.without)
+        self._imu = settings.unit
 
     def trial(self, seed: int) -> list[Outcome]:
         """All methods on the readings of one run."""
@@ -129,30 +119,39 @@ class _Bench:
             own = suited(method, dwells)
             estimates = ESTIMATORS[method].estimate(own, site, self.settings.options)
         except AlignmentError as error:
-            return Outcome(method, seed, seconds=time.perf_counter() - begin, refusal=str(error))
+            return Outcome(
+                method=method, seed=seed, seconds=time.perf_counter() - begin, refusal=str(error)
+            )
         seconds = time.perf_counter() - begin
         found = tuple(
             against_truth(e, truth[e.label], floors(e, truth[e.label], own, site, self._imu))
             for e in estimates
-            if e.C_nb is not None and e.label in truth and e.window != "same"
+            if e.C_nb is not None and e.label in truth and not circular(e)
         )
-        return Outcome(method, seed, found, seconds)
+        return Outcome(method=method, seed=seed, found=found, seconds=seconds)
 
 
 def against_truth(e: AttitudeEstimate, truth: Rotation, floor: tuple[float, float]) -> Found:
     """An estimate's errors beside its own sigmas and the floors of heading and tilt [rad]."""
     assert e.C_nb is not None
-    error = (e.C_nb * truth.inv()).as_rotvec()
-    heading, true_heading = e.heading, heading_from_C_nb(truth)
-    off, sigmas, nees = nan, (nan, nan), nan
-    if heading is not None and true_heading is not None:
-        off = float(wrapped(heading - true_heading))
+    error, off = rotation_error(e.C_nb, truth), float(heading_errors(e.C_nb, truth))
+    sigmas, nees = (nan, nan), nan
     if e.covariance is not None:
         sigmas = (sqrt(e.covariance[0, 0]), sqrt(e.covariance[1, 1]))
         if np.linalg.matrix_rank(e.covariance, hermitian=True) == len(error):
             nees = float(error @ np.linalg.solve(e.covariance, error))
     sigma = nan if e.heading_sigma is None else e.heading_sigma
-    return Found(off, float(error[0]), float(error[1]), sigma, *sigmas, nees, *floor)
+    return Found(
+        heading=off,
+        north=float(error[0]),
+        east=float(error[1]),
+        heading_sigma=sigma,
+        north_sigma=sigmas[0],
+        east_sigma=sigmas[1],
+        nees=nees,
+        heading_floor=floor[0],
+        tilt_floor=floor[1],
+    )
 
 
 def floors(
@@ -165,10 +164,10 @@ def floors(
     part of an azimuth error, so it divides by that. NaN for a method that was told the attitude.
     """
     seconds = used_time(e, dwells)
-    if site.latitude is None or seconds <= 0 or e.method in TOLD:
+    if site.latitude is None or seconds <= 0 or ESTIMATORS[e.method].carries_nominal:
         return nan, nan
     gyros = 1.0
-    if e.method == ONE_GYRO:
+    if ESTIMATORS[e.method].gyros == 1:
         gyros = 1 / float(np.abs(truth.as_matrix()[1]).max())
     north = EARTH_RATE * np.cos(site.latitude)
     heading = gyros * imu.gyro.noise / (north * np.sqrt(seconds))

@@ -10,11 +10,11 @@ from alignment.methods.vectors.method import METHOD
 from alignment.units import DEG
 from stand.errors import StandError
 from stand.evaluation.milestones import LIMITS, doubts, needed, points
-from stand.evaluation.run_result import versions
 from stand.evaluation.score import Score, score_to_json
 from stand.imu import ImuSpec
 from stand.simulation.settings import HIGHEST_RATE_HZ
 from stand.vehicle.scenario import Drive, priors_of
+from stand.versions import versions
 
 LOWEST_RATE_HZ = 20  # means over longer samples are not exact: see `Path.means`
 MOST_SAMPLES = 10_000_000  # of a drive: they are held at once, some hundred bytes each
@@ -48,7 +48,7 @@ class DriveSettings:
     def site(self) -> Site:
         """Where the drive begins."""
         start = self.drive.path.start
-        return Site(start.latitude, start.height, longitude=start.longitude)
+        return Site(latitude=start.latitude, height=start.height, longitude=start.longitude)
 
     @property
     def priors(self) -> Priors:

@@ -10,12 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment import ESTIMATORS, AttitudeEstimate, Dwell
-from alignment.angles import wrapped
+from alignment import ESTIMATORS, AttitudeEstimate, Dwell, against_truth
 from alignment.arrays import Array, set_owned
 from alignment.errors import AlignmentError
-from alignment.estimate import AttitudeTrack
-from stand.evaluation.score import suited
+from alignment.estimate import AttitudeTrack, heading_sigmas
+from stand.evaluation.score import circular, suited
 from stand.simulation.monte_carlo import Watched, watch
 from stand.simulation.settings import Settings
 
@@ -63,7 +62,14 @@ def _of(method: str, run: Watched, settings: Settings) -> list[History]:
 def _tracked(method: str, track: AttitudeTrack, run: Watched) -> History:
     error, sigma = heading_errors(track.C_nb, run.C_nb(track.t), track.covariance)
     good = np.isfinite(error)
-    return History(method, track.label, False, track.t[good], error[good], sigma[good])
+    return History(
+        method=method,
+        label=track.label,
+        grown=False,
+        t=track.t[good],
+        error=error[good],
+        sigma=sigma[good],
+    )
 
 
 def _grown(
@@ -90,13 +96,16 @@ def _grown(
                 points.append((float(t), float(error[0]), float(sigma[0])))
         rows = np.array([p for p in points if np.isfinite(p[1])]).reshape(-1, 3)
         if len(rows):
-            yield History(method, dwell.label, True, *rows.T)
+            t, error, sigma = rows.T
+            yield History(
+                method=method, label=dwell.label, grown=True, t=t, error=error, sigma=sigma
+            )
 
 
 def _latest(found: Sequence[AttitudeEstimate], label: str) -> AttitudeEstimate | None:
     """The estimate of the stretch under way, else the last there is."""
     whole = [
-        e for e in found if e.C_nb is not None and e.covariance is not None and e.window != "same"
+        e for e in found if e.C_nb is not None and e.covariance is not None and not circular(e)
     ]
     own = [e for e in whole if e.label == label]
     return (own or whole or [None])[-1]
@@ -115,14 +124,9 @@ def _true(
 def heading_errors(C_nb: Rotation, true: Rotation, covariance: Array) -> tuple[Array, Array]:
     """Heading errors (m,) of m attitudes and their sigmas [rad] by covariances (m, 3, 3).
 
-    NaN where X1 is steeper than 45 deg. For the formula see `AttitudeEstimate.heading_sigma`.
+    NaN where X1 is steeper than 45 deg.
     """
-    ahead, true_ahead = C_nb.apply([1.0, 0.0, 0.0]), true.apply([1.0, 0.0, 0.0])
-    north, east, down = ahead.T
-    level2 = north**2 + east**2
-    error = np.arctan2(east, north) - np.arctan2(true_ahead[:, 1], true_ahead[:, 0])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        j = np.stack([-north * down, -east * down, level2], axis=1) / level2[:, None]
-        sigma = np.sqrt(np.maximum(np.einsum("mi,mij,mj->m", j, covariance, j), 0.0))
-    steep = level2 < STEEP**2
-    return np.where(steep, np.nan, wrapped(error)), np.where(steep, np.nan, sigma)
+    level = np.hypot(*C_nb.apply([1.0, 0.0, 0.0]).T[:2])
+    steep = level < STEEP
+    error, sigma = against_truth.heading_errors(C_nb, true), heading_sigmas(C_nb, covariance)
+    return np.where(steep, np.nan, error), np.where(steep, np.nan, sigma)

@@ -83,6 +83,8 @@ def doubts(matching: Matching) -> list[Doubt]:
         text, n, corrected = matching.doubts[k], int(matching.fixes[k]), bool(matching.corrected[k])
         if text:
             kind = re.sub(r"[-+\d.e]*\d[-+\d.e]*", "#", text), corrected
-            old = found.get(kind, Doubt(0, n, n, text, corrected))
-            found[kind] = Doubt(old.count + 1, old.first, n, text, corrected)
+            old = found.get(kind, Doubt(count=0, first=n, last=n, text=text, corrected=corrected))
+            found[kind] = Doubt(
+                count=old.count + 1, first=old.first, last=n, text=text, corrected=corrected
+            )
     return list(found.values())

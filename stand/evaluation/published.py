@@ -11,24 +11,26 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment import ImuReadings, Priors
+from alignment import ESTIMATORS, ImuReadings, Priors
 from alignment.angles import C_nb_from_angles, Sequence
 from alignment.arrays import Array
 from alignment.earth import EARTH_RATE, normal_gravity
 from alignment.information.budget import PublishedFigure, published_figures
 from alignment.information.turns import time_needed
+from alignment.methods.integration import METHOD as RK4
 from alignment.methods.positions import half_turn_means
 from alignment.methods.single_gyro import single_gyro_attitude
+from alignment.methods.six_position import METHOD as SIX_POSITION
 from alignment.methods.triad import triad_attitude
 from alignment.methods.two_gyro import Sway, azimuth_as_published, sway_bound
 from alignment.methods.vectors import VectorOptions, compare
+from alignment.noise import FLICKER_FLOOR
 from alignment.units import ARC_MINUTE, ARC_SECOND, DEG, DEG_PER_HOUR, STANDARD_GRAVITY
-from stand.evaluation.score import ANGLES, PUBLISHED, Truths, evaluate, spreads
+from stand.evaluation.score import ANGLES, Truths, evaluate, spreads
 from stand.imu import load_imu
-from stand.imu.priors import priors_of
-from stand.procedure.procedure import load_procedure, table_of
+from stand.procedure.procedure import load_procedure
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.settings import Settings
+from stand.simulation.settings import settings
 from stand.vehicle.scenario import fixes_of, load_drive, programmed, sense
 
 TEST, UNIT = "six-position-published", "stim300"
@@ -37,7 +39,6 @@ RUNS = 8  # of the stand and of the drives
 EPSILON = 1e-9  # deg: 'zero by construction' with rounding
 CLASS = ("adis16488", "stim300", "hg4930", "hg1700", "ring-laser")  # from coarse to fine
 TARGET = 1.3 * ARC_MINUTE
-PLATEAU = 0.664  # Allan deviation at its floor, of the bias instability: sqrt(2 ln 2 / pi)
 
 Figures = tuple[PublishedFigure, ...]
 
@@ -65,51 +66,49 @@ def to_json(figure: PublishedFigure) -> dict[str, Any]:
 def six_position_figures() -> Figures:
     """Deviations over the six positions, by the stand with a tactical unit."""
     same, fresh, rival = _deviations()
-    method, runge = (np.array(PUBLISHED[name]) for name in ("six-position", "rk4"))
+    method, runge = (np.array(ESTIMATORS[name].published_deg) for name in (SIX_POSITION, RK4))
     white = _walk_for(float(method[1]) * DEG) / load_imu(UNIT).gyro.noise
     inside = bool(np.all((rival.min() <= runge) & (runge <= rival.max())))
     where = "roll, yaw, pitch over six positions, 300 s, against nominal angles"
     return (
         PublishedFigure(
-            f"[S0] method, angles from the 10 s of the offset: sigma (n-1) of {where}",
-            _three(method),
-            f"below {EPSILON:g} deg" if same.max() < EPSILON else _three(same.max(axis=0)),
-            False,
-            "an offset taken from the same samples makes them zero by construction",
+            figure=f"[S0] method, angles from the 10 s of the offset: sigma (n-1) of {where}",
+            published=_three(method),
+            ours=f"below {EPSILON:g} deg" if same.max() < EPSILON else _three(same.max(axis=0)),
+            reproduced=False,
+            because="an offset taken from the same samples makes them zero by construction",
         ),
         PublishedFigure(
-            f"[S0] method, angles from fresh samples: sigma (n-1) of {where}",
-            _three(method),
-            _range(fresh),
-            bool(np.all((fresh.min(axis=0) <= method) & (method <= fresh.max(axis=0)))),
-            "levelling is finer than printed, but the noise of a 10 s offset leaves yaw open: "
+            figure=f"[S0] method, angles from fresh samples: sigma (n-1) of {where}",
+            published=_three(method),
+            ours=_range(fresh),
+            reproduced=bool(np.all((fresh.min(axis=0) <= method) & (method <= fresh.max(axis=0)))),
+            because="levelling is finer than printed, but the noise of a 10 s offset leaves yaw "
+            "open: "
             f"the printed yaw needs gyros {1 / white:,.0f} times quieter than this unit's",
         ),
         PublishedFigure(
-            f"[S0] Runge-Kutta: sigma (n-1) of {where}",
-            _three(runge),
-            _range(rival),
-            inside,
-            f"drift over 300 s of gyros of 0.15 deg/rt-h is of that size ({RUNS} runs)",
+            figure=f"[S0] Runge-Kutta: sigma (n-1) of {where}",
+            published=_three(runge),
+            ours=_range(rival),
+            reproduced=inside,
+            because=f"drift over 300 s of gyros of 0.15 deg/rt-h is of that size ({RUNS} runs)",
         ),
     )
 
 
 def _deviations() -> tuple[Array, Array, Array]:
     """Deviations (runs, 3) [deg] of same window, fresh window, RK4."""
-    procedure, unit = load_procedure(TEST), load_imu(UNIT)
-    table = table_of(procedure)
-    options = replace(procedure.entry.estimate.options(), priors=priors_of(unit, table))
-    settings = Settings(procedure, unit, table, procedure.entry.site.site(), options, RATE_HZ)
-    trials = Trials(settings)
+    test = settings(TEST, UNIT, rate_hz=RATE_HZ)
+    trials = Trials(test)
     found: dict[tuple[str, str], list[Array]] = {}
     for seed in range(RUNS):
         dwells, _ = trials.readings(seed)
         truths = [Truths(nominal=dwell.nominal) for dwell in dwells]
-        scores = evaluate(dwells, truths, settings.site, options, ("six-position", "rk4"))
+        scores = evaluate(dwells, truths, test.site, test.options, (SIX_POSITION, RK4))
         for s in spreads(scores):
             found.setdefault((s.method, s.window), []).append(s.sigma / DEG)
-    keys = ("six-position", "same"), ("six-position", "fresh"), ("rk4", "")
+    keys = (SIX_POSITION, "same"), (SIX_POSITION, "fresh"), (RK4, "")
     same, fresh, rival = (np.array(found[key]) for key in keys)
     return same, fresh, rival
 
@@ -143,35 +142,51 @@ def sway_figures() -> Figures:
     for latitude in latitudes:
         xi, eta = _SWAY * rng.standard_normal((2, _SAMPLES))
         D = np.cov(xi, eta)
-        bound = sway_bound(Sway(0.0, 0.0, D[0, 0], D[1, 1], D[0, 1]), latitude)
+        bound = sway_bound(
+            Sway(
+                beta=0.0,
+                gamma=0.0,
+                variance_beta=D[0, 0],
+                variance_gamma=D[1, 1],
+                covariance=D[0, 1],
+            ),
+            latitude,
+        )
         own.append(np.std(_sample_errors(latitude, xi, eta), ddof=1) / bound)
         cross.append(np.std(_sample_errors(latitude, 0 * xi, eta), ddof=1) / bound)
     chance = 3 / np.sqrt(2 * _SAMPLES)
     sway, seconds, rate_hz, latitude = 0.5 * DEG, 300.0, 0.2, 48.5 * DEG
     own_rate = np.sqrt(2) * sway / seconds / (EARTH_RATE * np.cos(latitude))
     exceeds = 2 * np.pi * rate_hz / (EARTH_RATE * np.sin(latitude))
-    law = sway_bound(Sway(0.0, 0.0, sway**2, sway**2, 0.0), latitude)
+    law = sway_bound(
+        Sway(beta=0.0, gamma=0.0, variance_beta=sway**2, variance_gamma=sway**2, covariance=0.0),
+        latitude,
+    )
     return (
         PublishedFigure(
-            "[S1] azimuth error of a sample over tan(lat) sqrt(D), X1 north, latitude 20 to 75 deg",
-            "1",
-            f"{min(own):.4f} to {max(own):.4f}",
-            bool(np.abs(np.array(own) - 1).max() < chance),
-            "it holds for the projection of the Earth rate alone, the sway's own rate left out",
+            figure="[S1] azimuth error of a sample over tan(lat) sqrt(D), X1 north, latitude 20 "
+            "to 75 deg",
+            published="1",
+            ours=f"{min(own):.4f} to {max(own):.4f}",
+            reproduced=bool(np.abs(np.array(own) - 1).max() < chance),
+            because="it holds for the projection of the Earth rate alone, the sway's own rate "
+            "left out",
         ),
         PublishedFigure(
-            "[S1] the same with sway of X1 alone",
-            "0",
-            f"{max(cross):.1g}",
-            bool(max(cross) < chance),
-            "X1 stays in the meridian; Earth rate alone",
+            figure="[S1] the same with sway of X1 alone",
+            published="0",
+            ours=f"{max(cross):.1g}",
+            reproduced=bool(max(cross) < chance),
+            because="X1 stays in the meridian; Earth rate alone",
         ),
         PublishedFigure(
-            "[S1] the same by real gyros: mean of 300 s, sway of 0.5 deg at 0.2 Hz, lat 48.5 deg",
-            f"{law / DEG:.2f} deg a sample",
-            f"{own_rate / DEG:.0f} deg",
-            False,
-            f"the sway's own rate is {exceeds:,.0f} times what the tilts turn of Earth rate, and "
+            figure="[S1] the same by real gyros: mean of 300 s, sway of 0.5 deg at 0.2 Hz, lat "
+            "48.5 deg",
+            published=f"{law / DEG:.2f} deg a sample",
+            ours=f"{own_rate / DEG:.0f} deg",
+            reproduced=False,
+            because=f"the sway's own rate is {exceeds:,.0f} times what the tilts turn of Earth "
+            "rate, and "
             "its mean is what the base turned from start to end",
         ),
     )
@@ -206,26 +221,28 @@ def fix_figures() -> Figures:
     filtered = errors["kalman"]
     return (
         PublishedFigure(
-            f"[S2] 30 to 50 fixes correct the matrix, as printed; {setting}",
-            "corrected",
-            told["printed"],
-            matched,
-            "matching of velocities and places that hold the start velocity and gravity does not "
+            figure=f"[S2] 30 to 50 fixes correct the matrix, as printed; {setting}",
+            published="corrected",
+            ours=told["printed"],
+            reproduced=matched,
+            because="matching of velocities and places that hold the start velocity and gravity "
+            "does not "
             "observe attitude",
         ),
         PublishedFigure(
-            f"[S2] the same, observing form; {setting}",
-            "corrected",
-            told["observing"],
-            bool(errors["observing"][2] < before / 3),
-            "what passed through the matrix observes it",
+            figure=f"[S2] the same, observing form; {setting}",
+            published="corrected",
+            ours=told["observing"],
+            reproduced=bool(errors["observing"][2] < before / 3),
+            because="what passed through the matrix observes it",
         ),
         PublishedFigure(
-            f"[S2] 30 to 50 fixes are what a Kalman filter needs; {setting}",
-            "30 to 50",
-            told["kalman"],
-            bool(filtered[0] > 2 * filtered[1]),
-            "that is the size of it on this path; path, interval and noise decide, so that the "
+            figure=f"[S2] 30 to 50 fixes are what a Kalman filter needs; {setting}",
+            published="30 to 50",
+            ours=told["kalman"],
+            reproduced=bool(filtered[0] > 2 * filtered[1]),
+            because="that is the size of it on this path; path, interval and noise decide, so "
+            "that the "
             "number is no property of filters",
         ),
     )
@@ -263,29 +280,34 @@ def double_figures() -> Figures:
     by_force, _ = _half_turn_errors(np.zeros(3), sensitive, latitude)
     return (
         PublishedFigure(
-            "[S4] heading after a half turn, by gyros of the catalogue at latitude 48.5 deg",
-            "1.3'",
-            "after " + ", ".join(needed),
-            False,
-            "gyros of 10 deg/h never come there: ADEV(T/2)/(sqrt2 W cos lat) ends above it. The "
+            figure="[S4] heading after a half turn, by gyros of the catalogue at latitude 48.5 deg",
+            published="1.3'",
+            ours="after " + ", ".join(needed),
+            reproduced=False,
+            because="gyros of 10 deg/h never come there: ADEV(T/2)/(sqrt2 W cos lat) ends above "
+            "it. The "
             "times are by the terms that data sheets state",
         ),
         PublishedFigure(
-            "[S4] constant biases after a half turn: 10 deg/h of Y1, tilts of 5 deg, lat 50 deg",
-            "cancel",
-            f"{full[36] / ARC_MINUTE:.0f}' (X1 south), {full[0] / ARC_MINUTE:.0f}' (north) with "
+            figure="[S4] constant biases after a half turn: 10 deg/h of Y1, tilts of 5 deg, lat "
+            "50 deg",
+            published="cancel",
+            ours=f"{full[36] / ARC_MINUTE:.0f}' (X1 south), {full[0] / ARC_MINUTE:.0f}' (north) "
+            "with "
             f"three gyros, {max(single / ARC_SECOND, 1e-6):.0e}'' with one",
-            False,
-            "the turn leaves Y1's bias where it is, and the tilt turns it into heading; one gyro "
+            reproduced=False,
+            because="the turn leaves Y1's bias where it is, and the tilt turns it into heading; "
+            "one gyro "
             "and a given latitude are immune",
         ),
         PublishedFigure(
-            "[S4] errors of X1's gyro after a half turn: 1 deg/h/g of g-sensitivity, tilts of "
+            figure="[S4] errors of X1's gyro after a half turn: 1 deg/h/g of g-sensitivity, "
+            "tilts of "
             "5 deg, latitude 48.5 deg",
-            "cancel",
-            f"up to {max(by_force) / ARC_MINUTE:.0f}', as X1 points",
-            False,
-            "tilted, gravity changes sides with the instrument as Earth rate does",
+            published="cancel",
+            ours=f"up to {max(by_force) / ARC_MINUTE:.0f}', as X1 points",
+            reproduced=False,
+            because="tilted, gravity changes sides with the instrument as Earth rate does",
         ),
     )
 
@@ -293,7 +315,7 @@ def double_figures() -> Figures:
 def _time(name: str, latitude: float) -> str:
     gyro = load_imu(name).gyro
     seconds = time_needed(
-        TARGET, latitude, gyro.noise, PLATEAU * gyro.instability, gyro.random_walk
+        TARGET, latitude, gyro.noise, FLICKER_FLOOR * gyro.instability, gyro.random_walk
     )
     if seconds is None:
         return "never"

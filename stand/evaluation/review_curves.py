@@ -4,7 +4,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import Dwell
-from alignment.angles import angles_from_C_nb, near_singular, wrapped
+from alignment.against_truth import angle_errors
+from alignment.angles import angles_from_C_nb, near_singular
 from alignment.estimate import AttitudeTrack, angle_sigmas
 from alignment.methods.fine import Innovations
 from stand.recording.curves import AngleCurves, InnovationCurves
@@ -12,7 +13,9 @@ from stand.recording.curves import AngleCurves, InnovationCurves
 
 def innovation_curves(method: str, dwell: Dwell, found: Innovations) -> InnovationCurves:
     t_ns = np.round(found.t * 1e9).astype(np.int64)
-    return InnovationCurves(method, dwell.label, t_ns, found.values, found.sigmas)
+    return InnovationCurves(
+        method=method, label=dwell.label, t_ns=t_ns, values=found.values, sigmas=found.sigmas
+    )
 
 
 def singular(track: AttitudeTrack, C_nb: Rotation) -> bool:
@@ -23,13 +26,12 @@ def singular(track: AttitudeTrack, C_nb: Rotation) -> bool:
 def curves(track: AttitudeTrack, C_nb: Rotation) -> AngleCurves:
     """A track with its errors against the true attitude, for the review."""
     angles = angles_from_C_nb(track.sequence, track.C_nb)
-    true_angles = angles_from_C_nb(track.sequence, C_nb)
     return AngleCurves(
-        track.method,
-        track.label,
-        np.round(track.t * 1e9).astype(np.int64),
-        angles,
-        wrapped(angles - true_angles),
-        np.nan_to_num(angle_sigmas(track.sequence, angles, track.covariance)),
-        (C_nb.inv() * track.C_nb).as_rotvec(),
+        method=track.method,
+        label=track.label,
+        t_ns=np.round(track.t * 1e9).astype(np.int64),
+        angles=angles,
+        errors=angle_errors(track.sequence, track.C_nb, C_nb),
+        sigmas=np.nan_to_num(angle_sigmas(track.sequence, angles, track.covariance)),
+        error_rotations=(C_nb.inv() * track.C_nb).as_rotvec(),
     )

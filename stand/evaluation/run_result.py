@@ -1,20 +1,16 @@
 """What a run left behind, and its JSON form."""
 
-import platform
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from alignment.units import DEG
-from stand import __version__
 from stand.evaluation.score import Refusal, Score, Spread, score_to_json, spread_to_json
 from stand.motion.plan import Plan
+from stand.samples import CHANNELS
 from stand.simulation.settings import Settings
 from stand.simulation.step_record import StepRecord, record_to_json
-
-CHANNELS = ("gyro X1", "gyro Y1", "gyro Z1", "accel X1", "accel Y1", "accel Z1")
+from stand.versions import versions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,16 +26,6 @@ class RunResult:
     scores: tuple[Score, ...]
     spreads: tuple[Spread, ...]
     refusals: tuple[Refusal, ...]
-
-
-@cache
-def versions() -> dict[str, str]:
-    """Versions of all that has a say in the numbers."""
-    packages = ("mujoco", "numpy", "scipy", "ruckig")
-    return {
-        "stand_version": __version__,
-        "python_version": platform.python_version(),
-    } | {f"{package}_version": version(package) for package in packages}
 
 
 def result_json(result: RunResult) -> dict[str, Any]:

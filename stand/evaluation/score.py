@@ -7,25 +7,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
-from alignment.angles import angles_from_C_nb, heading_from_C_nb, wrapped
+from alignment.against_truth import angle_errors, heading_errors
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G
 
-# [S0], methods.md section 1: n-1 deviations over six positions [deg], roll, yaw, pitch
-PUBLISHED = {
-    "six-position": (0.009105, 0.006733, 0.017117),
-    "rk4": (0.213968, 0.222806, 0.385168),
-}
-# they carry the attitude that the table was told, and find none: no floor is under that
-TOLD = ("rk4", "two-sample")
 ANGLES = ("roll", "yaw", "pitch")
-_STRETCHES = {
-    "rest": "at rest",
-    "turning": "at constant rate",
-    "any": "to estimate from",
-    "fixes": "with satellite fixes",
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,14 +64,15 @@ def angle_error(estimate: AttitudeEstimate, reference: Rotation | None) -> Array
     """
     if reference is None or estimate.angles is None or estimate.singular:
         return None
-    return wrapped(estimate.angles - angles_from_C_nb(estimate.sequence, reference))
+    assert estimate.C_nb is not None
+    return angle_errors(estimate.sequence, estimate.C_nb, reference)
 
 
 def _heading_error(estimate: AttitudeEstimate, truth: Rotation | None) -> float | None:
-    if truth is None or estimate.heading is None:
+    if truth is None or estimate.C_nb is None:
         return None
-    true_heading = heading_from_C_nb(truth)
-    return None if true_heading is None else float(wrapped(estimate.heading - true_heading))
+    error = float(heading_errors(estimate.C_nb, truth))
+    return None if np.isnan(error) else error
 
 
 def evaluate(
@@ -117,8 +105,13 @@ def suited(method: str, dwells: Sequence[Dwell]) -> list[Dwell]:
     """The stretches a method is for; `AlignmentError` where there is none."""
     found = [dwell for dwell in dwells if ESTIMATORS[method].suited(dwell)]
     if not found:
-        raise AlignmentError(f"no stretch {_STRETCHES[ESTIMATORS[method].takes]}")
+        raise AlignmentError(ESTIMATORS[method].lacking)
     return found
+
+
+def circular(estimate: AttitudeEstimate) -> bool:
+    """Whether its errors are zero by construction, and say nothing of the method."""
+    return ESTIMATORS[estimate.method].window(estimate.window).circular
 
 
 @dataclass(frozen=True, slots=True)

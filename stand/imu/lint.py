@@ -171,12 +171,18 @@ def _sources(name: str, stated: Mapping[str, Stated], evidence: str) -> Iterator
 
 
 def _missing(sensor: _Sensor) -> Iterator[Finding]:
-    for field, effect in (
+    missing = [
         ("bias", "every unit is the same"),
         ("noise", "samples have no noise"),
-        ("instability", "long rests look too good"),
-    ):
-        if not sensor.value(field):
+        ("instability", "no drift is simulated or predicted, so long rests look too good"),
+        ("misalignment", "axes are taken for square and true to the case"),
+    ]
+    if "g_sensitivity" in sensor.key_of:
+        missing.append(("g_sensitivity", "gyros do not feel gravity"))
+    stated_instead = {"misalignment": "non_orthogonality", "instability": "random_walk"}
+    for field, effect in missing:
+        other = stated_instead.get(field, field)
+        if not sensor.value(field) and not sensor.value(other):
             message = f"not stated, so zero: {effect}"
             yield Finding("warning", sensor.place(field), message)
 

@@ -17,11 +17,13 @@ term that is switched off or changed leaves all others as they were.
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, set_owned
+from alignment.cross import cross_matrix
 from stand.errors import unknown
 from stand.imu.filter import LowPass
 from stand.imu.preset import ClockSpec, ImuSpec, TriadSpec
@@ -115,33 +117,33 @@ class UnitErrors:
 
 
 def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
-    """One triad's constants."""
+    """One triad's constants: of a stated spread drawn normally, of a stated maximum within it."""
 
-    def normal(source: str, *size: int) -> Array:
-        return np.stack([s.standard_normal(size) for s in streams(seed, sensor, source)])
+    def drawn(field: str, *size: int) -> Array:
+        """Normal with the stated standard deviation; evenly within a stated maximum."""
+        rngs = streams(seed, sensor, field)
+        if field in spec.bounded:
+            unit = np.stack([s.uniform(-sqrt(3), sqrt(3), size) for s in rngs])
+        else:
+            unit = np.stack([s.standard_normal(size) for s in rngs])
+        return getattr(spec, field) * unit
 
-    turn = spec.misalignment * normal("misalignment")
-    pairs = spec.non_orthogonality * normal("non_orthogonality")
-    axes = np.eye(3) + _cross_matrix(turn) + _symmetric(pairs) / 2
-    scale = 1 + spec.scale * normal("scale")
+    yz_zx_xy = drawn("non_orthogonality")
+    # a case turned by some angles reads components x - angles x x
+    axes = np.eye(3) - cross_matrix(drawn("misalignment")) + _symmetric(yz_zx_xy) / 2
+    signs = np.stack([s.standard_normal() for s in streams(seed, sensor, "ramp")])
     return UnitErrors(
-        matrix=scale[:, None] * axes,
-        bias=spec.bias * normal("bias"),
-        ramp=spec.ramp * np.sign(normal("ramp")),
-        asymmetry=spec.asymmetry * normal("asymmetry"),
-        nonlinearity=spec.nonlinearity * normal("nonlinearity"),
-        second_order=spec.second_order * normal("second_order"),
-        bias_temperature=spec.bias_temperature * normal("bias_temperature"),
-        scale_temperature=spec.scale_temperature * normal("scale_temperature"),
-        g_sensitivity=spec.g_sensitivity * normal("g_sensitivity", 3),
-        g2_sensitivity=spec.g2_sensitivity * normal("g2_sensitivity", 3),
+        matrix=(1 + drawn("scale"))[:, None] * axes,
+        bias=drawn("bias"),
+        ramp=spec.ramp * np.sign(signs),
+        asymmetry=drawn("asymmetry"),
+        nonlinearity=drawn("nonlinearity"),
+        second_order=drawn("second_order"),
+        bias_temperature=drawn("bias_temperature"),
+        scale_temperature=drawn("scale_temperature"),
+        g_sensitivity=drawn("g_sensitivity", 3),
+        g2_sensitivity=drawn("g2_sensitivity", 3),
     )
-
-
-def _cross_matrix(turn: Array) -> Array:
-    """What a case turned by `turn` (3,) [rad] does to components: x - turn x x."""
-    x, y, z = turn
-    return np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
 
 
 def _symmetric(pairs: Array) -> Array:

@@ -4,10 +4,11 @@ Each value comes with its kind (typical, 1 sigma, maximum; unspecified where the
 say) and its source. A key that is absent was not found; its term is zero.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from math import inf
+from math import inf, sqrt
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -27,7 +28,10 @@ from alignment.units import (
     STANDARD_GRAVITY,
 )
 from stand import toml_files as catalogue
+from stand.errors import StandError
+from stand.imu.bands import ACCEL_BANDS, GYRO_BANDS, REFERENCE
 from stand.imu.processes import DEFAULT_CORNERS
+from stand.imu.stated_units import conversion
 
 HOUR = 3600.0
 RT_HOUR = 60.0  # root seconds in a root hour
@@ -38,6 +42,37 @@ Kind = Literal["typical", "1 sigma", "maximum", "unspecified", "assumed"]
 
 
 Place = tuple[float, float, float]
+
+# names that sheets use, of keys that come without a unit
+SHEET_NAMES = {"noise_density": "angle_random_walk|velocity_random_walk"}
+# constants of a unit, which are drawn; of the rest (noise, drift, filter) a bound is the value
+CONSTANTS = frozenset(
+    {
+        "bias",
+        "scale",
+        "asymmetry",
+        "nonlinearity",
+        "misalignment",
+        "non_orthogonality",
+        "g_sensitivity",
+        "g2_sensitivity",
+        "second_order",
+        "bias_temperature",
+        "scale_temperature",
+    }
+)
+
+
+_DRIFT = {"drift": ("instability", "random_walk", "ramp")}
+_AXES = {
+    "turn-on bias": ("bias",),
+    "scale factor error": ("scale",),
+    "misalignment": ("misalignment", "non_orthogonality"),
+}
+TOLD_WHEN_ABSENT = {
+    "gyros": _DRIFT | _AXES | {"g-sensitivity": ("g_sensitivity",)},
+    "accelerometers": _DRIFT | _AXES,
+}
 
 
 class Stated(catalogue.Entry):
@@ -113,8 +148,43 @@ ACCEL_KEYS: Mapping[str, Key] = {
 }
 
 
+def _in_own_unit(key: str, value: object, fields: list[str]) -> tuple[str, object]:
+    """The key with its unit, and the value in it, of a value that brings a unit of its own."""
+    if key in fields or not isinstance(value, dict) or "unit" not in value:
+        return key, value
+    base = SHEET_NAMES.get(key, key)
+    names = [field for field in fields if re.fullmatch(rf"(?:{base})_[A-Za-z_0-9]+", field)]
+    number, unit = value.get("value"), value["unit"]
+    if len(names) != 1 or isinstance(number, bool) or not isinstance(number, int | float):
+        return key, value  # said as any wrong key or value is
+    own = (GYRO_BANDS.get(names[0]) or ACCEL_BANDS[names[0]]).unit
+    try:
+        scale = conversion(str(unit), own)
+    except StandError as error:
+        raise ValueError(f"{key}, {error}") from error
+    rest = {name: part for name, part in value.items() if name != "unit"}
+    return names[0], rest | {"value": number * scale}
+
+
 class SensorEntry(catalogue.Entry):
-    """What both triads share: a range wherever non-linearity is stated against it."""
+    """What both triads share: a range wherever non-linearity is stated against it.
+
+    A key without its unit takes the unit beside the value, as the data sheet writes it:
+    ``angle_random_walk = { value = 3.8, unit = "mdps/rt-Hz", ... }``.
+    """
+
+    @model_validator(mode="before")
+    @classmethod
+    def _units_of_sheets(cls, data: object) -> object:
+        if not isinstance(data, dict):
+            return data
+        told: dict[str, object] = {}
+        for key, value in data.items():
+            name, converted = _in_own_unit(key, value, list(cls.model_fields))
+            if name in told or (name != key and name in data):
+                raise ValueError(f"{key}: is stated twice, as {name} too")
+            told[name] = converted
+        return told
 
     @model_validator(mode="after")
     def _nonlinearity_needs_range(self) -> "SensorEntry":
@@ -191,6 +261,8 @@ class TriadSpec:
     `second_order` [u/(m/s^2)^2]; `bias_temperature` [u/K], `scale_temperature` [1/K];
     `bandwidth` [Hz], `range` [u], infinite where not stated; `resolution` [u], `increment_lsb`
     [u s], zero where not stated. `full_scale` [u] is the stated range, even with saturation off.
+    Constants are standard deviations. Those named in `bounded` were stated as a maximum: they are
+    drawn evenly within that bound, and their standard deviation is 1/sqrt(3) of it (GUM 4.3.7).
     """
 
     bias: float = 0.0
@@ -213,6 +285,7 @@ class TriadSpec:
     resolution: float = 0.0
     increment_lsb: float = 0.0
     full_scale: float = inf
+    bounded: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -282,8 +355,23 @@ def imu_from(source: catalogue.Source) -> ImuSpec:
 
 
 def _triad(entry: SensorEntry, keys: Mapping[str, Key]) -> TriadSpec:
-    values = {keys[key].field: s.value * keys[key].unit for key, s in entry.stated().items()}
-    return TriadSpec(**values, full_scale=values.get("range", inf))
+    stated = {keys[key].field: (s, s.value * keys[key].unit) for key, s in entry.stated().items()}
+    bounded = {f for f, (s, _) in stated.items() if s.kind == "maximum" and f in CONSTANTS}
+    values = {f: v / sqrt(3) if f in bounded else v for f, (_, v) in stated.items()}
+    return TriadSpec(**values, full_scale=values.get("range", inf), bounded=frozenset(bounded))
+
+
+def unstated(spec: ImuSpec) -> tuple[str, ...]:
+    """What the data sheet does not say and no prediction holds, one sentence each."""
+    entry = spec.entry
+    if REFERENCE in entry.grade.lower():
+        return ()
+    return tuple(
+        f"the sheet of {spec.id} states no {what} of the {sensor}: none is simulated or predicted"
+        for sensor, triad in (("gyros", spec.gyro), ("accelerometers", spec.accel))
+        for what, fields in TOLD_WHEN_ABSENT[sensor].items()
+        if not any(getattr(triad, field) for field in fields)
+    )
 
 
 def _si(stated: Stated | None, unit: float) -> float:

@@ -5,43 +5,62 @@ from collections.abc import Sequence
 import numpy as np
 
 from alignment import Priors
-from alignment.units import ARC_SECOND, STANDARD_GRAVITY
+from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
 from stand.imu.processes import plateau
 from stand.table.joints import JOINTS
 from stand.table.table import Table
 
 GIMBALS = JOINTS[3:]
+ALIKE = (
+    "instability",
+    "random_walk",
+    "ramp",
+    "scale",
+    "asymmetry",
+    "misalignment",
+    "non_orthogonality",
+)
 LASTING = 60.0  # s: correlation beyond it makes a bias of a dwell
-BASE_ARM = 0.73  # m: the unit's height above the crossing of the base's axes
+BASE_ARM = 0.73  # m: the unit's height above the crossing of the shipped base's axes
 
 
-def priors_of(imu: ImuSpec, table: Table | None, rocking: bool = False) -> Priors:
+def priors_of(
+    imu: ImuSpec, table: Table | None, rocking: bool = False, arm: float = BASE_ARM
+) -> Priors:
     """Standard deviations of a unit's constant errors and of a table's placement.
 
     A dwell of minutes cannot tell a bias from what of its instability changes more slowly than
-    that, nor from what gravity makes of a g-sensitive gyro. Misaligned accelerometers feel a part
-    of gravity across them: to a levelling that is one more bias. On a `rocking` base the unit
-    moves about the base's axes, `BASE_ARM` away.
+    that. What misaligned accelerometers and g-sensitive gyros make of gravity is no bias: it
+    changes with the attitude, and is told by its own name. On a `rocking` base the unit moves
+    about the base's axes, `arm` [m] away.
     """
     turn, seat, nominal = (0.0, 0.0, 0.0) if table is None else _placement(table)
-    across = np.hypot(imu.accel.misalignment, imu.accel.non_orthogonality / 2) * STANDARD_GRAVITY
-    pulled = imu.gyro.g_sensitivity * STANDARD_GRAVITY
     slow = _slow_part(imu.corners)
     return Priors(
-        gyro_bias=float(np.linalg.norm([imu.gyro.bias, slow * imu.gyro.instability, pulled])),
-        accel_bias=float(np.linalg.norm([imu.accel.bias, slow * imu.accel.instability, across])),
-        gyro_instability=imu.gyro.instability,
-        accel_instability=imu.accel.instability,
-        gyro_scale=imu.gyro.scale,
-        accel_scale=imu.accel.scale,
+        gyro_bias=float(np.hypot(imu.gyro.bias, slow * imu.gyro.instability)),
+        accel_bias=float(np.hypot(imu.accel.bias, slow * imu.accel.instability)),
         gyro_walk=imu.gyro.noise,
         accel_walk=imu.accel.noise,
+        **_alike(imu),
+        gyro_g_sensitivity=imu.gyro.g_sensitivity,
+        gyro_g2_sensitivity=imu.gyro.g2_sensitivity,
+        accel_quadratic=imu.accel.second_order,
+        accel_cubic=imu.accel.nonlinearity / imu.accel.full_scale**2,
         turn=turn,
         seat=seat,
         nominal=nominal,
-        lever_arm=BASE_ARM if rocking else 0.0,
+        lever_arm=arm if rocking else 0.0,
     )
+
+
+def _alike(imu: ImuSpec) -> dict[str, float]:
+    """What priors call after the sensor and after the field of its sheet."""
+    return {
+        f"{sensor}_{name}": getattr(getattr(imu, sensor), name)
+        for sensor in ("gyro", "accel")
+        for name in ALIKE
+    }
 
 
 def _slow_part(corners: Sequence[float]) -> float:

@@ -12,11 +12,15 @@ from stand.table.joints import JOINTS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turning:
-    """A constant rate [rad/s] of one axis (its place in `JOINTS`); `axis_b` (3,) unit, in b."""
+    """A constant rate [rad/s] of one axis (its place in `JOINTS`); `axis_b` (3,) unit, in b.
+
+    `angle` of the axis [rad] where the rate is reached, whole turns included.
+    """
 
     axis: int
     rate: float
     axis_b: Array
+    angle: float = 0.0
 
     def __post_init__(self) -> None:
         set_owned(self, axis_b=(self.axis_b, (3,), float))

@@ -161,7 +161,8 @@ class _Track:
         moving = np.arange(len(JOINTS)) == axis
         ramp = ramp_times(abs(rate), *self._ramp_limits(number, step, moving, axis))
         piece, target = turning_piece(self.joints, axis, rate, ramp, time)
-        turning = Turning(axis, rate, self._axis_b(axis))
+        angle = float(piece.coefficients[-1, len(ramp) - 1, axis])  # where the ramp ends
+        turning = Turning(axis, rate, self._axis_b(axis), angle)
         steady = _whole_second(self.t + ramp[-1])
         begin = max(steady - ramp[-1], self.t)
         arrival = begin + float(piece.knots[-1])

@@ -24,6 +24,7 @@ from stand.procedure.steps import (
     VibrationMotion,
     Waving,
 )
+from stand.samples import AXES
 from stand.table.joints import JOINTS, StandModel
 from stand.table.kinematics import attitude
 
@@ -39,8 +40,6 @@ CLOSE_FIT = (
 FINENESS = (1, 2, 4, 8, 16, 32)  # times `FIT_PER_PERIOD`: what coning near gimbal lock may need
 BASE = 3  # the first three joints are the rocking base's
 SCORSBY_PHASES = {"base_roll": 0.0, "base_pitch": 90.0, "base_yaw": 0.0}  # deg
-
-_AXES = ("X1", "Y1", "Z1")
 
 
 def fade_of(entry: Waving) -> float:
@@ -194,7 +193,7 @@ def _coning_offsets(
     The base at rest, the gimbals turn by yaw, pitch, roll from where they are zero; a middle
     gimbal beyond +-90 deg is the other one of the two sets of angles for the same attitude.
     """
-    around = _AXES.index(entry.axis)
+    around = AXES.index(entry.axis)
     first, second = np.eye(3)[(around + 1) % 3], np.eye(3)[(around + 2) % 3]
     zero = attitude(model, np.concatenate([joints[:BASE], np.zeros(3)]))
     start = C_N_NUE * (zero.inv() * attitude(model, joints))

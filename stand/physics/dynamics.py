@@ -1,8 +1,9 @@
 """The stand with its weights and motors: a lean model to simulate, and what torque a motion needs.
 
 The model keeps bodies, inertias and hinges and has no solids, contacts or constraints. Each axis
-is driven by MuJoCo's ``dcmotor``: PID servo with rate and torque feedforward, torque limit,
-cogging, LuGre friction; viscous friction is the joint's damping.
+is driven by the stand's own motor, MuJoCo's ``dcmotor``, with a table's values set on it: PID servo
+with rate and torque feedforward, torque limit, cogging, LuGre friction; viscous friction is the
+joint's damping.
 
 Semi-implicit Euler, nothing implicit in the forces: ``v' = v + h a(q, v)``, ``q' = q + h v'``. A
 motor then delivers what its servo asks for at the start of the step, as a digital servo does, and
@@ -22,6 +23,7 @@ from mujoco.batch import Batch
 
 from alignment.arrays import Array, set_owned
 from stand.errors import StandError
+from stand.physics.mjcf import motor_of
 from stand.table.joints import JOINTS
 from stand.table.table import Motor, Table
 
@@ -100,12 +102,13 @@ def weights_model(
     motors: Sequence[Motor] = (),
     step: float = 1e-3,
 ) -> mujoco.MjModel:
-    """The stand's inertias on its hinges, with `motors` if given.
+    """The stand's inertias on its hinges, and its motors set to `motors` if given.
 
     Parameters
     ----------
     model : MjModel
         A chain of single hinges; bodies without a hinge are fixed to the one that carries them.
+        Each hinge with its actuator, where there are `motors`.
     payload : Payload
         Fixed to the last body that has a hinge.
     motors : sequence of Motor
@@ -119,7 +122,12 @@ def weights_model(
         return bare
     for joint, motor, inertia in zip(spec.joints, motors, inertias(bare), strict=True):
         joint.damping = [motor.viscous, 0, 0]
-        _add_motor(spec, joint.name, motor, gains_of(motor, inertia))
+        actuator = spec.add_actuator(
+            name=model.actuator(motor_of(model, joint.name)).name,
+            target=joint.name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        )
+        _set_motor(actuator, motor, gains_of(motor, inertia))
     return spec.compile()
 
 
@@ -172,12 +180,12 @@ def _add_body(
         name=model.joint(joint).name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=data.xaxis[joint],
+        armature=model.dof_armature[model.jnt_dofadr[joint]],
     )
     return added
 
 
-def _add_motor(spec: mujoco.MjSpec, joint: str, motor: Motor, gains: Gains) -> None:
-    actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+def _set_motor(actuator: mujoco.MjsActuator, motor: Motor, gains: Gains) -> None:
     # an integrator that holds the whole torque needs no more: it does not wind up beyond
     most = gains.limit / gains.ki if gains.ki else 0.0
     actuator.set_to_dcmotor(

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import zlib
 from collections.abc import Sequence
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -38,7 +39,11 @@ class NoDriver(StandError):
 
 
 def pictures(
-    joints: ArrayLike, camera: str = "review", width: int = 1600, height: int = 1200
+    joints: ArrayLike,
+    camera: str = "review",
+    width: int = 1600,
+    height: int = 1200,
+    model: Path | None = None,
 ) -> list[Image]:
     """Draw the stand at several joint angles.
 
@@ -51,6 +56,8 @@ def pictures(
         point at half the table's height.
     width, height : int
         In pixels.
+    model : Path or None
+        As `stand.physics.mjcf.load_model`.
 
     Returns
     -------
@@ -61,7 +68,7 @@ def pictures(
     NoDriver
         No OpenGL driver: neither that of the variable MUJOCO_GL nor, without it, any of `DRIVERS`.
     StandError
-        A camera that the model does not have.
+        A camera that the model does not have; a model that is not right.
     """
     angles = np.asarray(joints, dtype=float).reshape(-1, len(JOINTS))
     request = {
@@ -69,6 +76,7 @@ def pictures(
         "camera": camera,
         "width": width,
         "height": height,
+        "model": None if model is None else str(model.absolute()),
     }
     chosen = os.environ.get(ASIDE) or os.environ.get("MUJOCO_GL")
     told = []
@@ -138,23 +146,25 @@ def _main() -> int:
     return 0
 
 
-def _draw(joints: Sequence[Array], camera: str, width: int, height: int) -> Sequence[Image]:
+def _draw(
+    joints: Sequence[Array], camera: str, width: int, height: int, model: str | None
+) -> Sequence[Image]:
     import mujoco
 
     from stand.physics.mjcf import load_model
 
-    model = load_model()
-    data = mujoco.MjData(model)
-    view = _camera(model, camera)
-    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    stand = load_model(None if model is None else Path(model))
+    data = mujoco.MjData(stand)
+    view = _camera(stand, camera)
+    stand.vis.global_.offwidth, stand.vis.global_.offheight = width, height
     # sharper shadows than the picture can show are half of a small one's time
-    quality = model.vis.quality
+    quality = stand.vis.quality
     quality.shadowsize = min(quality.shadowsize, SHADOW * max(width, height))
     images = []
-    with mujoco.Renderer(model, height, width) as renderer:
+    with mujoco.Renderer(stand, height, width) as renderer:
         for angles in joints:
             data.qpos[:] = angles
-            mujoco.mj_forward(model, data)
+            mujoco.mj_forward(stand, data)
             renderer.update_scene(data, view)
             images.append(renderer.render().copy())
     return images

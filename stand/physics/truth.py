@@ -26,12 +26,13 @@ from mujoco.batch import Batch
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray
+from alignment.cross import cross
 from alignment.earth import Site
 from stand.motion.polynomial import Motion
-from stand.physics.mjcf import SITE
+from stand.physics.mjcf import SENSORS, SITE
 from stand.physics.quadrature import Law, Steps
 from stand.samples import Sensed, TruthBlock
-from stand.table.joints import JOINTS
+from stand.table.joints import JOINTS, across
 from stand.table.kinematics import C_NW
 from stand.table.table_errors import PERFECT, TableErrors
 
@@ -41,13 +42,6 @@ SAME_TIME = 1e-9  # s: a knot nearer to an edge is on it
 HINGES = 6  # at most on one body of MuJoCo's
 NANOSECOND = 1_000_000_000
 
-_SENSORS = (
-    (mujoco.mjtSensor.mjSENS_ACCELEROMETER, 3),
-    (mujoco.mjtSensor.mjSENS_GYRO, 3),
-    (mujoco.mjtSensor.mjSENS_VELOCIMETER, 3),
-    (mujoco.mjtSensor.mjSENS_MAGNETOMETER, 3),
-    (mujoco.mjtSensor.mjSENS_FRAMEQUAT, 4),
-)
 _UNUSED_STAGES = (
     mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     | mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -124,7 +118,7 @@ def lean_model(
             armature=ARMATURE,
         )
     body.add_site(name=SITE)
-    for kind, _ in _SENSORS:
+    for kind in SENSORS:  # those of the stand at the same site
         spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=SITE)
     for i, place in enumerate(() if places is None else places):
         body.add_site(name=f"place{i}", pos=place)
@@ -150,16 +144,9 @@ def _hinges(
         yield name, axis, anchor
         if errors.wobble[number]:
             body = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3)
-            first = body @ _across(model.jnt_axis[joint])
+            first = body @ across(model.jnt_axis[joint])
             yield f"{name}_nod_first", first, anchor
             yield f"{name}_nod_second", np.cross(axis, first), anchor
-
-
-def _across(axis: Array) -> Array:
-    """The first line across an axis: after east comes north, then up, then east again."""
-    line = np.eye(3)[(np.abs(axis).argmax() + 1) % 3]
-    line = line - (line @ axis) * axis
-    return line / np.linalg.norm(line)
 
 
 class Truth:
@@ -214,7 +201,7 @@ class Truth:
             part = slice(first, min(first + ROWS, n))
             raw[part] = self._evaluate(*(s[part] for s in states))
         earth, velocity = raw[:, 9:12], raw[:, 6:9]
-        f_b = raw[:, 0:3] + 2 * _cross(earth, velocity)
+        f_b = raw[:, 0:3] + 2 * cross(earth, velocity)
         f_places = f_b if self._places is None else self._at_places(raw)
         return Instants(raw[:, 3:6] + earth, f_b, raw[:, [13, 14, 15, 12]], f_places)
 
@@ -236,8 +223,8 @@ class Truth:
         rate, velocity, earth = raw[:, 3:6], raw[:, 6:9], raw[:, 9:12]
         force = np.empty((len(raw), 3))
         for i, place in enumerate(self._places):
-            there = velocity + _cross(rate, np.broadcast_to(place, rate.shape))
-            force[:, i] = raw[:, 16 + 4 * i] + 2 * _cross(earth, there)[:, i]
+            there = velocity + cross(rate, np.broadcast_to(place, rate.shape))
+            force[:, i] = raw[:, 16 + 4 * i] + 2 * cross(earth, there)[:, i]
         return force
 
     def _evaluate(self, joints: Array, rates: Array, accelerations: Array) -> Array:
@@ -366,14 +353,6 @@ def _parted(edges: Array, parts: IntArray) -> Array:
     own = np.repeat(np.arange(len(parts)), parts - 1)  # of each inner time: its interval
     number = np.arange(1, len(own) + 1) - (np.cumsum(parts - 1) - (parts - 1))[own]
     return edges[own] + np.diff(edges)[own] * number / parts[own]
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Cross products of rows (n, 3): np.cross takes a sixth of the time of the physics."""
-    c = np.empty_like(a)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        c[:, i] = a[:, j] * b[:, k] - a[:, k] * b[:, j]
-    return c
 
 
 def _not_finite(joints: Array, rates: Array, accelerations: Array) -> ValueError:

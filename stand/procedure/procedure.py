@@ -42,11 +42,11 @@ class SiteEntry(catalogue.Entry):
             self.deflection_east_arc_s * ARC_SECOND,
         )
         return Site(
-            self.latitude_deg * DEG,
-            self.height_m,
-            self.gravity_m_s2,
-            self.longitude_deg * DEG,
-            deflection,
+            latitude=self.latitude_deg * DEG,
+            height=self.height_m,
+            local_gravity=self.gravity_m_s2,
+            longitude=self.longitude_deg * DEG,
+            deflection=deflection,
         )
 
 
@@ -270,4 +270,10 @@ def table_of(procedure: Procedure) -> Table:
 def procedure_from(source: catalogue.Source) -> Procedure:
     """Check a procedure's text."""
     entry = catalogue.parse(source, ProcedureEntry)
-    return Procedure(source.id, source.name, source.text, entry, Path(source.name).parent)
+    return Procedure(
+        id=source.id,
+        name=source.name,
+        text=source.text,
+        entry=entry,
+        folder=Path(source.name).parent,
+    )

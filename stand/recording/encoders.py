@@ -1,7 +1,6 @@
 """Encoder angles of a recording, at the stamps of its readings."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,9 +12,6 @@ from alignment.units import DEG
 from stand.errors import StandError, unknown
 from stand.recording.mcap.reader import JointLog
 from stand.recording.metadata import LoggedStretch
-
-if TYPE_CHECKING:  # planning takes a while to import, and reading needs none of it
-    pass
 
 LONGEST_STEP = 90 * DEG  # of an encoder between readings, so that turns can be counted
 GROSS = 0.5  # part of a rate: scale errors of gyros are smaller, mistakes larger

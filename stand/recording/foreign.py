@@ -11,8 +11,10 @@ import numpy as np
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G, STANDARD_GRAVITY
 from stand.errors import StandError, unknown
-from stand.folder import refuse_no_file
-from stand.recording.mcap.writer import EPOCH_NS
+from stand.folder import file_beside, refuse_files, refuse_no_file
+from stand.recording.mcap.writer import EPOCH_NS, write_imu_log
+from stand.recording.metadata import RUN
+from stand.versions import VERSION
 
 GYRO_UNITS = {"deg/s": DEG, "rad/s": 1.0, "deg/h": DEG_PER_HOUR}
 ACCEL_UNITS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": MILLI_G}
@@ -42,6 +44,52 @@ class ForeignLog:
             w_ib_b=(self.w_ib_b, (n, 3), float),
             f_b=(self.f_b, (n, 3), float),
         )
+
+
+def import_foreign(
+    file: Path,
+    out: Path,
+    *,
+    columns: str,
+    gyro_unit: str,
+    accel_unit: str,
+    time_unit: str = "s",
+    file_format: str | None = None,
+    force: bool = False,
+) -> ForeignLog:
+    """Read a foreign log as `load_foreign` does, and write it as an MCAP that others read.
+
+    Raises
+    ------
+    StandError
+        As `load_foreign`; `out` is there (and not `force`), is the log itself, or has no folder.
+    """
+    refuse_files([out], force=force)
+    itself = out.exists() and file.exists() and out.samefile(file)
+    if out.is_dir() or itself:
+        raise StandError(f"--out {out}: must be a new file")
+    if not out.parent.is_dir():
+        raise StandError(f"--out {out}: no folder {out.parent}")
+    log = load_foreign(file, columns, gyro_unit, accel_unit, time_unit, file_format)
+    record = {
+        "source": file.name,
+        "columns": columns,
+        "gyro_unit": gyro_unit,
+        "accel_unit": accel_unit,
+        "time_unit": time_unit,
+        "epoch_ns": str(log.epoch_ns),
+        "stand_version": VERSION,
+    }
+    with file_beside(out) as beside:
+        write_imu_log(
+            beside,
+            t_ns=log.t_ns,
+            w_ib_b=log.w_ib_b,
+            f_b=log.f_b,
+            epoch_ns=log.epoch_ns,
+            metadata={RUN: record},
+        )
+    return log
 
 
 def load_foreign(

@@ -1,25 +1,20 @@
 """A recording as the estimators take it: dwells, what is known about them, and the site."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Options, Site, Turn
 from alignment.arrays import Array
+from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE
-from stand.errors import StandError
+from stand.errors import StandError, located
 from stand.evaluation.score import Truths
-from stand.recording.mcap.reader import ImuLog, read_imu, read_joints, read_truth
-from stand.table.kinematics import C_NW
-
-if TYPE_CHECKING:  # planning takes a while to import, and reading needs none of it
-    pass
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
+from stand.recording.mcap.reader import ImuLog, LogFile, TruthLog
 from stand.recording.metadata import (
     RUN,
     SCHEDULE,
@@ -31,11 +26,15 @@ from stand.recording.metadata import (
     settled_stretches,
 )
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
+from stand.table.kinematics import C_NW
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Log:
-    """Dwells with what is known about each, and what the recording says of site and methods."""
+    """Dwells with what is known about each, and what the recording says of site and methods.
+
+    `imu`: the samples as they lie in the file, with its metadata.
+    """
 
     path: str
     topic: str
@@ -45,6 +44,7 @@ class Log:
     site: Site
     options: Options
     methods: tuple[str, ...]
+    imu: ImuLog
 
 
 def load_log(
@@ -87,12 +87,24 @@ def load_log(
     """
     if turn_axis is not None and turn_joint is None:
         raise StandError("turn axis: must have a turn joint with it")
-    imu = read_imu(path, topic)
+    with LogFile(path) as file:
+        return _parted(file, topic, (t_from, t_to), turn_joint, turn_axis, vehicle)
+
+
+def _parted(
+    file: LogFile,
+    topic: str | None,
+    limits: tuple[float | None, float | None],
+    turn_joint: str | None,
+    turn_axis: Sequence[float] | None,
+    vehicle: Vehicle | None,
+) -> Log:
+    path, imu = file.path, file.imu(topic)
     if len(imu) < 2:
         raise StandError(f"{path}: one IMU message on {imu.topic}, at least 2 are needed")
     metadata = imu.metadata if "stand_version" in imu.metadata.get(RUN, {}) else {}
     simulated = SCHEDULE in metadata
-    with _told_of(path):
+    with located(path):
         origin = epoch_of(metadata) if metadata else int(imu.t_ns[0])
         site, options, methods = settings_of(metadata)
         planned = planned_stretches(metadata)
@@ -102,35 +114,41 @@ def load_log(
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
     t.flags.writeable = False
     readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
+    truths: list[Truths]
     if vehicle is not None:
-        stretch = _chosen(path, readings, [], t_from, t_to)
-        dwell = vehicle_dwell(path, stretch, readings, origin, drive, vehicle)
-        truth = Truths() if drive is None else Truths(_true_attitude(path, origin, dwell.t_to))
-        return Log(
-            str(path), imu.topic, drive is not None, (dwell,), (truth,), site, options, methods
-        )
-    if not simulated or (t_from, t_to, turn_joint) != (None, None, None):
-        chosen = _chosen(path, readings, planned, t_from, t_to)
-        if turn_joint is not None:
-            chosen = replace(chosen, joint=turn_joint, axis_b=unit_vector(turn_axis), nominal=None)
-        stretches = [chosen]
-    turning = any(stretch.joint is not None for stretch in stretches)
-    encoders = Encoders(read_joints(path), origin, counted=simulated) if turning else None
-    dwells = tuple(_dwell(path, stretch, readings, encoders) for stretch in stretches)
-    truths = _truths(path, imu, origin, dwells, site) if simulated else [Truths()] * len(dwells)
-    return Log(str(path), imu.topic, simulated, dwells, tuple(truths), site, options, methods)
-
-
-@contextmanager
-def _told_of(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except StandError as error:
-        raise StandError(f"{path}: {error}") from error
+        stretch = _chosen(path, readings, [], *limits)
+        dwells = [vehicle_dwell(file, stretch, readings, origin, drive, vehicle)]
+        truths = [Truths()]
+        if drive is not None:
+            truths = [Truths(_true_attitude(file.truth(), origin, dwells[0].t_to))]
+    else:
+        if not simulated or (*limits, turn_joint) != (None, None, None):
+            chosen = _chosen(path, readings, planned, *limits)
+            if turn_joint is not None:
+                axis = unit_vector(turn_axis)
+                chosen = replace(chosen, joint=turn_joint, axis_b=axis, nominal=None)
+            stretches = [chosen]
+        turning = any(stretch.joint is not None for stretch in stretches)
+        encoders = Encoders(file.joints(), origin, counted=simulated) if turning else None
+        dwells = [_dwell(path, stretch, readings, encoders) for stretch in stretches]
+        truths = [Truths()] * len(dwells)
+        if simulated:
+            truths = _truths(file.truth(), origin, dwells, site)
+    return Log(
+        path=path,
+        topic=imu.topic,
+        simulated=simulated or drive is not None,
+        dwells=tuple(dwells),
+        truths=tuple(truths),
+        site=site,
+        options=options,
+        methods=methods,
+        imu=imu,
+    )
 
 
 def _chosen(
-    path: Path,
+    path: str,
     readings: ImuReadings,
     planned: Sequence[LoggedStretch],
     t_from: float | None,
@@ -147,55 +165,48 @@ def _chosen(
             f"{begin:.3f} to {end:.3f} s"
         )
     inside = [s for s in planned if s.t_from <= a + EDGE and b - EDGE <= s.t_to]
-    known = inside[0] if inside else LoggedStretch(path.stem, a, b)
+    known = inside[0] if inside else LoggedStretch(label=Path(path).stem, t_from=a, t_to=b)
     return replace(known, t_from=a, t_to=b)
 
 
 def _dwell(
-    path: Path, stretch: LoggedStretch, readings: ImuReadings, encoders: "Encoders | None"
+    path: str, stretch: LoggedStretch, readings: ImuReadings, encoders: "Encoders | None"
 ) -> Dwell:
     nominal = None if stretch.nominal is None else Rotation.from_quat(stretch.nominal)
     times = stretch.t_from, stretch.t_to
     if stretch.joint is None or encoders is None:
-        return Dwell(stretch.label, *times, readings, nominal)
+        return Dwell(stretch.label, *times, readings=readings, nominal=nominal)
     part = readings.between(*times)
-    with _told_of(path):
+    with located(path):
         angle = encoders.angle(stretch.joint, part.t)
         turn = Turn(axis_of_turn(stretch, part, angle), angle)
-    return Dwell(stretch.label, *times, part, nominal, turn)
+    return Dwell(stretch.label, *times, readings=part, nominal=nominal, turn=turn)
 
 
-def _true_attitude(path: Path, origin: int, t: float) -> Rotation:
+def _true_attitude(truth: TruthLog, origin: int, t: float) -> Rotation:
     """``C_nb`` at a time between samples, turned evenly from one to the next."""
-    truth = read_truth(path)
     stamps = (truth.t_ns - origin) * 1e-9
     if len(stamps) < 2 or not stamps[0] - EDGE <= t <= stamps[-1] + EDGE:
-        raise _untrue(path, stamps, t)
-    k = int(np.clip(np.searchsorted(stamps, t + EDGE) - 1, 0, len(stamps) - 2))
-    before, after = (C_NW * Rotation.from_quat(truth.q_wb[i]) for i in (k, k + 1))
-    part = (t - stamps[k]) / (stamps[k + 1] - stamps[k])
-    return before * Rotation.from_rotvec(part * (before.inv() * after).as_rotvec())
+        raise _untrue(truth, stamps, t)
+    return C_NW * turned_evenly(stamps, truth.q_wb, np.array([t]))[0]
 
 
-def _truths(
-    path: Path, imu: ImuLog, origin: int, dwells: Sequence[Dwell], site: Site
-) -> list[Truths]:
-    truth = read_truth(path)
+def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -> list[Truths]:
     t = (truth.t_ns - origin) * 1e-9
     last = np.searchsorted(t, [dwell.t_to + 1e-6 for dwell in dwells]) - 1
     for k, dwell in zip(last, dwells, strict=True):
         if k < 0:
-            raise _untrue(path, t, dwell.t_to)
+            raise _untrue(truth, t, dwell.t_to)
     return [
         Truths(_told(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell), dwell.nominal, site.latitude)
         for k, dwell in zip(last, dwells, strict=True)
     ]
 
 
-def _untrue(path: Path, stamps: Array, t: float) -> StandError:
+def _untrue(truth: TruthLog, stamps: Array, t: float) -> StandError:
     return StandError(
-        f"{path}: the truth runs from {stamps[0]:.3f} to {stamps[-1]:.3f} s, {t:.3f} s must lie "
-        "within"
+        f"{truth.path}: the truth runs from {stamps[0]:.3f} to {stamps[-1]:.3f} s, "
+        f"{t:.3f} s must lie within"
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json, RootModel
 from scipy.spatial.transform import Rotation
 
-from alignment import Options, Priors, Site
+from alignment import DEFAULT_METHOD, Options, Priors, Site
 from alignment.angles import SequenceRule
 from alignment.readings import EDGE, Fixes
 from alignment.units import ARC_SECOND, DEG
@@ -40,6 +40,20 @@ PRIOR_UNITS = {
     "seat": "rad",
     "nominal": "rad",
     "lever_arm": "m",
+    "gyro_random_walk": "rad_s_rt_s",
+    "accel_random_walk": "m_s2_rt_s",
+    "gyro_ramp": "rad_s2",
+    "accel_ramp": "m_s3",
+    "gyro_misalignment": "rad",
+    "accel_misalignment": "rad",
+    "gyro_non_orthogonality": "rad",
+    "accel_non_orthogonality": "rad",
+    "gyro_asymmetry": "ratio",
+    "accel_asymmetry": "ratio",
+    "gyro_g_sensitivity": "s_m",
+    "gyro_g2_sensitivity": "s3_m2",
+    "accel_quadratic": "s2_m",
+    "accel_cubic": "s4_m2",
 }
 FIX_UNITS = {
     "position_sigma": "m",
@@ -49,6 +63,7 @@ FIX_UNITS = {
     "drift_time": "s",
 }
 SCHEDULE = "schedule"  # the steps as they ran
+MODEL_FOLDER = "model/"  # of the attached files of a stand of one's own
 NEVER = "never"  # of a dwell in the record `settled`: the table did not come to rest
 
 
@@ -181,13 +196,17 @@ class SiteRecord(_Record):
 
     def site(self) -> Site:
         """The same in SI."""
+        deflection = self.deflection_north_arc_s, self.deflection_east_arc_s
         return Site(
-            None if self.latitude_deg is None else self.latitude_deg * DEG,
-            self.height_m,
-            self.gravity_m_s2,
-            self.longitude_deg * DEG,
-            (self.deflection_north_arc_s * ARC_SECOND, self.deflection_east_arc_s * ARC_SECOND),
+            latitude=None if self.latitude_deg is None else self.latitude_deg * DEG,
+            height=self.height_m,
+            local_gravity=self.gravity_m_s2,
+            longitude=self.longitude_deg * DEG,
+            deflection=(deflection[0] * ARC_SECOND, deflection[1] * ARC_SECOND),
         )
+
+
+Angles = Annotated[tuple[float, ...], Field(min_length=len(JOINTS), max_length=len(JOINTS))]
 
 
 class TurningRecord(_Record):
@@ -206,7 +225,7 @@ class StepRecorded(_Record):
     t_to_s: Seconds
     steady_from_s: Seconds | None = None
     steady_to_s: Seconds | None = None
-    joints_deg: Annotated[tuple[float, ...], Field(max_length=len(JOINTS))] = ()
+    joints_deg: Angles = ()
     C_nb_xyzw: Quaternion
     turning: TurningRecord | None = None
 
@@ -224,7 +243,7 @@ class SettledRecord(RootModel[dict[str, Annotated[float, Field(ge=-_LATEST)]]]):
 class EstimateRecord(_Record):
     """What `describe_estimate` writes, apart from the priors."""
 
-    methods: str = "triad"
+    methods: str = DEFAULT_METHOD
     offset_window_s: Annotated[float, Field(gt=0, le=_LATEST)] = Options().offset_window
     sequences: SequenceRule = SequenceRule.REGULAR
 
@@ -266,12 +285,12 @@ def planned_stretches(metadata: Metadata) -> list[LoggedStretch]:
     """The stretches of the schedule; older recordings know of dwells alone."""
     return [
         LoggedStretch(
-            step.label,
-            step.t_from_s if step.steady_from_s is None else step.steady_from_s,
-            step.t_to_s if step.steady_to_s is None else step.steady_to_s,
-            step.C_nb_xyzw,
-            None if step.turning is None else step.turning.axis,
-            None if step.turning is None else step.turning.axis_b,
+            label=step.label,
+            t_from=step.t_from_s if step.steady_from_s is None else step.steady_from_s,
+            t_to=step.t_to_s if step.steady_to_s is None else step.steady_to_s,
+            nominal=step.C_nb_xyzw,
+            joint=None if step.turning is None else step.turning.axis,
+            axis_b=None if step.turning is None else step.turning.axis_b,
         )
         for step in recorded_steps(metadata)
         if step.kind == "dwell" or step.turning is not None

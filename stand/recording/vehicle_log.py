@@ -1,24 +1,23 @@
 """A vehicle's stretch of a log: its fixes, velocities and programmed start."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from math import isfinite
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings
+from alignment.angles import C_nb_from_angles
+from alignment.angles import Sequence as SequenceOfTurns
 from alignment.arrays import Array
 from alignment.navigation import C_en, ecef
 from alignment.readings import EDGE, Fixes
-from stand.errors import StandError
-from stand.recording.mcap.reader import FixLog, VelocityLog, read_fixes, read_velocities
+from alignment.units import DEG
+from stand.errors import StandError, located
+from stand.recording.mcap.reader import FixLog, LogFile, VelocityLog
 from stand.recording.metadata import LoggedDrive, LoggedStretch
 from stand.table.kinematics import C_NW
-
-if TYPE_CHECKING:  # planning takes a while to import, and reading needs none of it
-    pass
 
 SAME_TIME = 1e-3  # s: a velocity and a fix this near to each other are of one time
 
@@ -37,8 +36,43 @@ class Vehicle:
     velocity_sigma: float | None = None
 
 
+def vehicle_of(
+    moving: bool,
+    start_attitude_deg: Sequence[float] | None,
+    start_sigma_deg: float | None,
+    fix_sigma: Sequence[float] | None,
+) -> Vehicle | None:
+    """What was said of a moving vehicle; None for nothing, and not `moving`.
+
+    Raises
+    ------
+    StandError
+        Too many or too few numbers; a sigma that is not above 0.
+    """
+    if (start_attitude_deg, start_sigma_deg, fix_sigma) == (None, None, None):
+        return Vehicle() if moving else None
+    start, noise = None, (None, None)
+    if start_attitude_deg is not None:
+        roll, yaw, pitch = (a * DEG for a in _numbers("start_attitude_deg", start_attitude_deg, 3))
+        start = C_nb_from_angles(SequenceOfTurns.YAW_PITCH_ROLL, roll, yaw, pitch)
+    if start_sigma_deg is not None and not 0 < start_sigma_deg <= 180:
+        raise StandError(f"--start-sigma {start_sigma_deg:g}: must be above 0, at most 180 deg")
+    if fix_sigma is not None:
+        noise = _numbers("fix_sigma", fix_sigma, 2)
+        if min(noise) <= 0:
+            said = ",".join(f"{x:g}" for x in fix_sigma)
+            raise StandError(f"--fix-sigma {said}: both must be above 0")
+    return Vehicle(start, None if start_sigma_deg is None else start_sigma_deg * DEG, *noise)
+
+
+def _numbers(option: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+    if len(values) != count or not all(map(isfinite, values)):
+        raise StandError(f"{option} = {list(values)}: must be {count} numbers")
+    return tuple(values)
+
+
 def vehicle_dwell(
-    path: Path,
+    file: LogFile,
     stretch: LoggedStretch,
     readings: ImuReadings,
     origin: int,
@@ -46,12 +80,10 @@ def vehicle_dwell(
     vehicle: Vehicle,
 ) -> Dwell:
     """A vehicle's stretch from its first fix to its last."""
-    places, velocities = read_fixes(path), read_velocities(path)
-    try:
+    places, velocities = file.fixes(), file.velocities()
+    with located(file.path):
         errors = {} if told is None else told.errors
         fixes = _fixes(places, velocities, origin, stretch, errors, vehicle)
-    except StandError as error:
-        raise StandError(f"{path}: {error}") from error
     first = float(fixes.t[0])
     start, sigma = vehicle.start, vehicle.start_sigma
     label = stretch.label if told is None else told.label
@@ -59,7 +91,13 @@ def vehicle_dwell(
         start = Rotation.from_quat(told.start)
         sigma = told.start_sigma if sigma is None else sigma
     return Dwell(
-        label, first, float(fixes.t[-1]), readings, start, fixes=fixes, nominal_sigma=sigma
+        label=label,
+        t_from=first,
+        t_to=float(fixes.t[-1]),
+        readings=readings,
+        nominal=start,
+        fixes=fixes,
+        nominal_sigma=sigma,
     )
 
 
@@ -102,9 +140,9 @@ def _fixes(
         elif name not in known:
             known[name] = _said_sigma(log, log.variance[row])
     return Fixes(
-        t[inside],
-        ecef(*place.T),
-        np.einsum("mij,mj->mi", C_en(place[:, 0], place[:, 1]), v_n),
+        t=t[inside],
+        position=ecef(*place.T),
+        velocity=np.einsum("mij,mj->mi", C_en(place[:, 0], place[:, 1]), v_n),
         **known,
     )
 

@@ -1,33 +1,35 @@
 """Predicted sigma of everything the methods of a procedure estimate, split by its sources."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
-from alignment import ESTIMATORS
+from alignment import ESTIMATORS, Method
 from alignment.errors import AlignmentError
-from alignment.information import Information, Unit
+from alignment.gains import Answer, Gains
+from alignment.information import Information, Stretch, Unit
+from alignment.methods.position_gains import known_to
 from alignment.units import DEG
-from stand.evaluation.score import TOLD
 from stand.motion.plan import Plan, PlannedStep
-from stand.rehearsal.gains import AT_REST, TURNING, Answer, Case, known_of
 from stand.rehearsal.instrument import unit_of
+from stand.rehearsal.planned import planned_stretch
 from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse
 from stand.rehearsal.response import Errors, Response
 from stand.rehearsal.result import Observability, Prediction
-from stand.rehearsal.rocking import ROCKING, over_time, readings_of, turned_by_heading
+from stand.rehearsal.rocking import over_time, readings_of, turned_by_heading
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.telling import angles, withheld
 
+Predicted = tuple[list[Prediction], list[Observability]]
 
-def predict(scene: Scene, methods: Sequence[str]) -> tuple[list[Prediction], list[Observability]]:
+
+def predict(scene: Scene, methods: Sequence[str]) -> Predicted:
     """All methods' predictions, and what their readings can tell."""
     predictions: list[Prediction] = []
     observed: list[Observability] = []
     unit = unit_of(scene.imu)
-    case = Case(scene.site, scene.options)
     for method in methods:
         try:
-            found, seen = _method(method, scene, unit, case)
+            found, seen = _method(method, scene, unit)
         except AlignmentError as error:
             found, seen = [_refused(method, str(error))], []
         predictions += found
@@ -39,45 +41,57 @@ def _refused(method: str, reason: str) -> Prediction:
     return Prediction(method, "", "", "heading", "deg", DEG, None, (), reason)
 
 
-def _method(
-    method: str, scene: Scene, unit: Unit, case: Case
-) -> tuple[list[Prediction], list[Observability]]:
-    turning = ESTIMATORS[method].takes == "turning"
-    if method in ROCKING:
-        return _rocking(method, scene, unit)
-    answers_of = (AT_REST | TURNING).get(method)
-    if answers_of is None:
-        raise AlignmentError("no prediction is made for this method: see --verify")
-    steps = [s for s in scene.plan.stretches if (s.turning is not None) == turning]
+def _method(name: str, scene: Scene, unit: Unit) -> Predicted:
+    method = ESTIMATORS[name]
+    if method.gains is not None:
+        return _by_gains(name, method.gains, scene, unit)
+    if method.functional is not None:
+        return _over_time(name, method, scene, unit)
+    raise AlignmentError(f"no prediction is made: {method.no_prediction}; see --verify")
+
+
+def _by_gains(name: str, gains: Gains, scene: Scene, unit: Unit) -> Predicted:
+    """Of a method for rests or steady turns."""
+    method = ESTIMATORS[name]
+    steps = [s for s in scene.plan.stretches if method.for_motion(turning=s.turning is not None)]
     if not steps:
-        raise AlignmentError(f"no stretch {'at constant rate' if turning else 'at rest'}")
+        raise AlignmentError(method.lacking)
     rocked = [s.label for s in steps if not _still(scene.plan, s)]
     if rocked:
         raise AlignmentError(f"{rocked[0]}: the base rocks behind it, which this method refuses")
-    check_quiet(steps, scene, unit, turning)
-    answers = answers_of(steps, case)
+    check_quiet(steps, scene, unit, method.takes == "turning")
+    stretches = [planned_stretch(step) for step in steps]
+    answers = gains(stretches, scene.site, scene.options)
     if not answers:
         raise AlignmentError("every dwell ends with its offset window: nothing is left to estimate")
-    found: list[Prediction] = []
-    known: dict[int, Errors] = {}  # answers of one fit share their stretches
+    errors: dict[int, Errors] = {}  # answers of one fit share their stretches
     for answer in answers:
-        if id(answer.stretches) not in known:
-            known[id(answer.stretches)] = Errors(answer, scene, unit)
-    responses = [Response(answer, known[id(answer.stretches)]) for answer in answers]
+        if id(answer.stretches) not in errors:
+            errors[id(answer.stretches)] = Errors(answer, steps, scene, unit)
+    responses = [Response(answer, errors[id(answer.stretches)]) for answer in answers]
     check_vertical([r for r in responses if r.answer.window_gain is not None])
-    for number, (answer, response) in enumerate(zip(answers, responses, strict=True)):
+    known = partial(_known, stretches=stretches, scene=scene)
+    doubt = "" if method.carries_nominal else coarse(scene)
+    found: list[Prediction] = []
+    for answer, response in zip(answers, responses, strict=True):
         C_nb = answer.stretches[answer.own].C_pb
-        why = partial(_why, answer)
-        told = angles(method, answer.window, answer.label, C_nb, response.attitude(), why)
-        found += withheld(told, ("heading", "yaw"), "" if method in TOLD else coarse(scene))
-        if number == 0:
-            found += response.biases(method)
-    return found, [_observed(method, answers[0].known())]
+        why = partial(_why, answer, known)
+        told = angles(name, answer.window, answer.label, C_nb, response.attitude(), why)
+        found += withheld(told, ("heading", "yaw"), doubt)
+        if answer is answers[0]:
+            found += response.biases(name)
+    return found, [_observed(name, known(answers[0]))]
 
 
-def _why(answer: Answer) -> str:
+def _known(answer: Answer, stretches: Sequence[Stretch], scene: Scene) -> Information:
+    """What the whole stretches of an answer tell."""
+    used = [stretches[k] for k in dict.fromkeys(answer.planned)]
+    return known_to(used, scene.site, scene.options)
+
+
+def _why(answer: Answer, known: Callable[[Answer], Information]) -> str:
     """What the readings of an answer cannot tell apart."""
-    return "; ".join(c.text for c in answer.known().unseen)
+    return "; ".join(c.text for c in known(answer).unseen)
 
 
 def _still(plan: Plan, step: PlannedStep) -> bool:
@@ -95,18 +109,19 @@ def _observed(method: str, known: Information) -> Observability:
     )
 
 
-def _rocking(method: str, scene: Scene, unit: Unit) -> tuple[list[Prediction], list[Observability]]:
+def _over_time(name: str, method: Method, scene: Scene, unit: Unit) -> Predicted:
+    """Of a method for any motion."""
+    assert method.functional is not None
     truth = scene.truth()
     found: list[Prediction] = []
     steps = scene.plan.stretches
     if not steps:
-        raise AlignmentError("no stretch to estimate from")
+        raise AlignmentError(method.lacking)
     for step in steps:
         readings = readings_of(truth, scene.plan.motion, step.steady_from, step.steady_to)
-        match = ROCKING["inertial"](readings, scene.site, scene.options)
-        check_carried(step.label, over_time(match, unit, scene))
-        carried = ROCKING[method]
-        run = match if method == "inertial" else carried(readings, scene.site, scene.options)
+        run = method.functional(readings, scene.site, scene.options)
+        check_carried(step.label, over_time(run.checked_by or run, unit, scene))
         parts = turned_by_heading(over_time(run, unit, scene))
-        found += angles(method, "", step.label, run.C_nb, parts, str)
-    return found, [_observed(method, known_of(steps[:1], Case(scene.site, scene.options)))]
+        found += angles(name, "", step.label, run.C_nb, parts, str)
+    known = known_to([planned_stretch(steps[0])], scene.site, scene.options)
+    return found, [_observed(name, known)]

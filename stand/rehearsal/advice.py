@@ -12,14 +12,16 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
 
+from alignment import ESTIMATORS
 from alignment.units import DEG
 from stand import toml_files as catalogue
 from stand.errors import StandError
 from stand.procedure.procedure import procedure_from
-from stand.rehearsal.rehearse import Request, rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.requirement import rows_of
 from stand.rehearsal.result import Advice, Change, Judgement, Rehearsal, Verdict
 from stand.rehearsal.wording import toml_of
+from stand.simulation.settings import Settings, with_procedure
 
 _GROWTH = 2.0
 _MOST = 64.0  # times the length
@@ -43,17 +45,17 @@ class _Trial:
     result: Rehearsal
 
 
-def with_advice(asked: Request) -> Rehearsal:
+def with_advice(settings: Settings) -> Rehearsal:
     """A rehearsal, with advice for every quantity that fails."""
-    result = rehearse(asked)
+    result = rehearse(settings)
     failing = [j.quantity for j in result.judgements if j.verdict is Verdict.FAIL]
     if not failing or not result.feasibility:
         return result
-    data = asked.procedure.entry.model_dump(exclude_unset=True, mode="json")
-    whole = _remedies(asked, data, _wanted(result))
+    data = settings.procedure.entry.model_dump(exclude_unset=True, mode="json")
+    whole = _remedies(settings, data, _wanted(result))
     advice: list[Advice] = []
     for quantity in failing:
-        found = whole or _remedies(asked, data, (quantity,))
+        found = whole or _remedies(settings, data, (quantity,))
         advice += [_told(quantity, data, trial) for trial in found[:_KEPT]]
         if not found:
             advice.append(_nothing(quantity, result))
@@ -64,22 +66,22 @@ def _wanted(result: Rehearsal) -> tuple[str, ...]:
     return tuple(j.quantity for j in result.judgements)
 
 
-def _remedies(asked: Request, data: Data, wanted: Sequence[str]) -> list[_Trial]:
+def _remedies(settings: Settings, data: Data, wanted: Sequence[str]) -> list[_Trial]:
     """Changes that make all the `wanted` pass, the shortest first."""
     found: list[_Trial] = []
-    for variant in _variants(data, asked):
+    for variant in _variants(data, settings):
         cheapest = min((t.result.duration.total for t in found), default=_LONGEST / _DEARER)
-        trial = _longer(asked, variant, wanted, _DEARER * cheapest)
+        trial = _longer(settings, variant, wanted, _DEARER * cheapest)
         if trial is not None:
             found.append(trial)
     return sorted(found, key=lambda trial: trial.result.duration.total)
 
 
-def _longer(asked: Request, data: Data, wanted: Sequence[str], longest: float) -> _Trial | None:
+def _longer(settings: Settings, data: Data, wanted: Sequence[str], longest: float) -> _Trial | None:
     """The shortest lengthening of a variant that passes within `longest` s; None: none does."""
     factor, before, sigma = 1.0, 0.0, float("inf")
     while True:
-        trial = _tried(asked, _stretched(data, factor))
+        trial = _tried(settings, _stretched(data, factor))
         if trial is None or trial.result.duration.total > longest:
             return None
         if _passes(trial.result, wanted):
@@ -91,7 +93,7 @@ def _longer(asked: Request, data: Data, wanted: Sequence[str], longest: float) -
     best = trial
     for _ in range(_HALVINGS if before else 0):
         middle = (before + factor) / 2
-        trial = _tried(asked, _stretched(data, middle))
+        trial = _tried(settings, _stretched(data, middle))
         if trial is not None and _passes(trial.result, wanted):
             best, factor = trial, middle
         else:
@@ -99,17 +101,15 @@ def _longer(asked: Request, data: Data, wanted: Sequence[str], longest: float) -
     return best
 
 
-def _tried(asked: Request, data: Data) -> _Trial | None:
+def _tried(settings: Settings, data: Data) -> _Trial | None:
     """A fresh rehearsal of a changed procedure; None where its numbers are not allowed."""
     text = toml_of(data)
-    source = catalogue.Source(asked.procedure.id, asked.procedure.name, text)
+    source = catalogue.Source(settings.procedure.id, settings.procedure.name, text)
     try:
         procedure = procedure_from(source)
     except StandError:
         return None
-    fresh = request(procedure, asked.imu, asked.table, asked.site, asked.rate_hz)
-    fresh = replace(fresh, revision=asked.revision, allan_terms=asked.allan_terms, seed=asked.seed)
-    result = rehearse(fresh)
+    result = rehearse(with_procedure(settings, procedure))
     return _Trial(data, text, result) if result.feasible else None
 
 
@@ -131,13 +131,13 @@ def _worst(result: Rehearsal, wanted: Sequence[str]) -> float:
 # --- variants ------------------------------------------------------------------------------------
 
 
-def _variants(data: Data, asked: Request) -> Iterator[Data]:
+def _variants(data: Data, settings: Settings) -> Iterator[Data]:
     yield data
     for change in (_both_directions, _slower, _second_turn, _longer_window, _added_position):
         varied = deepcopy(data)
         if change(varied):
             yield varied
-    if any(m in ("single-gyro", "two-gyro") for m in data["estimate"]["methods"]):
+    if any(ESTIMATORS[m].azimuth_matters for m in data["estimate"]["methods"]):
         for azimuth in _AZIMUTHS:
             varied = deepcopy(data)
             if _turned(varied, azimuth):
@@ -172,7 +172,7 @@ def _second_turn(data: Data) -> bool:
 def _longer_window(data: Data) -> bool:
     """Zero offsets over half of the shortest dwell."""
     estimate = data["estimate"]
-    if not {"six-position", "rk4", "two-sample"} & set(estimate["methods"]):
+    if not any(ESTIMATORS[m].needs_offset for m in estimate["methods"]):
         return False
     lengths = [step["duration_s"] for step in data["step"] if step["kind"] == "dwell"]
     half = min(lengths, default=0.0) / 2
@@ -203,8 +203,9 @@ def _added_position(data: Data) -> bool:
         *data["step"][dwells[-1] + 1 :],
     ]
     methods = data["estimate"]["methods"]
-    if data.get("require", {}).get("method") is None and "multi-position" not in methods:
-        data["estimate"]["methods"] = [*methods, "multi-position"]
+    fitting = [m for m in ESTIMATORS if ESTIMATORS[m].fits_positions]
+    if data.get("require", {}).get("method") is None and not set(fitting) & set(methods):
+        data["estimate"]["methods"] = [*methods, fitting[0]]
     return True
 
 
@@ -252,7 +253,14 @@ def _told(quantity: str, before: Data, trial: _Trial) -> Advice:
         f"{'; '.join(_in_words(change) for change in changes)}: {quantity} then has a sigma of "
         f"{judged.sigma / DEG:.3g} deg by {judged.method}, in {duration:.0f} s"
     )
-    return Advice(quantity, text, changes, judged.sigma, duration, trial.text)
+    return Advice(
+        quantity=quantity,
+        text=text,
+        changes=changes,
+        sigma=judged.sigma,
+        duration=duration,
+        toml=trial.text,
+    )
 
 
 def _judged(judgements: Sequence[Judgement], quantity: str) -> Judgement:
@@ -278,7 +286,7 @@ def _nothing(quantity: str, result: Rehearsal) -> Advice:
         f"{judged.required / DEG:g} deg with coverage {judged.coverage:g}: {what} stands in the "
         "way"
     )
-    return Advice(quantity, text, (), None, None)
+    return Advice(quantity=quantity, text=text, changes=(), sigma=None, duration=None)
 
 
 def _changes(before: Data, after: Data) -> Iterator[Change]:

@@ -12,9 +12,12 @@ import numpy as np
 from alignment.units import DEG
 from stand.columns import cell
 from stand.errors import StandError
-from stand.folder import write_files
+from stand.folder import refuse_files, write_files
 from stand.motion.plan import Plan
+from stand.motion.planner import plan
 from stand.motion.profile import MOST_ROWS, SUFFIXES, TIME
+from stand.physics.mjcf import describe, load_model
+from stand.simulation.settings import Settings
 from stand.table.joints import JOINTS
 
 PER_SECOND = 100  # rows
@@ -25,6 +28,23 @@ STEP_COLUMNS = ("step", "kind", "label", "t_from_s", "t_to_s", "steady_from_s", 
 def steps_file(out: Path) -> Path:
     """Where the list of steps goes: beside the motion."""
     return out.with_name(f"{out.stem}_steps{out.suffix}")
+
+
+def exported(settings: Settings, out: Path, force: bool = False) -> int:
+    """Plan the settings' procedure and `export` it to new files.
+
+    Raises
+    ------
+    StandError
+        No file, or one that is there (and not `force`); the plan is impossible.
+    """
+    if out.name in ("", "..") or out.is_dir():
+        raise StandError(f"--out {out}: must be a file")
+    refuse_files((out, steps_file(out)), force=force)
+    if not out.parent.is_dir():
+        raise StandError(f"--out {out}: no folder {out.parent}")
+    stand = describe(load_model())
+    return export(plan(settings.procedure, stand, settings.table, settings.seed), out)
 
 
 def export(planned: Plan, out: Path) -> int:

@@ -1,23 +1,22 @@
 """Whether table and sensors can make every step: margins, settling, durations."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import expm
 
 from alignment.arrays import Array
 from alignment.units import DEG, STANDARD_GRAVITY
-from stand.imu import ImuSpec
 from stand.imu.preset import TriadSpec
-from stand.motion.limits import QUANTITIES, SLACK, Peak, Torque, uses
+from stand.motion.limits import QUANTITIES, SLACK, Peak, uses
 from stand.motion.plan import Plan, PlannedStep
 from stand.motion.polynomial import Motion
 from stand.physics.dynamics import gains_of
-from stand.physics.truth import Truth
 from stand.rehearsal.result import Duration, Margin, StepDuration, StepFeasibility
+from stand.rehearsal.scene import Scene
+from stand.samples import AXES
 from stand.table.joints import JOINTS
-from stand.table.table import Motor, Table
+from stand.table.table import Motor
 
 FILTER_SETTLING = 1.13  # times 1 / bandwidth [Hz]: five time constants of the low-pass, to 0.7 %
 LEAST_SAMPLES = 3  # of a stretch: two whole ones, wherever it begins
@@ -27,68 +26,64 @@ _SETTLING_STEP = 1e-3  # s
 _SETTLING_TIMES = 20_000
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Bench:
-    """What the feasibility needs: plan, table with `torque` and `inertias` (6,), unit, truth."""
-
-    plan: Plan
-    table: Table
-    torque: Torque | None
-    inertias: Array
-    imu: ImuSpec
-    truth: Truth
-    rate_hz: int
-
-
-def feasibility(bench: Bench) -> list[StepFeasibility]:
+def feasibility(scene: Scene) -> list[StepFeasibility]:
     """Every step's margins, all limits that it breaks, and its settling."""
-    settling = settling_times(bench)
+    settling = settling_times(scene)
     return [
         StepFeasibility(
-            use.step.number + 1,
-            use.step.kind,
-            use.step.label,
-            use.step.t_from,
-            use.step.t_to,
-            (
-                *(_margin(bench, use.step, peak) for peak in use.peaks),
-                *_sensors(bench, use.step),
-                *_lengths(bench, use.step, settled),
+            number=use.step.number + 1,
+            kind=use.step.kind,
+            label=use.step.label,
+            t_from=use.step.t_from,
+            t_to=use.step.t_to,
+            margins=(
+                *(_margin(scene, use.step, peak) for peak in use.peaks),
+                *_sensors(scene, use.step),
+                *_lengths(scene, use.step, settled),
             ),
-            settled,
-            _turns(bench.plan.motion, use.step),
-            tuple(use.step.joints.tolist()),
+            settling_s=settled,
+            turns=_turns(scene.plan.motion, use.step),
+            joints=tuple(use.step.joints.tolist()),
         )
-        for use, settled in zip(uses(bench.plan, bench.table, bench.torque), settling, strict=True)
+        for use, settled in zip(uses(scene.plan, scene.table, scene.torque), settling, strict=True)
     ]
 
 
-def _margin(bench: Bench, step: PlannedStep, peak: Peak) -> Margin:
+def _margin(scene: Scene, step: PlannedStep, peak: Peak) -> Margin:
     first = None
     if peak.ratio > 1 + SLACK:
-        first = _first_violation(bench, step, peak)
+        first = _first_violation(scene, step, peak)
     unit = QUANTITIES[peak.quantity]
-    return Margin(peak.quantity, peak.axis, peak.value, peak.limit, unit, peak.ratio, peak.t, first)
+    return Margin(
+        quantity=peak.quantity,
+        axis=peak.axis,
+        value=peak.value,
+        limit=peak.limit,
+        unit=unit,
+        ratio=peak.ratio,
+        t=peak.t,
+        first_violation=first,
+    )
 
 
-def _first_violation(bench: Bench, step: PlannedStep, peak: Peak) -> float:
+def _first_violation(scene: Scene, step: PlannedStep, peak: Peak) -> float:
     """When a step first breaks the limit: by a grid, and halving between its points."""
-    axis, motion = JOINTS.index(peak.axis), bench.plan.motion
+    axis, motion = JOINTS.index(peak.axis), scene.plan.motion
 
     def used(t: Array) -> Array:
         q, v, a = motion.joints(t)
         if peak.quantity == "torque":
-            assert bench.torque is not None
-            return np.abs(bench.torque(q, v, a)[:, axis]) / bench.table.torque[axis]
+            assert scene.torque is not None
+            return np.abs(scene.torque(q, v, a)[:, axis]) / scene.table.torque[axis]
         if peak.quantity == "angle":
             angle = q[:, axis]
             return np.abs(angle) / np.where(
-                angle > 0, bench.table.high[axis], -bench.table.low[axis]
+                angle > 0, scene.table.high[axis], -scene.table.low[axis]
             )
         x = {"rate": v, "acceleration": a}.get(peak.quantity)
         if x is None:
             x = motion.derivative().joints(t)[2]
-        limit = getattr(bench.table, peak.quantity)[axis]
+        limit = getattr(scene.table, peak.quantity)[axis]
         return np.abs(x[:, axis]) / limit
 
     t = np.unique(np.append(np.linspace(step.t_from, step.t_to, _GRID), peak.t))
@@ -106,21 +101,30 @@ def _first_violation(bench: Bench, step: PlannedStep, peak: Peak) -> float:
 # --- sensors -------------------------------------------------------------------------------------
 
 
-def _sensors(bench: Bench, step: PlannedStep) -> Iterator[Margin]:
+def _sensors(scene: Scene, step: PlannedStep) -> Iterator[Margin]:
     """What the unit feels against its range: rocking, lever arm and Earth rate in it."""
-    t = _times(bench.plan.motion, step)
-    felt = bench.truth.instants(*bench.plan.motion.joints(t))
+    t = _times(scene.plan.motion, step)
+    felt = scene.truth().instants(*scene.plan.motion.joints(t))
     for name, x, spec, unit, per in (
-        ("sensor rate", felt.w_ib_b, bench.imu.gyro, "deg/s", DEG),
-        ("sensor force", felt.f_places, bench.imu.accel, "g", STANDARD_GRAVITY),
+        ("sensor rate", felt.w_ib_b, scene.imu.gyro, "deg/s", DEG),
+        ("sensor force", felt.f_places, scene.imu.accel, "g", STANDARD_GRAVITY),
     ):
         row, axis = np.unravel_index(int(np.argmax(np.abs(x))), x.shape)
         value, ratio = float(x[row, axis]), float(abs(x[row, axis]) / spec.range)
         beyond = np.abs(x).max(axis=1) > spec.range
         first = float(t[int(np.argmax(beyond))]) if beyond.any() else None
-        sensor = f"{'gyro' if name == 'sensor rate' else 'accelerometer'} {'XYZ'[axis]}1"
+        sensor = f"{'gyro' if name == 'sensor rate' else 'accelerometer'} {AXES[axis]}"
         limit = spec.range / per
-        yield Margin(name, sensor, value / per, limit, unit, ratio, float(t[row]), first)
+        yield Margin(
+            quantity=name,
+            axis=sensor,
+            value=value / per,
+            limit=limit,
+            unit=unit,
+            ratio=ratio,
+            t=float(t[row]),
+            first_violation=first,
+        )
 
 
 def _times(motion: Motion, step: PlannedStep) -> Array:
@@ -136,19 +140,28 @@ def filter_settling(spec: TriadSpec) -> float:
     return FILTER_SETTLING / spec.bandwidth
 
 
-def _lengths(bench: Bench, step: PlannedStep, settled: float | None) -> Iterator[Margin]:
+def _lengths(scene: Scene, step: PlannedStep, settled: float | None) -> Iterator[Margin]:
     """A stretch against samples, filter and servo: it must outlast each of them."""
     if step.kind != "dwell" and step.turning is None:
         return
     length = step.steady_to - step.steady_from
-    filtered = max(filter_settling(bench.imu.gyro), filter_settling(bench.imu.accel))
-    needs = [("sampling", LEAST_SAMPLES / bench.rate_hz), ("filter", filtered)]
+    filtered = max(filter_settling(scene.imu.gyro), filter_settling(scene.imu.accel))
+    needs = [("sampling", LEAST_SAMPLES / scene.rate_hz), ("filter", filtered)]
     if settled is not None:
-        needs.append(("settling", settled + bench.table.settle_hold))
+        needs.append(("settling", settled + scene.table.settle_hold))
     for name, needed in needs:
         if needed > 0:
             first = step.steady_from if needed > length else None
-            yield Margin(name, "", needed, length, "s", needed / length, step.steady_from, first)
+            yield Margin(
+                quantity=name,
+                axis="",
+                value=needed,
+                limit=length,
+                unit="s",
+                ratio=needed / length,
+                t=step.steady_from,
+                first_violation=first,
+            )
 
 
 def _turns(motion: Motion, step: PlannedStep) -> dict[str, float]:
@@ -161,7 +174,7 @@ def _turns(motion: Motion, step: PlannedStep) -> dict[str, float]:
 # --- settling ------------------------------------------------------------------------------------
 
 
-def settling_times(bench: Bench) -> list[float | None]:
+def settling_times(scene: Scene) -> list[float | None]:
     """How long each rest waits for the servo [s], from when the demand stands still.
 
     Notes
@@ -174,19 +187,19 @@ def settling_times(bench: Bench) -> list[float | None]:
     """
     found: list[float | None] = []
     rocked = np.zeros(len(JOINTS), bool)
-    for step, rests in zip(bench.plan.steps, bench.plan.rests, strict=True):
+    for step, rests in zip(scene.plan.steps, scene.plan.rests, strict=True):
         if step.kind != "dwell":
             found.append(None)
             held = step.kind == "move" or step.turning is not None
             rocked = np.zeros(len(JOINTS), bool) if held else ~rests
             continue
-        axes = zip(bench.table.motors, bench.inertias, rocked, strict=True)
+        axes = zip(scene.table.motors, scene.inertias, rocked, strict=True)
         times = [
-            settling_of(motor, float(inertia), bench.table.settle_within)
+            settling_of(motor, float(inertia), scene.table.settle_within)
             for motor, inertia, moved in axes
             if moved and motor is not None
         ]
-        found.append(None if None in bench.table.motors else max(times, default=0.0))
+        found.append(None if None in scene.table.motors else max(times, default=0.0))
         rocked = np.zeros(len(JOINTS), bool)
     return found
 
@@ -230,7 +243,14 @@ def durations(plan: Plan, steps: list[StepFeasibility]) -> Duration:
         motion = whole - settling - dwell
         rows.append(
             StepDuration(
-                step.number, step.kind, step.label, step.t_from, step.t_to, motion, settling, dwell
+                number=step.number,
+                kind=step.kind,
+                label=step.label,
+                t_from=step.t_from,
+                t_to=step.t_to,
+                motion=motion,
+                settling=settling,
+                dwell=dwell,
             )
         )
     return Duration(tuple(rows))

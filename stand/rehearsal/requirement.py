@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from math import inf
 
-from stand.evaluation.score import TOLD
+from alignment import ESTIMATORS
 from stand.procedure.procedure import RequireEntry
 from stand.rehearsal.result import Judgement, Prediction, Verdict
 
@@ -21,7 +21,7 @@ def judge(
     """
     if require is None:
         return []
-    finding = [m for m in methods if m not in TOLD] or methods
+    finding = [m for m in methods if not ESTIMATORS[m].carries_nominal] or methods
     asked = finding if require.method is None else [require.method]
     return [
         _judged(require, quantity, limit, asked, predictions) for quantity, limit in limits.items()
@@ -48,28 +48,28 @@ def _judged(
             worst.append(max(rows, key=_size))
     if not worst:
         return Judgement(
-            quantity,
-            "",
-            "",
-            limit,
-            require.coverage,
-            None,
-            require.guard,
-            Verdict.INDETERMINATE,
-            f"no method of this procedure tells {quantity}",
+            quantity=quantity,
+            method="",
+            label="",
+            required=limit,
+            coverage=require.coverage,
+            sigma=None,
+            guard=require.guard,
+            verdict=Verdict.INDETERMINATE,
+            reason=f"no method of this procedure tells {quantity}",
         )
     best = min(worst, key=_size)
     verdict = _verdict(best.sigma, limit, require)
     return Judgement(
-        quantity,
-        best.method,
-        best.label,
-        limit,
-        require.coverage,
-        best.sigma,
-        require.guard,
-        verdict,
-        best.reason,
+        quantity=quantity,
+        method=best.method,
+        label=best.label,
+        required=limit,
+        coverage=require.coverage,
+        sigma=best.sigma,
+        guard=require.guard,
+        verdict=verdict,
+        reason=best.reason,
     )
 
 

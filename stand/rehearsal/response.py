@@ -7,10 +7,10 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.gains import Answer
 from alignment.information import Setting, Unit, information
 from alignment.information.model import coefficient_weights, felt
 from stand.motion.plan import PlannedStep
-from stand.rehearsal.gains import Answer
 from stand.rehearsal.instrument import leanings, roundings_of
 from stand.rehearsal.result import Prediction
 from stand.rehearsal.scene import Scene
@@ -30,8 +30,10 @@ class Errors:
     (m, m) of the coefficients.
     """
 
-    def __init__(self, answer: Answer, scene: Scene, unit: Unit) -> None:
-        stretches, steps = answer.stretches, answer.steps
+    def __init__(
+        self, answer: Answer, planned: Sequence[PlannedStep], scene: Scene, unit: Unit
+    ) -> None:
+        stretches, steps = answer.stretches, [planned[k] for k in answer.planned]
         self.true = information(stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
         seen = [felt(s, _NORTH, scene.site) for s in stretches]
         poses = [_poses(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]

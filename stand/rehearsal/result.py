@@ -6,6 +6,7 @@ Angles and biases are in SI inside; each prediction says in which unit it is tol
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 
 from stand.rehearsal.verification import Verification
 
@@ -285,6 +286,7 @@ class Inputs:
     """What was rehearsed: ids, titles, texts and their SHA-256, site, versions.
 
     `latitude_deg`, `height_m`; `rate_hz` of the readings; `revision` of the part, '' if not said.
+    `model`: the MJCF of a stand of one's own.
     """
 
     procedure: str
@@ -302,6 +304,7 @@ class Inputs:
     revision: str
     sha256: Mapping[str, str]
     versions: Mapping[str, str]
+    model: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)

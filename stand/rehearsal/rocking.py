@@ -4,30 +4,15 @@ The truth of the motion is carried as the method carries readings; no sensor is 
 method is then a linear functional of the errors of its sensors over time: `Functional`.
 """
 
-from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from alignment import ImuReadings, Options, Site
+from alignment import ImuReadings
 from alignment.arrays import Array
+from alignment.constant_errors import BY_AXIS
+from alignment.gains import Functional
 from alignment.information import GaussMarkov, Unit
-from alignment.information.model import BY_AXIS
-from alignment.methods.fine import _START, CONSTANTS, STILL, UPDATE, _matrices, _Model, _Reference
-from alignment.methods.inertial import (
-    EVERY,
-    block_of,
-    drive,
-    fit_matrix,
-    gravity_velocity,
-    match,
-    noise_of,
-    sensitivity,
-    skew,
-    sway_covariance,
-)
-from alignment.strapdown import Carried, carry
 from stand.imu.recursion import Recursion
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
@@ -37,33 +22,6 @@ from stand.rehearsal.telling import Parts, name_of
 from stand.rehearsal.warmth import above_reference, triad_of
 
 RATE_HZ = 20  # of the truth that is carried
-STEP = 0.5  # s between the updates of the frozen filter: its gains vary slowly
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Functional:
-    """Rotation about n at the end of a stretch, by errors of m blocks.
-
-    Attributes
-    ----------
-    t : (m + 1,) s
-    gyro, accel : (m, 3, 3)
-        Per mean error of rate, force [rad/s], [m/s^2] in b over the block.
-    rate, force : (m, 3)
-        True means over the blocks.
-    motion : (3, 3) rad^2
-        What the sway itself leaves.
-    C_nb : Rotation
-        At the end.
-    """
-
-    t: Array
-    gyro: Array
-    accel: Array
-    rate: Array
-    force: Array
-    motion: Array
-    C_nb: Rotation
 
 
 def readings_of(truth: Truth, motion: Motion, begin: float, end: float) -> ImuReadings:
@@ -74,84 +32,6 @@ def readings_of(truth: Truth, motion: Motion, begin: float, end: float) -> ImuRe
     middle = begin + (np.arange(round((end - begin) * RATE_HZ)) + 0.5) / RATE_HZ
     felt = truth.instants(*motion.joints(middle))
     return ImuReadings(middle + 0.5 / RATE_HZ, felt.w_ib_b, felt.f_b)
-
-
-def inertial(readings: ImuReadings, site: Site, options: Options) -> Functional:
-    """Wahba's match of velocity curves: its own sensitivity to each block's errors."""
-    site.horizontal_rate()
-    carried = carry(readings, block_of(readings))
-    matched = match(carried, site)
-    C_ni = matched.C_ni.as_matrix()
-    fit = fit_matrix(carried.spans, matched.reference)
-    gyro, accel = sensitivity(
-        -fit @ skew(matched.reference * carried.spans[:, None]), C_ni, carried
-    )
-    gyro = gyro + np.eye(3)  # the attitude carried to the end has all of the gyros' error
-    turned = drive(carried, C_ni, EVERY)
-    sway = sway_covariance(carried, matched)
-    ends = [fit @ skew(matched.reference[[k]])[0] for k in (0, -1)]
-    motion = sum((e @ sway @ e.T for e in ends), np.zeros((3, 3)))
-    C_nb = matched.C_ni * Rotation.from_quat(carried.q[-1])
-    return _functional(carried, gyro @ turned, accel @ turned, np.asarray(motion), C_nb)
-
-
-def fine(readings: ImuReadings, site: Site, options: Options) -> Functional:
-    """The Kalman filter with its gains frozen, run backward from its last attitude."""
-    site.horizontal_rate()
-    priors = options.priors
-    carried = carry(readings, STEP)
-    matched = match(carried, site)
-    noise = noise_of(readings, priors)
-    names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
-    model = _Model(readings, site, noise, priors, names)
-    reference = _Reference(carried, matched.C_ni, np.zeros(3))
-    C_ni = matched.C_ni.as_matrix()
-    v, _ = gravity_velocity(carried.t, site)
-    push = np.diff(v, axis=0)
-    F, Q, H = _matrices(model, reference.carried, C_ni, push, slice(0, len(carried.t)))
-    walk = float(np.mean(noise.gyro**2)) * float(carried.t[-1] - carried.t[0])
-    variance = (STILL**2 + 100 * priors.lever_arm**2 * walk) * UPDATE / STEP
-    sigmas = [np.repeat(getattr(priors, name), 3) for name in names]
-    P = np.diag(np.concatenate([_START, [0.0], *sigmas]) ** 2)
-    kept = []
-    for k in range(len(H)):
-        PH = P @ H[k].T
-        K = PH @ np.linalg.inv(H[k] @ PH + variance * np.eye(3))
-        P = P - K @ PH.T
-        kept.append(K)
-        if k < len(F):
-            P = F[k] @ P @ F[k].T + Q[k]
-            P = 0.5 * (P + P.T)
-    turned, spans = drive(carried, C_ni, EVERY), carried.spans[:, None, None]
-    pushed = -skew(push) @ turned
-    gyro, accel = np.empty((len(F), 3, 3)), np.empty((len(F), 3, 3))
-    row = np.eye(3, len(P))
-    for k in range(len(F) - 1, -1, -1):
-        row = row - (row @ kept[k + 1]) @ H[k + 1]
-        phi, u, rho = row[:, :3], row[:, 3:6], row[:, 6:9]
-        gyro[k] = phi @ turned[k] + u @ pushed[k] / 2 + rho @ pushed[k] * spans[k] / 6
-        accel[k] = u @ turned[k] + rho @ turned[k] * spans[k] / 2
-        row = row @ F[k]
-    arm = np.zeros((3, 3))
-    if "lever_arm" in names:
-        row = row - (row @ kept[0]) @ H[0]
-        at = len(_START) + 1 + 3 * names.index("lever_arm")
-        part = row[:, at : at + 3] * priors.lever_arm
-        arm = part @ part.T
-    C_nb = matched.C_ni * Rotation.from_quat(carried.q[-1])
-    return _functional(carried, gyro, accel, arm, C_nb)
-
-
-def _functional(
-    carried: Carried, gyro: Array, accel: Array, motion: Array, C_nb: Rotation
-) -> Functional:
-    spans = carried.spans[:, None]
-    return Functional(
-        carried.t, gyro, accel, carried.dtheta / spans, carried.dv / spans, motion, C_nb
-    )
-
-
-ROCKING = {"inertial": inertial, "fine": fine}
 
 
 # --- what errors over time come to ---------------------------------------------------------------

@@ -1,30 +1,57 @@
-"""What is rehearsed."""
+"""A rehearsal made ready: what follows from its settings, worked out once."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from alignment import Options, Site
+from alignment.arrays import Array
 from stand.imu import ImuSpec, Temperature
+from stand.motion.limits import Torque
 from stand.motion.plan import Plan
 from stand.physics.truth import Truth
+from stand.simulation.settings import Settings
 from stand.table.joints import StandModel
 from stand.table.table import Table
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Scene:
-    """What is rehearsed: plan, stand, table, unit, site and what the estimators are told.
+    """What is rehearsed, planned on the stand.
 
-    `truth` makes the perfect sensors of a motion, for methods on rocking bases. `temperature` of
-    the unit over the procedure, None where it stays at the data sheet's.
+    `torque` that a motion needs, None where the table's motors are not known, and `inertias` (6,)
+    [kg m^2] about its axes. `truth` makes the perfect sensors of a motion. `temperature` of the
+    unit over the procedure, None where it stays at the data sheet's.
     """
 
+    settings: Settings
     plan: Plan
     model: StandModel
-    table: Table
-    imu: ImuSpec
-    site: Site
-    options: Options
-    rate_hz: int
+    torque: Torque | None
+    inertias: Array
     truth: Callable[[], Truth]
     temperature: Temperature | None = None
+
+    @property
+    def imu(self) -> ImuSpec:
+        """The unit, less the terms that are switched off."""
+        return self.settings.unit
+
+    @property
+    def table(self) -> Table:
+        """The table with the errors that are stated of it."""
+        return self.settings.stated_table
+
+    @property
+    def site(self) -> Site:
+        """Where the stand is."""
+        return self.settings.site
+
+    @property
+    def options(self) -> Options:
+        """What the estimators are told."""
+        return self.settings.options
+
+    @property
+    def rate_hz(self) -> int:
+        """Samples per second."""
+        return self.settings.rate_hz

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -60,13 +61,15 @@ def told(
 ) -> Prediction:
     """A prediction by the sizes of its sources; none where their total is not below `limit`."""
     total = float(np.linalg.norm(list(sizes.values())))
+    told: dict[str, Any] = {"method": method, "window": window, "label": label}
+    told |= {"quantity": quantity, "unit": unit[0], "per": unit[1]}
     if not total < limit:
         reason = f"sigma of {total / unit[1]:.3g} {unit[0]} is beyond first order"
         reason = "; ".join(part for part in (f"not determined: {reason}", why()) if part)
-        return Prediction(method, window, label, quantity, *unit, None, (), reason)
+        return Prediction(**told, sigma=None, contributions=(), reason=reason)
     named = sorted(sizes.items(), key=lambda item: -item[1])
     contributions = tuple(Contribution(name, s) for name, s in named if s > 1e-6 * total)
-    return Prediction(method, window, label, quantity, *unit, total, contributions)
+    return Prediction(**told, sigma=total, contributions=contributions)
 
 
 def withheld(

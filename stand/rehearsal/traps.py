@@ -1,22 +1,22 @@
 """What goes wrong with a procedure, named before the run: traps and doubts."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import cos, hypot
 
 import numpy as np
 
+from alignment import ESTIMATORS
 from alignment.earth import EARTH_RATE, Site
+from alignment.noise import FLICKER_FLOOR
 from alignment.units import DEG, DEG_PER_HOUR
 from stand.imu import ImuSpec
-from stand.imu.preset import TriadSpec
+from stand.imu.preset import TriadSpec, unstated
 from stand.motion.plan import Plan
 from stand.rehearsal.result import Finding, Judgement, Margin, Severity, StepFeasibility, Verdict
 
-TURNING_METHODS = ("two-position", "multi-position", "carousel")
 NEAR_POLE = 1 * DEG_PER_HOUR  # horizontal Earth rate below which heading is not to be had
 BIAS_DOUBT = 1 * DEG  # heading error by the turn-on bias that is remarked where nothing is required
 ALLAN_LENGTHS = 10.0  # times the averaging time of a term: then it is told to 24 %
-_FLOOR = 0.664  # least Allan deviation over bias instability: sqrt(2 ln 2 / pi)
 
 
 def from_margins(steps: Sequence[StepFeasibility]) -> Iterator[Finding]:
@@ -27,6 +27,12 @@ def from_margins(steps: Sequence[StepFeasibility]) -> Iterator[Finding]:
                 where = f'step {step.number} "{step.label}"'
                 text = f"{where}: {_told(margin)}"
                 yield Finding(Severity.ERROR, margin.quantity, step.label, text)
+
+
+def from_sheet(imu: ImuSpec) -> Iterator[Finding]:
+    """What the unit's data sheet leaves out, so that no prediction holds it."""
+    for sentence in unstated(imu):
+        yield Finding(Severity.WARNING, "data sheet", "", sentence)
 
 
 def _told(m: Margin) -> str:
@@ -78,17 +84,22 @@ def doubts(
                 "",
                 f"it never turns: the gyros' bias of {bias / DEG_PER_HOUR:.3g} deg/h is "
                 f"{error / DEG:.3g} deg of heading, and no dwell shortens that; turn the unit "
-                f"between positions (methods {', '.join(TURNING_METHODS)})",
+                f"between positions (methods {', '.join(_cancelling(ESTIMATORS))})",
             )
 
 
 def _turns(plan: Plan, methods: Sequence[str]) -> bool:
     """Whether a method sees the unit at two headings at least."""
     if any(s.turning is not None for s in plan.stretches):
-        return "carousel" in methods
+        return any(ESTIMATORS[m].takes == "turning" for m in _cancelling(methods))
     poses = [s.C_nb for s in plan.stretches]
     apart = max((float((poses[0].inv() * p).magnitude()) for p in poses), default=0.0)
-    return apart > 30 * DEG and any(m in TURNING_METHODS for m in methods)
+    return apart > 30 * DEG and bool(_cancelling(methods))
+
+
+def _cancelling(methods: Iterable[str]) -> list[str]:
+    """Those that take constant biases out where the unit turns."""
+    return [m for m in methods if ESTIMATORS[m].turns_cancel_bias]
 
 
 def allan_lengths(plan: Plan, imu: ImuSpec, terms: Sequence[str]) -> Iterator[Finding]:
@@ -115,7 +126,7 @@ def averaging_time(spec: TriadSpec, term: str) -> float:
     Each slope meets the one before it: ``N / sqrt(tau) = 0.664 B``, ``0.664 B = K sqrt(tau / 3)``,
     ``K sqrt(tau / 3) = R tau / sqrt(2)`` (IEEE Std 952, annex C).
     """
-    N, B, K, R = spec.noise, _FLOOR * spec.instability, spec.random_walk, spec.ramp
+    N, B, K, R = spec.noise, FLICKER_FLOOR * spec.instability, spec.random_walk, spec.ramp
     if term in ("N", "Q"):
         return 0.0
     if term == "B":

@@ -22,17 +22,15 @@ from alignment.units import DEG
 from stand.errors import StandError
 from stand.evaluation.score import ANGLES, Truths, score, suited
 from stand.evaluation.statistics import FEW, TAIL
-from stand.rehearsal.rehearse import Request
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
 from stand.rehearsal.verification import Achieved, Refused, Verification
+from stand.samples import AXES
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
 
 Progress = Callable[[float], None]
-BIASES = tuple(
-    f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in ("X1", "Y1", "Z1")
-)
+BIASES = tuple(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in AXES)
 Key = tuple[str, str, str, str]  # method, window, label, quantity
 
 
@@ -45,7 +43,7 @@ class Found(NamedTuple):
 
 def with_verification(
     result: Rehearsal,
-    asked: Request,
+    settings: Settings,
     runs: int,
     progress: Progress = lambda done: None,
     workers: int | None = None,
@@ -55,8 +53,8 @@ def with_verification(
     Parameters
     ----------
     result : Rehearsal
-        Of `asked`.
-    asked : Request
+        Of `settings`.
+    settings : Settings
         The runs' seeds begin with its own.
     runs : int
     progress : callable
@@ -76,12 +74,12 @@ def with_verification(
         Fewer than one run; a run that failed.
     """
     if runs < 1:
-        raise StandError(f"--verify {runs}: must be 1 or more")
+        raise StandError(f"verify = {runs}: must be 1 or more")
     if not result.feasible:
         return _warned(result, "verify", "not verified: it cannot run as it is")
     if not result.predictions:
         return _warned(result, "verify", "not verified: no method is named in [estimate]")
-    verification = _verified(result, asked, runs, progress, workers)
+    verification = _verified(result, settings, runs, progress, workers)
     result = replace(result, verification=verification)
     for a in verification.disagreeing:
         result = _warned(result, "prediction", _contradicted(a), a.label)
@@ -104,21 +102,14 @@ def _contradicted(a: Achieved) -> str:
 
 
 def _verified(
-    result: Rehearsal, asked: Request, runs: int, progress: Progress, workers: int | None
+    result: Rehearsal, settings: Settings, runs: int, progress: Progress, workers: int | None
 ) -> Verification:
     methods = tuple(dict.fromkeys(p.method for p in result.predictions))
-    settings = Settings(
-        asked.procedure,
-        asked.imu,
-        asked.table,
-        asked.site,
-        replace(asked.options, rule=SequenceRule.REGULAR),  # as predictions read the angles
-        asked.rate_hz,
-        seed=asked.seed,
-    )
+    options = replace(settings.options, rule=SequenceRule.REGULAR)  # as predictions read angles
+    settings = replace(settings, options=options)
     sums = Sums()
     begin = time.perf_counter()
-    seeds = range(asked.seed, asked.seed + runs)
+    seeds = range(settings.seed, settings.seed + runs)
     with closing(campaign(partial(_ready, settings, methods), seeds, workers)) as trials:
         try:
             for found in trials:
@@ -131,7 +122,14 @@ def _verified(
     achieved = list(_achieved(result, sums))
     among = sum(a.ratio is not None for a in achieved)
     together = tuple(replace(a, among=max(1, among)) for a in achieved)
-    return Verification(runs, sums.runs, asked.seed, seconds, together, sums.refused())
+    return Verification(
+        asked=runs,
+        done=sums.runs,
+        seed=settings.seed,
+        seconds=seconds,
+        achieved=together,
+        refused=sums.refused(),
+    )
 
 
 def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
@@ -139,13 +137,29 @@ def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
     for p in result.predictions:
         key = (p.method, p.window, p.label, p.quantity)
         if key in sums:
-            n, sizes = sums.sigma(key)
-            yield Achieved(*key, p.unit, p.per, p.sigma, n, *sizes)
+            yield _came_to(sums, key, p.unit, p.per, p.sigma)
     untold = {p.method for p in result.predictions if not p.label}
     for key in sums:
         if key[0] in untold and key[3] in QUANTITIES:
-            n, sizes = sums.sigma(key)
-            yield Achieved(*key, "deg", DEG, None, n, *sizes)
+            yield _came_to(sums, key, "deg", DEG, None)
+
+
+def _came_to(sums: "Sums", key: Key, unit: str, per: float, predicted: float | None) -> Achieved:
+    n, (sigma, low, high) = sums.sigma(key)
+    method, window, label, quantity = key
+    return Achieved(
+        method=method,
+        window=window,
+        label=label,
+        quantity=quantity,
+        unit=unit,
+        per=per,
+        predicted=predicted,
+        runs=n,
+        sigma=sigma,
+        low=low,
+        high=high,
+    )
 
 
 # --- one run -------------------------------------------------------------------------------------

@@ -41,8 +41,13 @@ STYLES = {"x": ("#0072B2", "o"), "y": ("#D55E00", "s"), "z": ("#009E73", "^")}
 DARK_STYLES = {"x": ("#56B4E9", "o"), "y": ("#E69F00", "s"), "z": ("#2BC69A", "^")}
 
 
-def write_pictures(report: AllanReport, folder: Path) -> list[Path]:
-    """Write `PNG` and `HTML` into a folder, which is made; both are replaced if there."""
+def write_pictures(report: AllanReport, folder: Path | None = None) -> list[Path]:
+    """Write `PNG` and `HTML` into a folder, which is made; both are replaced if there.
+
+    Without a folder into one beside the recording.
+    """
+    file = Path(report.path)
+    folder = folder or file.with_name(f"{file.stem}_allan")
     light = picture(report, "light")
     html = page(report, light, picture(report, "dark"))
     return write_files({folder / PNG: light, folder / HTML: html})
@@ -87,6 +92,8 @@ def _cell(channel: Channel, term: str) -> str:
     si = UNITS[channel.sensor, term].si
     if isinstance(outcome, Found):
         return in_percent(outcome.value / si, outcome.low / si, outcome.high / si)
+    if not channel.resolved:
+        return f"< {outcome.upper / si:.2g}, below resolution"
     hours = needs_hours(outcome)
     return f"< {outcome.upper / si:.2g}, {'never' if hours is None else _hours(hours * 3600)}"
 
@@ -142,10 +149,10 @@ def verdict(report: AllanReport, sensor: str, term: str) -> str:
     if stated is None:
         return ""
     channels = [c for c in report.analysis.channels if c.sensor == sensor]
-    outcomes = [(c.axis, _outcome(c, term)) for c in channels]
     words: dict[str, list[str]] = {}
-    for axis, outcome in outcomes:
-        words.setdefault(_judged(outcome, stated), []).append(axis)
+    for c in channels:
+        word = _judged(_outcome(c, term), stated) if c.resolved else "below resolution"
+        words.setdefault(word, []).append(c.axis)
     if len(words) == 1:
         return next(iter(words))
     return ", ".join(f"{''.join(axes)} {word}" for word, axes in words.items())
@@ -350,4 +357,5 @@ def _page_cell(channel: Channel, term: str) -> dict[str, str]:
         ).partition(" ")
         return {"kind": "found", "main": value, "more": bounds.strip("()")}
     upper = outcome.upper / si
-    return {"kind": "missing", "main": f"< {upper:.2g}", "more": needs_text(outcome)}
+    more = needs_text(outcome) if channel.resolved else "below resolution"
+    return {"kind": "missing", "main": f"< {upper:.2g}", "more": more}

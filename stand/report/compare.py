@@ -17,11 +17,12 @@ import numpy as np
 from alignment.information.budget import PublishedFigure
 from alignment.units import ARC_SECOND, DEG
 from stand.evaluation.comparison import Comparison
-from stand.evaluation.heading_history import History
+from stand.evaluation.heading_history import History, histories
 from stand.evaluation.statistics import Tally
-from stand.folder import write_file
+from stand.folder import RECORDINGS, write_file
 from stand.report.document import number, sigma_text
 from stand.report.tables import TableData
+from stand.simulation.settings import run_id
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -132,6 +133,13 @@ def _wrapped(lead: str, text: str, width: int) -> list[str]:
 
 
 # --- the picture ---------------------------------------------------------------------------------
+
+
+def write_first_run(comparison: Comparison, folder: Path | None = None) -> Path:
+    """Write the picture of the comparison's first run, without a folder among the recordings."""
+    s = comparison.settings
+    found = histories(s, [t.method for t in comparison.tallies])
+    return write_picture(comparison, found, folder or RECORDINGS / f"compare_{run_id(s)}")
 
 
 def write_picture(comparison: Comparison, found: Sequence[History], folder: Path) -> Path:

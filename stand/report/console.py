@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from typing import TextIO
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group, RenderableType
@@ -22,6 +23,11 @@ def console(stderr: bool = False) -> Console:
     if plain.is_terminal or "COLUMNS" in os.environ:
         return plain
     return Console(stderr=stderr, highlight=False, width=WIDTH)
+
+
+def wide(file: TextIO) -> Console:
+    """A console that writes plain text, wide enough for the tables."""
+    return Console(file=file, highlight=False, width=WIDTH, color_system=None)
 
 
 def render(table: TableData) -> RenderableType:

@@ -10,7 +10,8 @@ import numpy as np
 from alignment import ESTIMATORS
 from alignment.arrays import Array
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G
-from stand.evaluation.score import PUBLISHED, Refusal, Score, Spread, by_method, spreads
+from stand.evaluation.score import Refusal, Score, Spread, by_method, spreads
+from stand.samples import CHANNELS
 from stand.simulation.step_record import StepRecord
 from stand.table.joints import JOINTS
 
@@ -18,15 +19,6 @@ if TYPE_CHECKING:
     from stand.evaluation.run_result import RunResult
 from stand.report.tables import TableData
 
-WINDOWS = {
-    "": "",
-    "same": ", same window",
-    "fresh": ", fresh window",
-    "pair": ", opposed pairs",
-    "printed": ", as printed",
-    "observing": ", observing form",
-    "kalman": ", Kalman filter",
-}
 _BIAS_UNITS = np.repeat([DEG_PER_HOUR, MILLI_G], 3)
 ANGLE_NOTE = (
     "Yaw is positive from north to west. Where X1 is within 45 deg of the vertical, angles are "
@@ -34,6 +26,13 @@ ANGLE_NOTE = (
     "sigma (n-1): about the mean of the positions, as published; RMS: about zero, against the "
     "truth and against the table's nominal angles."
 )
+
+
+def method_text(method: str, window: str) -> str:
+    """A method and which of its forms: 'six-position, fresh window'."""
+    known = ESTIMATORS.get(method)  # a newer version's recording may name others
+    words = window if known is None else known.window(window).words
+    return f"{method}, {words}" if words else method
 
 
 def number(value: float) -> str:
@@ -65,7 +64,7 @@ def score_tables(scores: Sequence[Score]) -> list[TableData]:
     tables = []
     for (method, window), members in by_method(scores):
         own = [s for s in rows if (s.method, s.window) == (method, window)]
-        if window == "pair":
+        if not ESTIMATORS[method].window(window).attitude:
             tables.append(_pair_table(members))
         elif all(s.estimate.C_nb is None for s in members):
             tables.append(_refused_table(members))
@@ -83,7 +82,7 @@ def _table(scores: Sequence[Score], deviations: Sequence[Spread]) -> TableData:
     columns = ["position", "turns", "roll", "yaw", "pitch"] + ([] if scored else ["heading"])
     columns += [f"{'error' if scored else 'sigma'} {a}" for a in ("roll", "yaw", "pitch")]
     columns += ["latitude"] if latitude else []
-    title = f"{first.method}{WINDOWS[first.window]} [deg]: {ESTIMATORS[first.method].title}"
+    title = f"{method_text(first.method, first.window)} [deg]: {ESTIMATORS[first.method].title}"
     return TableData(
         title,
         tuple(columns),
@@ -122,13 +121,14 @@ def _refused_table(scores: Sequence[Score]) -> TableData:
     """One form of a method that gives no attitude, and why."""
     first = scores[0].estimate
     rows = tuple((s.estimate.label, "; ".join(s.estimate.flags)) for s in scores)
-    title = f"{first.method}{WINDOWS[first.window]}: no estimate"
+    title = f"{method_text(first.method, first.window)}: no estimate"
     return TableData(title, ("position", "finding"), rows)
 
 
 def _pair_table(scores: Sequence[Score]) -> TableData:
+    first = scores[0].estimate
     rows = tuple((s.estimate.label, _latitude(s)) for s in scores)
-    title = f"{scores[0].estimate.method}{WINDOWS['pair']} [deg]"
+    title = f"{method_text(first.method, first.window)} [deg]"
     return TableData(title, ("positions", "latitude"), rows, notes=tuple(_notes(scores)))
 
 
@@ -146,11 +146,8 @@ def _bias_table(scores: Sequence[Score]) -> TableData:
         fits.setdefault(e.biases.tobytes(), ([], cells))[0].append(e.label)
     first = scores[0].estimate
     return TableData(
-        f"{first.method}{WINDOWS[first.window]}: biases [gyros deg/h, accelerometers mg]",
-        (
-            "position",
-            *(f"{sensor} {a}" for sensor in ("gyro", "accel") for a in ("X1", "Y1", "Z1")),
-        ),
+        f"{method_text(first.method, first.window)}: biases [gyros deg/h, accelerometers mg]",
+        ("position", *CHANNELS),
         tuple((", ".join(labels), *cells) for labels, cells in fits.values()),
         notes=("± with the priors that were stated: one near its own prior was not seen",),
     )
@@ -169,8 +166,9 @@ def _footers(method: str, deviations: Sequence[Spread], width: int) -> list[tupl
         rows.append(footer("RMS", truth.rms / DEG))
     if nominal is not None:
         rows.append(footer("RMS nominal", nominal.rms / DEG))
-    if rows and method in PUBLISHED:
-        rows.append(footer("published", np.array(PUBLISHED[method])))
+    published = ESTIMATORS[method].published_deg
+    if rows and published is not None:
+        rows.append(footer("published", np.array(published)))
     return rows
 
 

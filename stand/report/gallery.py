@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -40,14 +41,18 @@ class Gallery:
     note: str = ""
 
 
-def gallery(positions: Sequence[Position]) -> Gallery:
-    """A picture of each different position; none, and the reason, where nothing can be drawn."""
+def gallery(positions: Sequence[Position], model: Path | None = None) -> Gallery:
+    """A picture of each different position; none, and the reason, where nothing can be drawn.
+
+    `model`: the MJCF of a stand that is not the shipped one.
+    """
     groups = _different(positions)
     if not groups:
         return Gallery((), "There is no position in which anything is measured.")
     shown = groups[:MOST]
     try:
-        images = pictures(np.array([group[0].joints for group in shown]), CAMERA, SIDE, SIDE)
+        joints = np.array([group[0].joints for group in shown])
+        images = pictures(joints, CAMERA, SIDE, SIDE, model)
     except NoDriver as error:
         return Gallery((), f"No pictures: {error}.")
     photos = [_photo(group, png(image)) for group, image in zip(shown, images, strict=True)]

@@ -15,12 +15,12 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from stand.rehearsal.result import Finding, Judgement, Rehearsal, Severity, StepFeasibility, Verdict
 from stand.rehearsal.verification import Achieved, Verification
+from stand.report.document import method_text
 from stand.report.wording import (
     achieved_in_words,
     deg_text,
     judged_in_words,
     margin_in_words,
-    method_text,
     refused_in_words,
 )
 

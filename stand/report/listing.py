@@ -1,13 +1,16 @@
 """The catalogues as rows: what `stand list` shows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from alignment import ESTIMATORS
+from alignment.sources import legend
 from alignment.units import DEG
 from stand import toml_files as catalogue
+from stand.errors import unknown
 from stand.imu import Stated, load_imu
 from stand.procedure.procedure import load_procedure
 from stand.procedure.steps import Move, Profile, Rate, Step, Sweep
+from stand.report.tables import TableData
 from stand.table.joints import JOINTS
 from stand.table.table import Table, load_table
 
@@ -24,7 +27,21 @@ def listing(what: str) -> list[Row]:
         "trajectories": _trajectories,
         "methods": _methods,
     }
+    if what not in makers:
+        raise unknown("catalogue", what, makers)
     return makers[what]()
+
+
+def entries_table(what: str, entries: Sequence[Row]) -> TableData:
+    """Entries of a catalogue as a table, with what a reader of it must know."""
+    columns = tuple(entries[0])
+    rows = tuple(tuple("" if e[c] is None else str(e[c]) for c in columns) for e in entries)
+    return TableData(what, columns, rows, notes=notes(what))
+
+
+def notes(what: str) -> tuple[str, ...]:
+    """Which papers the letters of the methods' sources stand for."""
+    return tuple(legend()) if what == "methods" else ()
 
 
 def _procedures() -> list[Row]:

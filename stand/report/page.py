@@ -9,16 +9,14 @@ from __future__ import annotations
 import re
 import warnings
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from io import StringIO
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stand import __version__
-from stand.errors import StandError
 from stand.report.tables import TableData
+from stand.versions import VERSION
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -153,7 +151,7 @@ def frame(axes: Axes, title: str = "", grid: str = "both") -> None:
 
 def render(template: str, content: Mapping[str, Any]) -> str:
     """A page from a template beside this module."""
-    return _environment().get_template(template).render(version=__version__, **content)
+    return _environment().get_template(template).render(version=VERSION, **content)
 
 
 @cache
@@ -190,13 +188,6 @@ def _numeric(table: TableData, column: int) -> bool:
     rows = (*table.rows, *table.footers)
     cells = [row[column] for row in rows if row[column] not in _NO_NUMBERS]
     return column > 0 and bool(cells) and all(_NUMBER.fullmatch(cell) for cell in cells)
-
-
-def refuse_existing(paths: Iterable[Path], option: str) -> None:
-    """`StandError` where one of these is there already."""
-    for path in paths:
-        if path.exists() or path.is_symlink():
-            raise StandError(f"{option} {path}: exists; --force replaces it")
 
 
 def span_text(seconds: float) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stand.folder import write_files
+from stand.folder import refuse_files, write_files
 from stand.rehearsal.result import (
     Advice,
     Finding,
@@ -25,14 +25,15 @@ from stand.rehearsal.result import (
     Verdict,
 )
 from stand.rehearsal.result_json import rehearsal_json
+from stand.report.document import method_text
 from stand.report.figures import Against, Bar, Budget, budget, requirements, timeline
 from stand.report.gallery import Position, gallery
 from stand.report.junit import junit
-from stand.report.page import refuse_existing, render, span_text
+from stand.report.page import render, span_text
 from stand.report.provenance import provenance
 from stand.report.tables import TableData
 from stand.report.verified import fact, outcome, section
-from stand.report.wording import deg_text, digits, margin_in_words, method_text, percent, sigma_text
+from stand.report.wording import deg_text, digits, margin_in_words, percent, sigma_text
 
 PAGE, JSON, JUNIT = "rehearsal.html", "rehearsal.json", "junit.xml"
 GRADES = {Verdict.PASS: "good", Verdict.FAIL: "bad", Verdict.INDETERMINATE: "open"}
@@ -40,6 +41,16 @@ LEAST_USED = 1e-3  # of a limit: less is told as less
 LEAST_SHARE = 1e-3  # of a variance, to be named in the table
 CONTRADICTED = "prediction"  # the kind of finding that runs make
 MOST_BUDGETS = 24  # rows of the chart; the table has them all
+
+
+def refuse_report(folder: Path, force: bool = False) -> None:
+    """`StandError` where a report is there already, unless `force`."""
+    refuse_files(files_of(folder), "--report", force=force)
+
+
+def files_of(folder: Path) -> list[Path]:
+    """What a report is made of."""
+    return [folder / name for name in (PAGE, JSON, JUNIT)]
 
 
 def write_report(result: Rehearsal, folder: Path, *, force: bool = False) -> list[Path]:
@@ -64,12 +75,10 @@ def write_report(result: Rehearsal, folder: Path, *, force: bool = False) -> lis
     StandError
         A report is there (and not `force`), or the folder cannot be written.
     """
-    paths = [folder / name for name in (PAGE, JSON, JUNIT)]
-    if not force:
-        refuse_existing(paths, "--report")
+    refuse_report(folder, force)
     machine = json.dumps(rehearsal_json(result), indent=1, allow_nan=False) + "\n"
     texts = (page(result), machine, junit(result))
-    return write_files(dict(zip(paths, texts, strict=True)))
+    return write_files(dict(zip(files_of(folder), texts, strict=True)))
 
 
 def page(result: Rehearsal) -> str:
@@ -103,7 +112,7 @@ def page(result: Rehearsal) -> str:
         "observability": _observability(result),
         "unseen": [(o.method, o.unseen) for o in result.observability if o.unseen],
         "verified": None if result.verification is None else section(result.verification),
-        "gallery": gallery(_positions(result)),
+        "gallery": gallery(_positions(result), i.model),
         "provenance": provenance(files, i.sha256, i.versions),
     }
     return render("rehearsal.html.j2", content)

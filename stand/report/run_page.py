@@ -6,34 +6,33 @@ the recording holds, not what was once written beside it.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from alignment import ESTIMATORS
 from alignment.angles import angles_from_C_nb, near_singular
-from alignment.units import ARC_SECOND, DEG
-from stand.errors import StandError
+from alignment.units import DEG
+from stand.errors import StandError, located
 from stand.evaluation.score import Refusal, Score, evaluate_each, suited
-from stand.folder import write_file
+from stand.folder import refuse_files, write_file
 from stand.imu.preset import ImuEntry
 from stand.procedure.procedure import ProcedureEntry
 from stand.recording.curves import AngleCurves
 from stand.recording.log import Log, load_log
-from stand.recording.mcap.reader import read_metadata
-from stand.recording.metadata import DRIVE, RUN, recorded_steps
+from stand.recording.mcap.reader import read_attachments
+from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN, recorded_steps
 from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 from stand.report.figures import Bar, errors, timeline
-from stand.report.gallery import Position, gallery
-from stand.report.page import refuse_existing, render, span_text
+from stand.report.gallery import Gallery, Position, gallery
+from stand.report.page import render, span_text
 from stand.report.provenance import provenance, sha256_of_file, sha256_of_text
 from stand.report.tables import TableData
-from stand.simulation.step_record import StepRecord
-from stand.table.joints import JOINTS
+from stand.simulation.step_record import StepRecord, records_from_json
 from stand.table.table import TableEntry
 from stand.toml_files import Source, parse
 
@@ -63,8 +62,7 @@ def write_run_page(run: Path, out: Path | None = None, *, force: bool = False) -
     target = out or file.with_name(PAGE)
     if target.is_dir():
         raise StandError(f"--out {target}: must be a file")
-    if not force:
-        refuse_existing([target], "--out")
+    refuse_files([target], force=force)
     return write_file(target, page(file))
 
 
@@ -94,7 +92,7 @@ def page(file: Path) -> str:
         "timeline": timeline([_bar(k, s) for k, s in enumerate(steps, 1)], total)
         if steps
         else None,
-        "gallery": gallery(_positions(steps)) if steps else None,
+        "gallery": _gallery(recorded, file) if steps else None,
         "settings": _settings(run, log),
         "provenance": provenance(texts, recorded.sha256, _versions(run)),
         "path": str(file),
@@ -116,10 +114,10 @@ class _Recorded:
 
 
 def _read(file: Path) -> _Recorded:
-    metadata = read_metadata(file)
+    log = load_log(file, None, None, None)
+    metadata = log.imu.metadata
     if "stand_version" not in metadata.get(RUN, {}):
         raise StandError(f"{file}: not a recording of stand run: it has no record {RUN!r}")
-    log = load_log(file, None, None, None)
     beside = {name: file.with_name(name) for name in ("run.rrd", "result.json")}
     there = {file.name: file} | {name: path for name, path in beside.items() if path.is_file()}
     hashes = {name: sha256_of_file(path) for name, path in there.items()}
@@ -129,13 +127,13 @@ def _read(file: Path) -> _Recorded:
     if "model_sha256" in metadata[RUN]:
         hashes["model"] = metadata[RUN]["model_sha256"]
     return _Recorded(
-        _title("procedure", metadata) or metadata.get(DRIVE, {}).get("id", file.stem),
-        ", on ".join(filter(None, (_title(key, metadata) for key in ("imu", "table")))),
-        log,
-        metadata,
-        tuple(step.model_dump() for step in recorded_steps(metadata)),
-        _records(beside["result.json"]),
-        hashes,
+        title=_title("procedure", metadata) or metadata.get(DRIVE, {}).get("id", file.stem),
+        subtitle=", on ".join(filter(None, (_title(key, metadata) for key in ("imu", "table")))),
+        log=log,
+        metadata=metadata,
+        steps=tuple(step.model_dump() for step in recorded_steps(metadata)),
+        records=_records(beside["result.json"]),
+        sha256=hashes,
     )
 
 
@@ -153,28 +151,10 @@ def _records(path: Path) -> tuple[StepRecord, ...]:
     if not path.is_file():
         return ()
     try:
-        steps = json.loads(path.read_text(encoding="utf-8")).get("steps", [])
-        return tuple(_record(step) for step in steps)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise StandError(f"{path}: not a result of stand run: {error}") from error
-
-
-def _record(step: Mapping[str, Any]) -> StepRecord:
-    def by_joint(key: str, unit: float) -> np.ndarray:
-        return np.array([step[key][joint] for joint in JOINTS]) * unit
-
-    return StepRecord(
-        step["label"],
-        step["kind"],
-        step["t_from_s"],
-        step["t_to_s"],
-        by_joint("following_max_arc_s", ARC_SECOND),
-        by_joint("following_rms_arc_s", ARC_SECOND),
-        by_joint("saturated_s", 1.0),
-        by_joint("torque_percent", 0.01),
-        step["rests"],
-        step["settled_after_s"],
-    )
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise StandError(f"{path}: cannot be read: {error}") from error
+    return records_from_json(str(path), text)
 
 
 # What is shown -----------------------------------------------------------------------------------
@@ -254,8 +234,31 @@ def _positions(steps: Sequence[Mapping[str, Any]]) -> list[Position]:
     return [
         Position(step["label"], np.radians(step["joints_deg"]))
         for step in steps
-        if "joints_deg" in step and (step["kind"] == "dwell" or step.get("turning"))
+        if step["joints_deg"] and (step["kind"] == "dwell" or step["turning"])
     ]
+
+
+def _gallery(recorded: _Recorded, file: Path) -> Gallery:
+    """Pictures of the stand that was recorded: a stand of one's own is attached."""
+    positions, main = _positions(recorded.steps), recorded.metadata[RUN].get("model")
+    if main is None:
+        return gallery(positions)
+    with TemporaryDirectory() as folder, located(file):
+        return gallery(positions, _own_model(file, MODEL_FOLDER + main, Path(folder)))
+
+
+def _own_model(file: Path, main: str, folder: Path) -> Path:
+    """The MJCF `main` that is attached to a recording, written into a folder with its files."""
+    attached = read_attachments(file)
+    if main not in attached:
+        raise StandError(f"run: model: {main!r} is not attached")
+    for name, data in attached.items():
+        if not name.startswith(MODEL_FOLDER):
+            continue
+        if ".." in Path(name).parts or "\0" in name:
+            raise StandError(f"attached file {name!r} would leave its folder")
+        write_file(folder / name, data)
+    return folder / main
 
 
 def _settings(run: Mapping[str, str], log: Log) -> TableData:
@@ -271,7 +274,7 @@ def _settings(run: Mapping[str, str], log: Log) -> TableData:
         "IMU topic": log.topic,
     }
     rows = tuple((name, str(value)) for name, value in shown.items() if value)
-    return TableData("Settings", ("setting", "value"), rows)
+    return TableData(title="Settings", columns=("setting", "value"), rows=rows)
 
 
 def _versions(run: Mapping[str, str]) -> dict[str, str]:

@@ -11,8 +11,8 @@ from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from alignment.against_truth import rotation_error
 from alignment.arrays import Array
 from alignment.methods.vectors import Fixes, Matching
 from alignment.units import DEG
@@ -53,11 +53,10 @@ class Errors:
 def errors(matching: Matching, path: Path) -> Errors:
     """Distance from the true place, whole turn from the true attitude, and its predicted sigma."""
     motion = path.at(matching.t)
-    turn: Rotation = matching.C_nb * motion.C_nb.inv()
     return Errors(
         matching.t,
         np.linalg.norm(matching.position - motion.r_e, axis=1),
-        turn.magnitude(),
+        np.linalg.norm(rotation_error(matching.C_nb, motion.C_nb), axis=1),
         np.sqrt(np.trace(matching.covariance, axis1=1, axis2=2)),
     )
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from math import inf, log
 
 from stand.rehearsal.verification import AGREES, Achieved, Verification
+from stand.report.document import method_text
 from stand.report.figures import RatioRow, ratios
 from stand.report.page import Drawing, span_text
 from stand.report.tables import TableData
 from stand.report.wording import (
     achieved_text,
     digits,
-    method_text,
     percent,
     ratio_text,
     refused_in_words,

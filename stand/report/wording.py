@@ -7,7 +7,6 @@ from math import isfinite
 from alignment.units import ARC_SECOND, DEG
 from stand.rehearsal.result import Judgement, Margin
 from stand.rehearsal.verification import AGREES, Achieved, Refused
-from stand.report.document import WINDOWS
 
 _ARC_SECONDS_BELOW = 0.01 * DEG
 
@@ -29,11 +28,6 @@ def deg_text(angle: float) -> str:
 def sigma_text(sigma: float | None, per: float, unit: str) -> str:
     """A predicted sigma [SI] in the unit it is told in."""
     return "not determined" if sigma is None else f"{digits(sigma / per)} {unit}"
-
-
-def method_text(method: str, window: str) -> str:
-    """A method and which of its forms: 'six-position, fresh window'."""
-    return f"{method}{WINDOWS.get(window, f', {window}')}"
 
 
 def ratio_text(ratio: tuple[float, float, float]) -> str:

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Turn
 from alignment.arrays import Array
+from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE
 from stand.motion.plan import PlannedStep
 from stand.samples import ImuBlock, TruthBlock
@@ -63,14 +64,14 @@ class DwellCollector:
         self._tick = stop
 
     def true_at(self, label: str, t: Array) -> Rotation | None:
-        """``C_nb`` at the samples nearest to times (m,) [s] of a moving stretch; None at rest."""
+        """``C_nb`` at times (m,) [s] of a moving stretch; None at rest."""
         if label not in self._all_q_wb:
             return None
         step = next(step for step in self._steps if step.label == label)
         first, _ = ticks_of(step, self._rate)
         q_wb = self._all_q_wb[label]
-        row = np.clip(np.round(t * self._rate).astype(int) - first - 1, 0, len(q_wb) - 1)
-        return C_NW * Rotation.from_quat(q_wb[row])
+        times = (first + 1 + np.arange(len(q_wb))) / self._rate
+        return C_NW * turned_evenly(times, q_wb, t)
 
     def finish(
         self, begins: Mapping[str, float | None] | None = None
@@ -95,7 +96,16 @@ class DwellCollector:
                 array.flags.writeable = False  # so that the readings need no copies
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
             readings = ImuReadings(t, w, f)
-            dwells.append(Dwell(step.label, t_from, step.steady_to, readings, step.C_nb, turn))
+            dwells.append(
+                Dwell(
+                    label=step.label,
+                    t_from=t_from,
+                    t_to=step.steady_to,
+                    readings=readings,
+                    nominal=step.C_nb,
+                    turn=turn,
+                )
+            )
             C_nb = C_NW * Rotation.from_quat(q_wb)
             attitudes.append(C_nb if turn is None else turn.back(C_nb))
         return dwells, attitudes

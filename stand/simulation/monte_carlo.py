@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell
 from alignment.arrays import Array
-from stand.imu import Imu, without
+from alignment.quaternions import turned_evenly
+from stand.imu import Imu
 from stand.imu.model import draw
 from stand.motion.plan import Plan, PlannedStep
 from stand.motion.polynomial import MotionKind
@@ -60,11 +61,11 @@ class Trials:
         self.plan: Plan = first.plan
         self._drawn = any(isinstance(part, RANDOM) for part in (*entry.step, *entry.background))
         self._whole = settings.motion is MotionKind.SERVO or not first.imu.spec.clock.perfect
-        self._spec = without(settings.imu, settings.without)
+        self._spec = settings.unit
         self._filtered = bool(
             np.isfinite([self._spec.gyro.bandwidth, self._spec.accel.bandwidth]).any()
         )
-        self._model = load_model()
+        self._model = load_model(settings.table.model)
         self._same = not self._drawn and first.errors.perfect and first.feels_truth
         self._felt: list[_Felt] = []
         self._blocks: list[Block] = []
@@ -145,7 +146,14 @@ class Trials:
         ticks = np.arange(first, last + 1)
         over = truth.over(planned.motion, ticks / settings.rate_hz, settings.sampling)
         stamps, six = stamps_ns(ticks[1:], settings.rate_hz), np.zeros((last - first, 6))
-        block = TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, six, six)
+        block = TruthBlock(
+            t_ns=stamps,
+            w_ib_b=over.w_ib_b,
+            f_b=over.f_b,
+            q_wb=over.q_wb,
+            joints=six,
+            joint_rates=six,
+        )
         return _Felt(block, Sensed(stamps, block.w_ib_b, over.f_places))
 
     def _turning(
@@ -164,7 +172,9 @@ def _nothing(first: int, last: int, rate_hz: int) -> _Felt:
     n = last - first
     stamps = stamps_ns(np.arange(first + 1, last + 1), rate_hz)
     three, six = np.zeros((n, 3)), np.zeros((n, 6))
-    truth = TruthBlock(stamps, three, three, np.zeros((n, 4)), six, six)
+    truth = TruthBlock(
+        t_ns=stamps, w_ib_b=three, f_b=three, q_wb=np.zeros((n, 4)), joints=six, joint_rates=six
+    )
     return _Felt(truth, Sensed(stamps, three, three))
 
 
@@ -197,11 +207,7 @@ class Watched(NamedTuple):
 
     def C_nb(self, t: Array) -> Rotation:
         """True attitude at times [s] between samples of one stretch."""
-        k = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
-        before, after = (Rotation.from_quat(self.q_nb[i]) for i in (k - 1, k))
-        part = (t - self.t[k - 1]) / (self.t[k] - self.t[k - 1])
-        turn = (before.inv() * after).as_rotvec()
-        return before * Rotation.from_rotvec(np.clip(part, 0, 1)[:, None] * turn)
+        return turned_evenly(self.t, self.q_nb, t)
 
 
 def watch(settings: Settings) -> Watched:

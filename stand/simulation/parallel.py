@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import Any, TypeVar
 
+from alignment.errors import Fault
 from stand.errors import StandError
 
 LEAST_SHARE = 8  # runs below which a process of its own does not pay
@@ -46,8 +47,10 @@ def campaign(
     Raises
     ------
     StandError
-        By a run, or a process was ended from outside. Any other fault of a run becomes one,
-        with its seed.
+        A run met a known fault, told with its seed; or a process was ended from outside.
+    RunFailed
+        A bug in a run, with its seed; its cause is what was raised, or in another process that
+        traceback as text.
     """
     if workers is None:
         workers = max(1, min(os.cpu_count() or 1, len(seeds) // LEAST_SHARE))
@@ -80,15 +83,20 @@ def campaign(
             raise
 
 
+class RunFailed(RuntimeError):
+    """A bug in a run: not a fault of the input. The message names the seed that shows it."""
+
+
 def _told(make: Callable[[int], T], seed: int) -> T:
-    """A run; any fault of it is told in a line with its seed."""
+    """A run; a fault of it is told with its seed, and a bug keeps its traceback."""
     try:
         return make(seed)
-    except StandError as error:
+    except Fault as error:
         raise StandError(f"run with seed {seed}: {error}") from error
+    except (OSError, MemoryError):  # of the machine
+        raise
     except Exception as error:
-        told = f"run with seed {seed} failed: {type(error).__name__}: {error}"
-        raise StandError(told) from error
+        raise RunFailed(f"run with seed {seed}: {type(error).__name__}: {error}") from error
 
 
 @contextmanager

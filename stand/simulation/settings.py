@@ -1,29 +1,73 @@
-"""All that decides a run."""
+"""All that decides a run, assembled in one place.
 
-from dataclasses import dataclass
+Every command and every function of `stand.api` takes `Settings`; nobody else puts together what
+an estimator is told.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from inspect import Parameter, signature
+from math import isfinite
+from os import PathLike, fspath
+from typing import Never, TypeVar
 
 import numpy as np
 
-from alignment import Options, Site
-from stand.errors import StandError
-from stand.imu import ImuSpec, Temperature
+from alignment import ESTIMATORS, Options, Priors, Site
+from alignment.angles import SequenceRule
+from alignment.units import DEG
+from stand.errors import StandError, unknown
+from stand.imu import ImuSpec, Temperature, load_imu, without
+from stand.imu.priors import BASE_ARM, priors_of
 from stand.motion.polynomial import MotionKind
 from stand.physics.dynamics import Payload
+from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Sampling
-from stand.procedure.procedure import Procedure
-from stand.table.table import Table
+from stand.procedure.procedure import Procedure, load_procedure, table_of
+from stand.table.kinematics import base_arm
+from stand.table.table import Table, load_table, without_errors
 from stand.table.table_errors import TableErrors, TableErrorsEntry, draw
 
 HIGHEST_RATE_HZ = 10_000
+ALLAN_TERMS = ("N", "B", "K", "Q", "R")
+LOWEST_M, HIGHEST_M = -1000, 10_000  # of a site
+
+Choice = TypeVar("Choice", bound=Enum)
+Named = str | PathLike[str]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class Settings:
     """All that decides a run: same settings, same bytes of `run.mcap`.
 
-    `imu` as it is to be simulated; `without` names the error terms that were switched off in it.
-    `motion`: whether the joints follow the plan or are moved by a simulated servo; `true_table`:
-    whether the table is without errors.
+    Made by `settings` or `assembled`, which tell the estimators what the data sheets say.
+
+    Attributes
+    ----------
+    procedure : Procedure
+    imu : ImuSpec
+        As its data sheet says; `unit` is what is simulated.
+    table : Table
+    site : Site
+    options : Options
+        What the estimators are told, priors included.
+    rate_hz : int
+    sampling : Sampling
+    seed : int
+        Of the unit, the table and a sway that is drawn.
+    without : tuple of str
+        Error terms of the unit that are switched off.
+    motion : MotionKind
+        Whether the joints follow the plan or are moved by a simulated servo.
+    true_table : bool
+        Whether the table is without errors.
+    methods : tuple of str, optional
+        Ids of `ESTIMATORS`; None for those of the procedure.
+    revision : str
+        Of the part, for requirements that depend on it.
+    allan_terms : tuple of str
+        Terms that the record is to show, of `ALLAN_TERMS`.
     """
 
     procedure: Procedure
@@ -37,16 +81,234 @@ class Settings:
     without: tuple[str, ...] = ()
     motion: MotionKind = MotionKind.IDEAL
     true_table: bool = False
+    methods: tuple[str, ...] | None = None
+    revision: str = ""
+    allan_terms: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.rate_hz != int(self.rate_hz):
+            raise StandError(f"rate = {self.rate_hz:g} Hz: must be a whole number")
         if not 1 <= self.rate_hz <= HIGHEST_RATE_HZ:
             raise StandError(f"rate = {self.rate_hz} Hz: must be 1 to {HIGHEST_RATE_HZ}")
         if self.seed < 0:
             raise StandError(f"seed = {self.seed}: must be 0 or more")
+        for method in self.methods or ():
+            if method not in ESTIMATORS:
+                raise unknown("method", method, ESTIMATORS)
+        for term in self.allan_terms:
+            if term not in ALLAN_TERMS:
+                raise unknown("term", term, ALLAN_TERMS)
+
+    def __repr__(self) -> str:
+        changed = f", without {', '.join(self.without)}" if self.without else ""
+        true = " without errors" if self.true_table else ""
+        return (
+            f"Settings: {self.procedure.id}, {self.imu.id}{changed}, {self.table.id}{true}, "
+            f"{self.rate_hz} Hz ({self.sampling.value}), {self.motion.value}, seed {self.seed}"
+        )
+
+    @property
+    def unit(self) -> ImuSpec:
+        """The unit that is simulated: `imu` less the terms that are switched off."""
+        return without(self.imu, self.without) if self.without else self.imu
+
+    @property
+    def stated_table(self) -> Table:
+        """The table as its errors are stated: of `true_table` none."""
+        return without_errors(self.table) if self.true_table else self.table
+
+
+def settings(
+    procedure: Named | Procedure,
+    imu: Named | ImuSpec = "stim300",
+    table: Named | Table | None = None,
+    *,
+    latitude_deg: float | None = None,
+    height_m: float | None = None,
+    rate_hz: int = 200,
+    sampling: str = "mean",
+    seed: int = 0,
+    without: Sequence[str] = (),
+    motion: str = "ideal",
+    true_table: bool = False,
+    methods: Sequence[str] | None = None,
+    sequences: str | None = None,
+    revision: str = "",
+    allan_terms: Sequence[str] = (),
+    **mistaken: Never,
+) -> Settings:
+    """Everything that decides a run, a comparison or a rehearsal.
+
+    Parameters
+    ----------
+    procedure : str, path or Procedure
+        Id of the catalogue (``stand.catalogue("procedures")``) or a TOML file.
+    imu : str, path or ImuSpec
+        Unit: id (``stand.catalogue("imus")``) or a TOML file.
+    table : str, path or Table, optional
+        Table class: id (``stand.catalogue("tables")``) or a TOML file; else the procedure's own.
+    latitude_deg, height_m : float, optional
+        Of the site [deg], [m]; else the procedure's own.
+    rate_hz : int
+        Samples per second, 1 to 10000.
+    sampling : str
+        A sample is the ``"mean"`` over its interval or the ``"instant"`` at its end.
+    seed : int
+        Of the unit, the table and a sway that is drawn.
+    without : sequence of str
+        Error terms of the unit to switch off (``"turn-on-bias"``, ``"range"`` ...).
+    motion : str
+        Joints follow the plan (``"ideal"``) or as simulated motors make them (``"servo"``).
+    true_table : bool
+        A table without errors, whatever its class.
+    methods : sequence of str, optional
+        Ids (``stand.catalogue("methods")``); else the procedure's, and in a comparison all that
+        apply.
+    sequences : str, optional
+        By which order of turns a position is read: ``"regular"`` or ``"published"``; else as the
+        procedure says.
+    revision : str
+        Of the part, where what is required of it depends on that.
+    allan_terms : sequence of str
+        Noise terms (of N, B, K, Q, R) that a rehearsal is to find the rests long enough for.
+
+    Returns
+    -------
+    Settings
+        Frozen. Its ``options.priors`` say what unit and table class may do.
+
+    Raises
+    ------
+    StandError
+        In one line: what is wrong and what is allowed.
+
+    Examples
+    --------
+    >>> import stand
+    >>> s = stand.settings("six-position", imu="ring-laser", rate_hz=20, seed=3)
+    >>> s.procedure.entry.title, s.table.id
+    ('Six-position test', 'laboratory')
+    >>> stand.settings("six-position", latitude_deg=95)
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: latitude = 95 deg: must be -90 to 90
+    """
+    refuse_mistaken(mistaken, settings)
+    loaded = procedure if isinstance(procedure, Procedure) else load_procedure(fspath(procedure))
+    options = loaded.entry.estimate.options()
+    if sequences is not None:
+        options = replace(options, rule=one_of("sequences", sequences, SequenceRule))
+    return assembled(
+        loaded,
+        imu if isinstance(imu, ImuSpec) else load_imu(fspath(imu)),
+        table if table is None or isinstance(table, Table) else load_table(fspath(table)),
+        site_with(loaded.entry.site.site(), latitude_deg, height_m),
+        rate_hz,
+        options=options,
+        sampling=one_of("sampling", sampling, Sampling),
+        seed=seed,
+        without=words("without", without),
+        motion=one_of("motion", motion, MotionKind),
+        true_table=true_table,
+        methods=None if methods is None else words("methods", methods),
+        revision=revision,
+        allan_terms=tuple(t.upper() for t in words("allan_terms", allan_terms)),
+    )
+
+
+def assembled(
+    procedure: Procedure,
+    imu: ImuSpec,
+    table: Table | None = None,
+    site: Site | None = None,
+    rate_hz: int = 200,
+    *,
+    options: Options | None = None,
+    **rest: object,
+) -> Settings:
+    """Settings of what is loaded already, the estimators told what the data sheets say.
+
+    `table`, `site` and `options` (whose priors are replaced) are the procedure's own if not
+    given; `rest`: further fields of `Settings`.
+    """
+    choices = options or procedure.entry.estimate.options()
+    plain = Settings(
+        procedure=procedure,
+        imu=imu,
+        table=table or table_of(procedure),
+        site=site or procedure.entry.site.site(),
+        options=choices,
+        rate_hz=rate_hz,
+        **rest,  # pyright: ignore[reportArgumentType]  # checked by its fields
+    )
+    return replace(plain, options=replace(choices, priors=stated_priors(plain)))
+
+
+def with_procedure(made: Settings, procedure: Procedure) -> Settings:
+    """The same with another procedure, whose options and rocking the estimators are told."""
+    options = replace(procedure.entry.estimate.options(), rule=made.options.rule)
+    changed = replace(made, procedure=procedure, options=options)
+    return replace(changed, options=replace(options, priors=stated_priors(changed)))
+
+
+def stated_priors(made: Settings) -> Priors:
+    """What the estimators may know of a run: what its unit and its table class may do.
+
+    Of a table without errors that is none; a base that rocks moves the unit, whoever built it.
+    """
+    arm = base_arm_of(made.table)
+    return priors_of(made.unit, made.stated_table, made.procedure.entry.rocks, arm)
+
+
+def site_with(site: Site, latitude_deg: float | None, height_m: float | None) -> Site:
+    """The site with what was said instead."""
+    if latitude_deg is not None:
+        if not abs(latitude_deg) <= 90:
+            raise StandError(f"latitude = {latitude_deg:g} deg: must be -90 to 90")
+        site = replace(site, latitude=latitude_deg * DEG)
+    if height_m is not None:
+        if not (isfinite(height_m) and LOWEST_M <= height_m <= HIGHEST_M):
+            raise StandError(f"height = {height_m:g} m: must be {LOWEST_M} to {HIGHEST_M}")
+        site = replace(site, height=height_m)
+    return site
+
+
+def one_of(name: str, value: str, choices: type[Choice]) -> Choice:
+    """A choice by its word."""
+    if value not in [choice.value for choice in choices]:
+        raise unknown(name, value, [choice.value for choice in choices])
+    return choices(value)
+
+
+def words(name: str, given: Sequence[str]) -> tuple[str, ...]:
+    """Several words, of which text would be its letters."""
+    if isinstance(given, str):
+        raise StandError(f"{name} = {given!r}: must be a list of words")
+    return tuple(given)
+
+
+def refuse_mistaken(mistaken: Collection[str], function: Callable[..., object]) -> None:
+    """Keywords that a function does not have: the near ones are named, with their units."""
+    for name in mistaken:
+        parameters = signature(function).parameters.values()
+        known = [p.name for p in parameters if p.kind is not Parameter.VAR_KEYWORD]
+        raise unknown("argument", name, known)
+
+
+def run_id(settings: Settings) -> str:
+    """The default name of a run: procedure, unit, seed."""
+    return f"{settings.procedure.id}_{settings.imu.id}_seed{settings.seed}"
+
+
+def base_arm_of(table: Table) -> float:
+    """Height of the unit above the base's axes [m], where `priors_of` has its lever arm from."""
+    return BASE_ARM if table.model is None else base_arm(describe(load_model(table.model)))
 
 
 def methods_of(settings: Settings) -> tuple[str, ...]:
-    """What the procedure wants estimated."""
+    """What is to be estimated: the settings' own methods, or those of the procedure."""
+    if settings.methods is not None:
+        return settings.methods
     return settings.procedure.entry.estimate.methods
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from alignment import ESTIMATORS
 from alignment.arrays import Array
 from stand.errors import StandError
-from stand.imu import Imu, without
+from stand.imu import Imu
 from stand.motion.limits import Torque, check
 from stand.motion.plan import Plan, PlannedStep
 from stand.motion.planner import plan
@@ -68,9 +68,9 @@ class Simulation:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        model = load_model()
-        self.stand: StandModel = describe(model)
         procedure, table = settings.procedure, settings.table
+        model = load_model(table.model)
+        self.stand: StandModel = describe(model)
         self.plan: Plan = plan(procedure, self.stand, table, settings.seed)
         load = payload_of(procedure)
         self._torque = _torque(model, table, load)
@@ -80,14 +80,16 @@ class Simulation:
         _check_samples(settings, self.plan)
         self.errors: TableErrors = table_errors_of(settings)
         self.imu = Imu(
-            without(settings.imu, settings.without),
+            settings.unit,
             settings.seed,
             settings.rate_hz,
             temperature_of(procedure),
         )
         servo = settings.motion is MotionKind.SERVO
+        built = with_errors(model, self.errors)
+        self.built: StandModel = describe(built)
         self._truth = Truth(
-            with_errors(model, self.errors),
+            built,
             settings.site,
             self.imu.spec.places,
             self.errors,
@@ -203,14 +205,14 @@ def _step_record(step: PlannedStep, done: Followed, limits: Array) -> StepRecord
     waits = [t for t, rests in zip(done.settling_s, done.rests, strict=True) if rests]
     never = any(t is None for t in waits)
     return StepRecord(
-        step.label,
-        step.kind,
-        step.t_from,
-        step.t_to,
-        done.greatest_error,
-        done.rms_error,
-        done.saturated_s,
-        done.peak_torque / limits,
-        bool(waits),
-        None if never else max((t for t in waits if t is not None), default=None),
+        label=step.label,
+        kind=step.kind,
+        t_from=step.t_from,
+        t_to=step.t_to,
+        following_max=done.greatest_error,
+        following_rms=done.rms_error,
+        saturated=done.saturated_s,
+        torque_ratio=done.peak_torque / limits,
+        rests=bool(waits),
+        settled=None if never else max((t for t in waits if t is not None), default=None),
     )

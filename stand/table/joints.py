@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from alignment.arrays import Array, set_owned
 
 JOINTS: tuple[str, ...] = ("base_roll", "base_pitch", "base_yaw", "outer", "middle", "inner")
@@ -102,3 +104,13 @@ class StandModel:
             imu_position=(self.imu_position, (3,), float),
             imu_rotation=(self.imu_rotation, (4,), float),
         )
+
+
+def across(axis: Array) -> Array:
+    """The first line (3,) about which a wobbling axis nods, across it; the second is at its right.
+
+    After east comes north, then up, then east again.
+    """
+    line = np.eye(3)[(np.abs(axis).argmax() + 1) % 3]
+    line = line - (line @ axis) * axis
+    return line / np.linalg.norm(line)

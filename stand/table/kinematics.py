@@ -43,3 +43,14 @@ def gimbal_angles(model: StandModel, base: ArrayLike, C_nb: Rotation) -> list[Ar
         np.array([yaw, pitch, roll]),
         np.array([yaw + np.pi, np.pi - pitch, roll + np.pi]),
     ]
+
+
+def base_arm(model: StandModel) -> float:
+    """Height [m] of the instrument's point above the base's first axis, at zero angles."""
+    bodies = {body.name: body for body in model.bodies}
+    first = next(body.name for body in model.bodies if body.joint is not None)
+    place, body = model.imu_position.copy(), bodies[model.imu_body]
+    while body.name != first:
+        place = body.position + Rotation.from_quat(body.rotation).apply(place)
+        body = bodies[body.parent]
+    return float(Rotation.from_quat(body.rotation).apply(place)[2])

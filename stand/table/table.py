@@ -1,7 +1,8 @@
 """Table classes: what each axis can do and how true it is. One TOML file per class in `tables/`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -111,10 +112,15 @@ class CertificateEntry(catalogue.Entry):
 
 
 class TableEntry(catalogue.Entry):
-    """A table class as its TOML file says it."""
+    """A table class as its TOML file says it.
+
+    `model`: an MJCF of a stand of one's own, by its path from the folder of this file; the shipped
+    one if absent.
+    """
 
     title: str
     source: str
+    model: Annotated[str, Field(min_length=1)] | None = None
     certificate: CertificateEntry = CertificateEntry()
     geometry: GeometryEntry = GeometryEntry()
     settling: SettlingEntry = SettlingEntry()
@@ -158,7 +164,7 @@ class Table:
     `low`, `high` (6,) [rad], infinite where an axis turns without end; `rate` [rad/s],
     `acceleration` [rad/s^2], `jerk` [rad/s^3], (6,) each; `torque` (6,) [N m], infinite where
     unknown. `motors` (6,): None where the class has none. `entry` holds the accuracy figures.
-    `settle_within` [rad], `settle_hold` [s].
+    `settle_within` [rad], `settle_hold` [s]. `model`: its MJCF, None for the shipped one.
     """
 
     id: str
@@ -172,6 +178,7 @@ class Table:
     acceleration: Array
     jerk: Array
     motors: tuple[Motor | None, ...]
+    model: Path | None = None
 
     def __post_init__(self) -> None:
         six = (len(JOINTS),)
@@ -207,6 +214,16 @@ class Table:
         ]
 
 
+def without_errors(table: Table) -> Table:
+    """The same table as true as its limits allow: what a class states of its errors is nothing."""
+    axes = {
+        name: axis.model_copy(update={"errors": AxisErrorsEntry()})
+        for name, axis in table.entry.axis.items()
+    }
+    true = table.entry.model_copy(update={"geometry": GeometryEntry(), "axis": axes})
+    return replace(table, entry=true)
+
+
 def load_table(name: str) -> Table:
     """A table class by catalogue id or path; `StandError` where it is not right."""
     source = catalogue.find("tables", "table", name)
@@ -214,17 +231,18 @@ def load_table(name: str) -> Table:
     axes = [entry.axis[j] for j in JOINTS]
     travels = [a.travel_deg or (-inf, inf) for a in axes]
     return Table(
-        source.id,
-        source.name,
-        entry.title,
-        source.text,
-        entry,
-        tuple(low * DEG for low, _ in travels),
-        tuple(high * DEG for _, high in travels),
-        np.array([a.rate_deg_s for a in axes]) * DEG,
-        np.array([a.acceleration_deg_s2 for a in axes]) * DEG,
-        np.array([a.jerk_deg_s3 for a in axes]) * DEG,
-        tuple(_motor(a.motor) for a in axes),
+        id=source.id,
+        name=source.name,
+        title=entry.title,
+        text=source.text,
+        entry=entry,
+        low=tuple(low * DEG for low, _ in travels),
+        high=tuple(high * DEG for _, high in travels),
+        rate=np.array([a.rate_deg_s for a in axes]) * DEG,
+        acceleration=np.array([a.acceleration_deg_s2 for a in axes]) * DEG,
+        jerk=np.array([a.jerk_deg_s3 for a in axes]) * DEG,
+        motors=tuple(_motor(a.motor) for a in axes),
+        model=None if entry.model is None else Path(source.name).parent / entry.model,
     )
 
 
@@ -236,15 +254,15 @@ def _motor(entry: MotorEntry | None) -> Motor | None:
     if bristle is None:
         bristle = entry.coulomb_Nm / _BREAKAWAY
     return Motor(
-        entry.torque_Nm,
-        entry.bandwidth_hz * _TURN,
-        entry.damping,
-        entry.integral_s,
-        entry.viscous_Nm_s,
-        entry.cogging_Nm,
-        entry.cogging_per_turn,
-        entry.coulomb_Nm,
-        static,
-        entry.stribeck_deg_s * DEG,
-        bristle,
+        torque=entry.torque_Nm,
+        bandwidth=entry.bandwidth_hz * _TURN,
+        damping=entry.damping,
+        integral=entry.integral_s,
+        viscous=entry.viscous_Nm_s,
+        cogging=entry.cogging_Nm,
+        cogging_per_turn=entry.cogging_per_turn,
+        coulomb=entry.coulomb_Nm,
+        static=static,
+        stribeck=entry.stribeck_deg_s * DEG,
+        bristle=bristle,
     )

@@ -53,13 +53,13 @@ class StartEntry(catalogue.Entry):
     def start(self) -> Start:
         """The same in SI."""
         return Start(
-            self.latitude_deg * DEG,
-            self.longitude_deg * DEG,
-            self.height_m,
-            self.heading_deg * DEG,
-            self.speed_m_s,
-            self.climb_deg * DEG,
-            self.roll_deg * DEG,
+            latitude=self.latitude_deg * DEG,
+            longitude=self.longitude_deg * DEG,
+            height=self.height_m,
+            heading=self.heading_deg * DEG,
+            speed=self.speed_m_s,
+            climb=self.climb_deg * DEG,
+            roll=self.roll_deg * DEG,
         )
 
 
@@ -178,7 +178,9 @@ def drive_from(source: catalogue.Source) -> Drive:
         path = path_of(entry.start.start(), entry.leg)
     except StandError as error:
         raise StandError(f"{source.name}: {error}") from error
-    drive = Drive(source.id, entry.title, source.text, path, entry.satellite)
+    drive = Drive(
+        id=source.id, title=entry.title, text=source.text, path=path, satellite=entry.satellite
+    )
     if len(entry.satellite.times(path.duration)) < 2:
         raise StandError(f"{source.name}: satellite: fewer than 2 fixes in {path.duration:g} s")
     return drive
@@ -258,14 +260,14 @@ def fixes_of(path: Path, satellite: SatelliteEntry, rng: np.random.Generator) ->
         return white + drift * gauss_markov(t, satellite.drift_time_s, rng)
 
     return Fixes(
-        t,
-        motion.r_e + errors(satellite.position_noise_m, satellite.position_drift_m),
-        motion.v_e + errors(satellite.velocity_noise_m_s, satellite.velocity_drift_m_s),
-        satellite.position_noise_m,
-        satellite.velocity_noise_m_s,
-        satellite.position_drift_m,
-        satellite.velocity_drift_m_s,
-        satellite.drift_time_s,
+        t=t,
+        position=motion.r_e + errors(satellite.position_noise_m, satellite.position_drift_m),
+        velocity=motion.v_e + errors(satellite.velocity_noise_m_s, satellite.velocity_drift_m_s),
+        position_sigma=satellite.position_noise_m,
+        velocity_sigma=satellite.velocity_noise_m_s,
+        position_drift=satellite.position_drift_m,
+        velocity_drift=satellite.velocity_drift_m_s,
+        drift_time=satellite.drift_time_s,
     )
 
 

@@ -6,16 +6,12 @@ Each figure stands beside its goal; nothing is asserted.
 import os
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 from alignment import ESTIMATORS
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from stand.evaluation.comparison import compare
-from stand.imu import load_imu
-from stand.imu.priors import priors_of
-from stand.procedure.procedure import load_procedure, table_of
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.settings import Settings
+from stand.simulation.settings import Settings, settings
 
 Best = Callable[[Callable[[], object], int], float]
 Rows = list[tuple[str, str, str]]
@@ -24,10 +20,7 @@ COMPARED = ("triad", "two-position")
 
 def settings_of(name: str, rate_hz: int, imu: str = "ring-laser") -> Settings:
     """A procedure as `stand compare` runs it."""
-    procedure, unit = load_procedure(name), load_imu(imu)
-    table = table_of(procedure)
-    options = replace(procedure.entry.estimate.options(), priors=priors_of(unit, table))
-    return Settings(procedure, unit, table, procedure.entry.site.site(), options, rate_hz)
+    return settings(name, imu, rate_hz=rate_hz)
 
 
 def method_rows(best: Best) -> Rows:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from stand.imu import load_imu
 from stand.procedure.procedure import load_procedure, table_of
-from stand.rehearsal.rehearse import Request, rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.verify import with_verification
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.settings import Settings
+from stand.simulation.settings import Settings, assembled
 from stand.toml_files import ids
 
 Rows = list[tuple[str, str, str]]
@@ -21,11 +21,11 @@ VERIFIED = ("two-position", "carousel", "random-sway")
 RATE_HZ = 50
 
 
-def asked_of(name: str, imu: str = "hg9900") -> Request:
+def asked_of(name: str, imu: str = "hg9900") -> Settings:
     """A catalogue entry as `stand rehearse` asks for it."""
     procedure = load_procedure(name)
     site = procedure.entry.site.site()
-    return request(procedure, load_imu(imu), table_of(procedure), site, RATE_HZ)
+    return assembled(procedure, load_imu(imu), table_of(procedure), site, RATE_HZ)
 
 
 def rehearsal_rows() -> Rows:
@@ -35,7 +35,7 @@ def rehearsal_rows() -> Rows:
         asked = asked_of(name)
         rehearse(asked)
         took = _median(lambda asked=asked: rehearse(asked))
-        trials = Trials(_settings(asked))
+        trials = Trials(asked)
         trials.readings(0)
         run = _median(lambda trials=trials: trials.readings(1), 1)
         rows.append(
@@ -65,12 +65,6 @@ def _verify_rows(name: str) -> Rows:
         what = f"verify {name}, {workers} core{'s' * (workers > 1)}"
         rows.append((what, f"{rate:.1f} runs/s", f"{rate / one:.2f} of one core"))
     return rows
-
-
-def _settings(asked: Request) -> Settings:
-    return Settings(
-        asked.procedure, asked.imu, asked.table, asked.site, asked.options, asked.rate_hz
-    )
 
 
 def _median(action: Callable[[], object], repeats: int = 3) -> float:

@@ -15,9 +15,10 @@ from pathlib import Path
 
 from stand.imu import load_imu
 from stand.procedure.procedure import load_procedure, table_of
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.verification import AGREES, Achieved, Verification
 from stand.rehearsal.verify import with_verification
+from stand.simulation.settings import assembled
 
 RATES_HZ = {
     "six-position": 50,
@@ -67,7 +68,7 @@ def case(procedure: str, imu: str, runs: int) -> Verification:
     rate = FASTER_HZ.get((procedure, imu), RATES_HZ[procedure])
     loaded = load_procedure(procedure)
     site = loaded.entry.site.site()
-    asked = request(loaded, load_imu(imu), table_of(loaded), site, rate)
+    asked = assembled(loaded, load_imu(imu), table_of(loaded), site, rate)
     result = rehearse(asked)
     kept = KEPT / f"{procedure}_{imu}_{runs}.pickle"
     if not any(p.determined for p in result.predictions):  # nothing that runs could contradict

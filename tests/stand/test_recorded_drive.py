@@ -24,6 +24,7 @@ from stand.imu import load_imu
 from stand.recorded_drive import run_drive
 from stand.recording.log import load_log
 from stand.recording.mcap import cdr, read_fixes, read_imu, read_truth, read_velocities, schemas
+from stand.recording.mcap.reader import LogFile
 from stand.recording.vehicle_log import Vehicle
 from stand.vehicle.scenario import drive_from, load_drive
 
@@ -347,12 +348,14 @@ def test_foreign_logs_that_will_not_do(refused, driven, tmp_path):
 
 
 def test_a_damaged_record_of_a_drive_is_one_line(driven, tmp_path, monkeypatch):
-    def damaged(path, topic=None):
-        log = read_imu(path, topic)
+    whole = LogFile.imu
+
+    def damaged(file, topic=None):
+        log = whole(file, topic)
         record = log.metadata["drive"] | {"start_sigma_rad": "much"}
         return replace(log, metadata=log.metadata | {"drive": record})
 
-    monkeypatch.setattr("stand.recording.log.read_imu", damaged)
+    monkeypatch.setattr(LogFile, "imu", damaged)
     with pytest.raises(StandError, match=r"is damaged: drive: start_sigma_rad = 'much': must be"):
         load_log(driven[0] / "run.mcap", None, None, None)
 

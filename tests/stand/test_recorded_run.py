@@ -24,10 +24,10 @@ from stand.imu import Imu, load_imu
 from stand.physics.mjcf import load_model
 from stand.physics.truth import Sampling, Truth
 from stand.procedure.procedure import load_procedure
-from stand.recorded_run import Settings, run
+from stand.recorded_run import run
 from stand.recording.log import load_log
 from stand.recording.mcap import EPOCH_NS, read_metadata, read_truth
-from stand.table.table import load_table
+from stand.simulation.settings import assembled
 
 ROOT = Path(__file__).resolve().parents[2]
 ARC_SECOND = np.pi / 180 / 3600
@@ -50,12 +50,9 @@ MOVES = (
 
 
 def settings(name, imu="stim300", rate_hz=20, seed=0, **changes):
-    procedure = load_procedure(str(name))
-    entry = procedure.entry
-    site = entry.site.site()
-    options = entry.estimate.options()
-    made = Settings(procedure, load_imu(imu), load_table(entry.table), site, options, rate_hz)
-    return replace(made, seed=seed, **changes)
+    return assembled(
+        load_procedure(str(name)), load_imu(imu), rate_hz=rate_hz, seed=seed, **changes
+    )
 
 
 def record(made, out) -> RunResult:

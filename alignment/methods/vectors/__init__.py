@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from alignment.against_truth import rotation_error
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.methods.vectors.fixes import Matching, VectorOptions
 from alignment.methods.vectors.kalman import kalman
@@ -84,7 +85,7 @@ def against(matching: Matching, truth: Rotation) -> Curve:
     """A solution's errors at its fixes, from the second on."""
     k = np.flatnonzero(matching.at_fix)[1:]
     C_nb = Rotation.from_quat(matching.C_nb.as_quat()[k])
-    error = (C_nb * truth[1:].inv()).as_rotvec()
+    error = rotation_error(C_nb, truth[1:])
     return Curve(
         matching.method, matching.fixes[k], error, matching.covariance[k], matching.corrected[k]
     )

@@ -12,8 +12,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.cross import cross_matrix
 from alignment.methods.vectors.fixes import Matching, Record, VectorOptions
-from alignment.navigation import C_ie, Integrals, attitude_in_n, gravitation, skew
+from alignment.navigation import C_ie, Integrals, attitude_in_n, gravitation
 from alignment.options import Priors
 from alignment.readings import Fixes
 
@@ -115,7 +116,7 @@ def _transition(step: Integrals, k: int, C: Array, dv: Array, dr: Array, fading:
     """
     F = np.eye(STATES)
     F[PSI, GYRO] = -C @ step.turn_time[k]
-    F[VEL, PSI], F[POS, PSI] = -skew(dv), -skew(dr)
+    F[VEL, PSI], F[POS, PSI] = -cross_matrix(dv), -cross_matrix(dr)
     F[VEL, GYRO], F[POS, GYRO] = -C @ step.velocity_gyro[k], -C @ step.place_gyro[k]
     F[VEL, ACCEL], F[POS, ACCEL] = -C @ step.turn_time[k], -C @ step.turn_time2[k]
     F[POS, VEL] = step.duration[k] * _I3
@@ -127,7 +128,7 @@ def _noise(T: float, dv: Array, dr: Array, fading: float, fixes: Fixes, priors: 
     """White rate and force noise over a stretch of even force; fresh satellite drift."""
     Q = np.zeros((STATES, STATES))
     N2, A2 = priors.gyro_walk**2, priors.accel_walk**2
-    V, D = -skew(dv), -skew(dr)
+    V, D = -cross_matrix(dv), -cross_matrix(dr)
     Q[PSI, PSI] = N2 * T * _I3
     Q[VEL, PSI], Q[POS, PSI] = N2 * T / 2 * V, N2 * T / 3 * D
     Q[VEL, VEL] = N2 * T / 3 * V @ V.T + A2 * T * _I3

@@ -15,10 +15,11 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
 
 from alignment.arrays import Array
+from alignment.cross import cross_matrix
 from alignment.errors import AlignmentError
 from alignment.methods.vectors.fixes import Matching, Record, VectorOptions, check, joined
 from alignment.methods.vectors.kalman import DISAGREE, UNLIKELY
-from alignment.navigation import C_en, C_ie, attitude_in_n, geodetic, gravitation, integrals, skew
+from alignment.navigation import C_en, C_ie, attitude_in_n, geodetic, gravitation, integrals
 from alignment.readings import Fixes, ImuReadings
 
 METHOD = "vectors observing"
@@ -147,8 +148,8 @@ def _drifts(readings: ImuReadings, record: Record, fixes: Fixes) -> Array:
     dv = ends.velocity[k][:, None] - at.velocity[1:]
     dr = ends.place[k][:, None] - at.place[1:] - at.velocity[1:] * T
     effects = np.empty((2 * len(k), 3, len(middles), 3))
-    effects[0::2] = np.moveaxis(-skew(dv) * later[..., None, None], 1, 2)
-    effects[1::2] = np.moveaxis(-skew(dr) * later[..., None, None], 1, 2)
+    effects[0::2] = np.moveaxis(-cross_matrix(dv) * later[..., None, None], 1, 2)
+    effects[1::2] = np.moveaxis(-cross_matrix(dr) * later[..., None, None], 1, 2)
     return effects.reshape(2 * len(k), 3, -1)
 
 
@@ -235,7 +236,7 @@ def _solved(
     C = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     turned = free_x @ C.T
     information = np.sum(turned**2) * np.eye(3) - turned.T @ turned
-    gain = np.linalg.solve(information, np.moveaxis(skew(turned), 0, 1).reshape(3, -1))
+    gain = np.linalg.solve(information, np.moveaxis(cross_matrix(turned), 0, 1).reshape(3, -1))
     gain = gain.reshape(3, count, 3)
     by_axis = np.ascontiguousarray(np.moveaxis(gain, 2, 0))  # (3, 3, count)
     # a tall matrix on the left: BLAS is some ten times as fast as with nine rows there

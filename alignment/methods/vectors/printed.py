@@ -17,10 +17,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.cross import cross_matrix
 from alignment.methods.vectors import channel
 from alignment.methods.vectors.channel import POS, POS_DRIFT, PSI, VEL, VEL_DRIFT, State
 from alignment.methods.vectors.fixes import Matching, VectorOptions, check, joined
-from alignment.navigation import W_IE_X, C_en, C_ie, geodetic, skew
+from alignment.navigation import W_IE_X, C_en, C_ie, geodetic
 from alignment.readings import Fixes, ImuReadings
 
 METHOD = "vectors printed"
@@ -192,7 +193,7 @@ def _applied(
         )  # fmt: skip
     steps = np.repeat([_TILT, _SPEED, _LENGTH, _LENGTH, _SPEED], 3)
     x = np.concatenate([np.diag(steps), -np.diag(steps)])
-    tilted = state.C + skew(x[:, PSI]) @ state.C
+    tilted = state.C + cross_matrix(x[:, PSI]) @ state.C
     after = _correction(tilted, state.r + x[:, POS], state.v + x[:, VEL], z + x[:, 9:], now, start)
     tilt = after[0] @ C.T
     psi = np.stack([tilt[:, i, j] - tilt[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1) / 2

@@ -232,6 +232,13 @@ def string_message(text: str) -> Bytes:
     return _single(layout)
 
 
+def uint8_messages(values: IntArray) -> Bytes:
+    """std_msgs/msg/UInt8 of each of `values` (n,): (n, length)."""
+    layout = _Layout()
+    layout.varying("data", "u1", 1)
+    return layout.rows(len(values), data=values)
+
+
 def log_message(t_ns: int, level: int, name: str, text: str) -> Bytes:
     """rcl_interfaces/msg/Log, (1, length), without a place in the code."""
     layout = _Layout()

@@ -1,5 +1,6 @@
 """The stand's bodies as ROS transforms: which frames there are and how each is turned."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from alignment.arrays import Array, IntArray
 from alignment.quaternions import multiply
 from stand.errors import unknown
 from stand.recording.urdf import IMU_FRAME
-from stand.table.joints import JOINTS, Body, StandModel
+from stand.table.joints import JOINTS, Body, StandModel, across
 
 TF_PERIOD_NS = 20_000_000
 
@@ -52,24 +53,41 @@ def fixed_frames(model: StandModel) -> Frames:
     )
 
 
-def moving_frames(bodies: tuple[Body, ...], angles: Array) -> Frames:
+def moving_frames(
+    bodies: tuple[Body, ...], angles: Array, nods: Mapping[int, Array] | None = None
+) -> Frames:
     """Bodies on their hinges at `angles` (n, bodies): n transforms each.
 
     A child's place is its position in the parent, then its rotation at zero angle, then the
-    hinge's turn about its own axis.
+    hinge's turn about its own axis; then, where the axis wobbles, its nods about two lines across
+    it. `nods`: by number of the body, their two angles (n, 2) [rad].
     """
     n = len(angles)
     translations = np.broadcast_to(np.stack([b.position for b in bodies]), (n, len(bodies), 3))
-    rotations = np.stack([_turned(body, angles[:, i]) for i, body in enumerate(bodies)], axis=1)
+    turned = [_turned(body, angles[:, i]) for i, body in enumerate(bodies)]
+    for i, nod in (nods or {}).items():
+        turned[i] = _nodded(turned[i], bodies[i], nod)
+    rotations = np.stack(turned, axis=1)
     return Frames(tuple((b.parent, b.name) for b in bodies), translations, rotations)
 
 
 def _turned(body: Body, angle: Array) -> Array:
     """Quaternions (n, 4) of the body at hinge angles (n,), straight from the half angles."""
     assert body.joint is not None
+    return multiply(body.rotation, _about(body.joint.axis, angle))
+
+
+def _nodded(q: Array, body: Body, nod: Array) -> Array:
+    assert body.joint is not None
+    first = across(body.joint.axis)
+    second = np.cross(body.joint.axis, first)
+    return multiply(multiply(q, _about(first, nod[:, 0])), _about(second, nod[:, 1]))
+
+
+def _about(axis: Array, angle: Array) -> Array:
+    """Quaternions (n, 4) of turns by `angle` (n,) about one axis."""
     half = angle[:, None] / 2
-    turn = np.hstack([np.sin(half) * body.joint.axis, np.cos(half)])
-    return multiply(body.rotation, turn)
+    return np.hstack([np.sin(half) * axis, np.cos(half)])
 
 
 def tf_rows(t_ns: IntArray, previous_ns: int | None) -> IntArray:

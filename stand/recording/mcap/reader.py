@@ -1,20 +1,17 @@
 """Reading logs of IMUs, joints and satellite fixes from MCAP files, our own and foreign ones."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Metadata
+from mcap.records import Attachment, Metadata
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, IntArray, owned
-from stand.errors import StandError, unknown
+from stand.errors import StandError, located, unknown
 from stand.recording.mcap import schemas
 from stand.recording.mcap.cdr import Bytes
 from stand.recording.mcap.decode import (
@@ -28,7 +25,15 @@ from stand.recording.mcap.decode import (
     decode_velocities,
     frame_id,
 )
-from stand.recording.mcap.records import Directory, directory, opened, records, segments
+from stand.recording.mcap.records import (
+    Directory,
+    directory,
+    faults_of,
+    opened,
+    parsed,
+    records,
+    segments,
+)
 from stand.recording.mcap.writer import (
     ENCODER_TOPIC,
     FIX_TOPIC,
@@ -219,154 +224,185 @@ class VelocityLog:
         return len(self.t_ns)
 
 
-def read_imu(path: str | Path, topic: str | None = None) -> ImuLog:
-    """The IMU log of any MCAP file with sensor_msgs/msg/Imu in CDR.
+class LogFile:
+    """An MCAP file that is open: any MCAP with messages in CDR, ours or a foreign one.
 
-    Parameters
-    ----------
-    path : str or Path
-    topic : str, optional
-        Without it /imu/data, or the only IMU topic there is.
-
-    Raises
-    ------
-    StandError
-        Not a whole, undamaged MCAP file; no such topic, or several to choose from; not CDR; a
-        value that is not finite; stamps that do not increase.
+    Its list of channels and its metadata are read once. Every method raises `StandError` where
+    the file is not whole or damaged, where there is no such topic or several to choose from, where
+    messages are not CDR, hold a value that is not finite, or stamps that do not increase.
     """
-    with opened(path) as file:
-        found = directory(file)
-        topic = _chosen(found, topic, _IMU_TYPES, IMU_TOPIC)
-        frames: list[str] = []
 
-        def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> ImuBatch:
-            batch = decode_imu(data, starts, sizes, first)
-            if not frames:
-                frames.append(frame_id(data, int(starts[0])))
-            return batch
+    def __init__(self, path: str | Path) -> None:
+        self.path = str(path)
+        self._file = opened(path)
+        try:
+            with faults_of(path):
+                self._found = directory(self._file)
+        except BaseException:
+            self._file.close()
+            raise
+        self._metadata: dict[str, dict[str, str]] | None = None
 
-        columns = _columns(file, found, topic, decode, ("t_ns", "w_ib_b", "f_b"))
-        metadata = _metadata(file)
-    return ImuLog(path=str(path), topic=topic, frame_id=frames[0], metadata=metadata, **columns)
+    def __enter__(self) -> "LogFile":
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._file.close()
+
+    @property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """The metadata records, {name: {key: value}}; of equal names the last."""
+        if self._metadata is None:
+            with faults_of(self.path):
+                self._metadata = _metadata(self._file)
+        return self._metadata
+
+    def imu(self, topic: str | None = None) -> ImuLog:
+        """What the IMU said; without a `topic` /imu/data, or the only IMU topic there is."""
+        with faults_of(self.path):
+            topic = _chosen(self._found, topic, _IMU_TYPES, IMU_TOPIC)
+            frames: list[str] = []
+
+            def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> ImuBatch:
+                batch = decode_imu(data, starts, sizes, first)
+                if not frames:
+                    frames.append(frame_id(data, int(starts[0])))
+                return batch
+
+            columns = self._columns(topic, decode, ("t_ns", "w_ib_b", "f_b"))
+        return ImuLog(
+            path=self.path, topic=topic, frame_id=frames[0], metadata=self.metadata, **columns
+        )
+
+    def truth(self) -> TruthLog:
+        """The truth of a recorded run, from /imu/truth; its orientations have length 1."""
+        with faults_of(self.path):
+            topic = _chosen(self._found, TRUTH_TOPIC, _IMU_TYPES, IMU_TOPIC)
+            columns = self._columns(topic, decode_imu, ("t_ns", "q", "w_ib_b", "f_b"))
+            with located(topic):
+                _check_turns(columns["q"])
+        return TruthLog(path=self.path, q_wb=columns.pop("q"), **columns)
+
+    def joints(self, topic: str | None = None) -> JointLog:
+        """Joint angles; without a `topic` /joint_states, or the only one with joints there is.
+
+        All messages must have the joints of the first, and an angle for each.
+        """
+        with faults_of(self.path):
+            topic = _chosen(self._found, topic, _JOINT_TYPES, ENCODER_TOPIC)
+            names: list[tuple[str, ...]] = []
+
+            def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> JointBatch:
+                batch = decode_joints(data, starts, sizes, first, names[0] if names else None)
+                if not names:
+                    names.append(batch.names)
+                return batch
+
+            columns = self._columns(topic, decode, ("t_ns", "angles", "rates"), ("t_ns", "angles"))
+        if not np.isfinite(columns["rates"]).all():  # many drivers have none, or leave them NaN
+            columns["rates"] = None
+        return JointLog(path=self.path, topic=topic, names=names[0], **columns)
+
+    def fixes(self) -> FixLog:
+        """Satellite fixes, from /gnss/fix or the only such topic there is.
+
+        Messages that say that they have no fix are left out; one must have.
+        """
+        with faults_of(self.path):
+            topic = _chosen(self._found, None, _FIX_TYPES, FIX_TOPIC)
+
+            def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> FixBatch:
+                batch = decode_fixes(data, starts, sizes, first)
+                k = batch.status >= 0
+                return FixBatch(batch.t_ns[k], batch.status[k], batch.place[k], batch.variance[k])
+
+            names = ("t_ns", "place", "variance")
+            columns = self._columns(topic, decode, names, ("t_ns", "place"))
+            if not len(columns["t_ns"]):
+                raise StandError(f"{topic}: no message has a fix: their status is below 0")
+        return FixLog(path=self.path, topic=topic, **columns)
+
+    def velocities(self) -> VelocityLog:
+        """Satellite velocities, from /gnss/velocity or the only topic of their types.
+
+        The linear part of geometry_msgs/msg/TwistWithCovarianceStamped or TwistStamped counts, as
+        east, north, up.
+        """
+        with faults_of(self.path):
+            topic = _chosen(self._found, None, tuple(_VELOCITY_TYPES), VELOCITY_TOPIC)
+            types = {c.topic: self._found.type_name(c) for c in self._found.channels.values()}
+            has_covariance = _VELOCITY_TYPES[types[topic]]
+
+            def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> VelocityBatch:
+                return decode_velocities(data, starts, sizes, first, has_covariance)
+
+            names = ("t_ns", "v", "variance")
+            columns = self._columns(topic, decode, names, ("t_ns", "v"))
+        return VelocityLog(path=self.path, topic=topic, **columns)
+
+    def _columns(
+        self,
+        topic: str,
+        decode: Decode,
+        names: Sequence[str],
+        finite: Collection[str] | None = None,
+    ) -> dict[str, Any]:
+        return _columns(self._file, self._found, topic, decode, names, finite)
+
+
+def read_imu(path: str | Path, topic: str | None = None) -> ImuLog:
+    """`LogFile.imu` of a file that nothing else is read from."""
+    with LogFile(path) as file:
+        return file.imu(topic)
 
 
 def read_truth(path: str | Path) -> TruthLog:
-    """The truth of a recorded run, from /imu/truth.
-
-    Raises
-    ------
-    StandError
-        As `read_imu`; or an orientation that is none.
-    """
-    with opened(path) as file:
-        found = directory(file)
-        topic = _chosen(found, TRUTH_TOPIC, _IMU_TYPES, IMU_TOPIC)
-        columns = _columns(file, found, topic, decode_imu, ("t_ns", "q", "w_ib_b", "f_b"))
-        with _told_of(topic):
-            _check_turns(columns["q"])
-    return TruthLog(path=str(path), q_wb=columns.pop("q"), **columns)
+    """`LogFile.truth` of a file that nothing else is read from."""
+    with LogFile(path) as file:
+        return file.truth()
 
 
 def read_joints(path: str | Path, topic: str | None = None) -> JointLog:
-    """The joint angles of any MCAP file with sensor_msgs/msg/JointState in CDR.
-
-    Parameters
-    ----------
-    path : str or Path
-    topic : str, optional
-        Without it /joint_states, or the only topic with joints there is.
-
-    Raises
-    ------
-    StandError
-        As `read_imu`; or a message with other joints than the first, or without an angle for each.
-    """
-    with opened(path) as file:
-        found = directory(file)
-        topic = _chosen(found, topic, _JOINT_TYPES, ENCODER_TOPIC)
-        names: list[tuple[str, ...]] = []
-
-        def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> JointBatch:
-            batch = decode_joints(data, starts, sizes, first, names[0] if names else None)
-            if not names:
-                names.append(batch.names)
-            return batch
-
-        columns = _columns(
-            file, found, topic, decode, ("t_ns", "angles", "rates"), ("t_ns", "angles")
-        )
-    if not np.isfinite(columns["rates"]).all():  # many drivers have none, or leave them NaN
-        columns["rates"] = None
-    return JointLog(path=str(path), topic=topic, names=names[0], **columns)
+    """`LogFile.joints` of a file that nothing else is read from."""
+    with LogFile(path) as file:
+        return file.joints(topic)
 
 
 def read_fixes(path: str | Path) -> FixLog:
-    """The satellite fixes of any MCAP file with sensor_msgs/msg/NavSatFix in CDR.
-
-    From /gnss/fix, or the only such topic there is; messages that say that they have no fix are
-    left out.
-
-    Raises
-    ------
-    StandError
-        As `read_imu`; or no message has a fix.
-    """
-    with opened(path) as file:
-        found = directory(file)
-        topic = _chosen(found, None, _FIX_TYPES, FIX_TOPIC)
-
-        def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> FixBatch:
-            batch = decode_fixes(data, starts, sizes, first)
-            k = batch.status >= 0
-            return FixBatch(batch.t_ns[k], batch.status[k], batch.place[k], batch.variance[k])
-
-        names = ("t_ns", "place", "variance")
-        columns = _columns(file, found, topic, decode, names, ("t_ns", "place"))
-        if not len(columns["t_ns"]):
-            raise StandError(f"{topic}: no message has a fix: their status is below 0")
-    return FixLog(path=str(path), topic=topic, **columns)
+    """`LogFile.fixes` of a file that nothing else is read from."""
+    with LogFile(path) as file:
+        return file.fixes()
 
 
 def read_velocities(path: str | Path) -> VelocityLog:
-    """The satellite velocities of any MCAP file that has them in CDR.
-
-    From /gnss/velocity, or the only topic with geometry_msgs/msg/TwistWithCovarianceStamped or
-    TwistStamped; the linear part counts, as east, north, up.
-
-    Raises
-    ------
-    StandError
-        As `read_imu`.
-    """
-    with opened(path) as file:
-        found = directory(file)
-        topic = _chosen(found, None, tuple(_VELOCITY_TYPES), VELOCITY_TOPIC)
-        types = {c.topic: found.type_name(c) for c in found.channels.values()}
-        has_covariance = _VELOCITY_TYPES[types[topic]]
-
-        def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> VelocityBatch:
-            return decode_velocities(data, starts, sizes, first, has_covariance)
-
-        names = ("t_ns", "v", "variance")
-        columns = _columns(file, found, topic, decode, names, ("t_ns", "v"))
-    return VelocityLog(path=str(path), topic=topic, **columns)
+    """`LogFile.velocities` of a file that nothing else is read from."""
+    with LogFile(path) as file:
+        return file.velocities()
 
 
 def read_metadata(path: str | Path) -> dict[str, dict[str, str]]:
-    """The metadata records of an MCAP file, {name: {key: value}}; of equal names the last.
+    """`LogFile.metadata` of a file that nothing else is read from."""
+    with LogFile(path) as file:
+        return file.metadata
+
+
+def read_attachments(path: str | Path) -> dict[str, bytes]:
+    """The attached files of an MCAP file by name; of equal names the last.
 
     Raises
     ------
     StandError
         Not a whole MCAP file.
     """
-    with opened(path) as file:
-        return _metadata(file)
+    with opened(path) as file, faults_of(path):
+        contents = [content for _, content in records(file, (Opcode.ATTACHMENT,))]
+        found = [parsed(Attachment.read, content) for content in contents]
+    return {record.name: record.data for record in found}
 
 
 def _metadata(file: BinaryIO) -> dict[str, dict[str, str]]:
     contents = [content for _, content in records(file, (Opcode.METADATA,))]
-    found = [Metadata.read(ReadDataStream(BytesIO(content))) for content in contents]
+    found = [parsed(Metadata.read, content) for content in contents]
     return {record.name: record.metadata for record in found}
 
 
@@ -401,7 +437,7 @@ def _columns(
         for name in names:
             values = getattr(batch, name)
             growing.setdefault(name, _Growing(values)).extend(values)
-    with _told_of(topic):
+    with located(topic):
         if not growing:
             raise StandError("has no messages")
         columns = {name: growing[name].whole() for name in names}
@@ -436,15 +472,6 @@ class _Growing:
         self._values.resize((rows, *self._values.shape[1:]), refcheck=False)
 
 
-@contextmanager
-def _told_of(topic: str) -> Iterator[None]:
-    """Faults of the messages, not of the file, are told with their topic."""
-    try:
-        yield
-    except StandError as error:
-        raise StandError(f"{topic}: {error}") from error
-
-
 def _channel_ids(found: Directory, topic: str) -> list[int]:
     channels = [channel for channel in found.channels.values() if channel.topic == topic]
     for channel in channels:
@@ -457,14 +484,14 @@ def _batches(
     file: BinaryIO, found: Directory, topic: str, decode: Decode
 ) -> Iterator[tuple[Any, ...]]:
     """Decoded messages, chunk by chunk."""
-    with _told_of(topic):
+    with located(topic):
         channel_ids = _channel_ids(found, topic)
     count = 0
     for segment in segments(file, found):
         rows = np.isin(segment.channel, channel_ids)
         start, size = segment.start[rows], segment.size[rows]
         if len(start):
-            with _told_of(topic):
+            with located(topic):
                 yield decode(segment.data, start, size, count)
             count += len(start)
 

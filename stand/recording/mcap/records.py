@@ -2,18 +2,18 @@
 
 import struct
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 import numpy as np
 import zstandard
 from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, Footer, Schema
 
@@ -60,12 +60,11 @@ class Directory:
 
     def add(self, opcode: int, content: bytes) -> None:
         """Take in a Schema or Channel record."""
-        stream = ReadDataStream(BytesIO(content))
         if opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
+            schema = parsed(Schema.read, content)
             self.schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream)
+            channel = parsed(Channel.read, content)
             self.channels[channel.id] = channel
 
     def type_name(self, channel: Channel) -> str:
@@ -74,20 +73,30 @@ class Directory:
         return schema.name if schema else "no type"
 
 
-@contextmanager
-def opened(path: str | Path) -> Iterator[BinaryIO]:
-    """An MCAP file; whatever is found wrong with it is told with the file's name.
+def opened(path: str | Path) -> BinaryIO:
+    """An MCAP file from end to end.
 
     Raises
     ------
     StandError
-        Missing, a folder, not MCAP, cut off, damaged; or from the body of the ``with``.
+        Missing, a folder, not MCAP, cut off.
     """
-    try:
+    with faults_of(path):
         refuse_no_file(Path(path))
-        with open(path, "rb") as file:
+        file = open(path, "rb")  # noqa: SIM115  the caller closes it
+        try:
             _check_ends(file)
-            yield file
+        except BaseException:
+            file.close()
+            raise
+    return file
+
+
+@contextmanager
+def faults_of(path: str | Path) -> Iterator[None]:
+    """Whatever is found wrong with a file is told with its name, as a `StandError`."""
+    try:
+        yield
     except FileNotFoundError as error:
         raise StandError(f"{path}: no such file") from error
     except IsADirectoryError as error:
@@ -96,18 +105,19 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         raise StandError(f"{path}: cannot be read: {error.strerror}") from error
     except StandError as error:
         raise StandError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
-    except _DAMAGE as error:
-        raise StandError(f"{path}: damaged: {str(error) or 'a record is too short'}") from error
 
 
-# What the mcap package and the decompressors raise on bytes that make no sense.
-_DAMAGE = (
-    McapError,
-    zstandard.ZstdError,
-    RuntimeError,
-    struct.error,
-    UnicodeDecodeError,
-)
+RecordT = TypeVar("RecordT")
+
+
+def parsed(read: Callable[[ReadDataStream], RecordT], content: bytes) -> RecordT:
+    """A record as the mcap package reads it; `StandError` where its bytes make no sense."""
+    try:
+        return read(ReadDataStream(BytesIO(content)))
+    except (EndOfFile, struct.error, OverflowError) as error:  # lengths up to 2^64
+        raise StandError("damaged: a record is too short") from error
+    except UnicodeDecodeError as error:
+        raise StandError(f"damaged: text of a record: {error}") from error
 
 
 def _check_ends(file: BinaryIO) -> None:
@@ -135,6 +145,8 @@ def records(
     opcode = None
     while opcode != Opcode.FOOTER:
         head = file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            raise StandError("damaged: a record is too short")
         opcode, size = _HEAD.unpack(head)
         if file.tell() + size > end:
             raise StandError(f"damaged: a record reaches past the end, at byte {file.tell()}")
@@ -151,11 +163,11 @@ def records(
 def _checked_crc(opcode: int, head: bytes, content: bytes, crc: int) -> int:
     """The running checksum after a record; the data's ends at DataEnd, the summary's begins."""
     if opcode == Opcode.DATA_END:
-        told = DataEnd.read(ReadDataStream(BytesIO(content))).data_section_crc
+        told = parsed(DataEnd.read, content).data_section_crc
         _compare("the data", told, crc)
         return 0
     if opcode == Opcode.FOOTER:
-        told = Footer.read(ReadDataStream(BytesIO(content))).summary_crc
+        told = parsed(Footer.read, content).summary_crc
         _compare("the summary", told, zlib.crc32(head + content[:-_CRC_SIZE], crc))
     return zlib.crc32(head + content, crc)
 
@@ -170,7 +182,7 @@ def directory(file: BinaryIO) -> Directory:
     """All channels and schemas: from the summary, or else from the whole file."""
     found = Directory()
     file.seek(-len(MAGIC) - _FOOTER_SIZE + _HEAD.size, 2)
-    start = Footer.read(ReadDataStream(file)).summary_start
+    start = parsed(Footer.read, file.read(_FOOTER_SIZE - _HEAD.size)).summary_start
     if start:
         for opcode, content in records(file, _DEFINITIONS, start):
             found.add(opcode, content)
@@ -201,7 +213,7 @@ def segments(file: BinaryIO, found: Directory) -> Iterator[Segment]:
 
 
 def _chunk_data(content: bytes) -> bytes:
-    chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+    chunk = parsed(Chunk.read, content)
     if chunk.compression not in _COMPRESSIONS:
         known = ", ".join(_COMPRESSIONS.values())
         raise StandError(f"unknown compression {chunk.compression!r}: known: {known}")
@@ -210,7 +222,10 @@ def _chunk_data(content: bytes) -> bytes:
             f"damaged: a chunk of {chunk.uncompressed_size} bytes, must be at most "
             f"{MOST_CHUNK_BYTES}"
         )
-    data = _DECOMPRESS[chunk.compression](chunk.data, chunk.uncompressed_size)
+    try:
+        data = _DECOMPRESS[chunk.compression](chunk.data, chunk.uncompressed_size)
+    except (zstandard.ZstdError, RuntimeError) as error:  # the second is lz4's
+        raise StandError(f"damaged: a chunk cannot be expanded: {error}") from error
     if len(data) != chunk.uncompressed_size:
         raise StandError(
             f"damaged: a chunk holds other than the {chunk.uncompressed_size} bytes that it states"
@@ -239,14 +254,14 @@ def _segment(data: bytes, found: Directory) -> Segment:
     """Finds the messages; the loop does no more than step from record to record."""
     places = []
     at, end, head_at, message = 0, len(data), _HEAD.unpack_from, int(Opcode.MESSAGE)
-    while at < end:
+    while at + OPCODE_AND_SIZE <= end:
         opcode, size = head_at(data, at)
         if opcode == message:
             places.append(at)
         elif opcode in _DEFINITIONS:
             found.add(opcode, data[at + OPCODE_AND_SIZE : at + OPCODE_AND_SIZE + size])
         at += OPCODE_AND_SIZE + size
-    if at > end:
+    if at != end:
         raise StandError("damaged: a record reaches past the end of its chunk")
     return _located(np.frombuffer(data, np.uint8), np.array(places, np.int64))
 

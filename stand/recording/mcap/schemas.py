@@ -4,6 +4,7 @@ IMU = "sensor_msgs/msg/Imu"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 STRING = "std_msgs/msg/String"
+UINT8 = "std_msgs/msg/UInt8"
 LOG = "rcl_interfaces/msg/Log"
 NAV_SAT_FIX = "sensor_msgs/msg/NavSatFix"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
@@ -63,6 +64,7 @@ _FIELDS = {
     ),
     TF_MESSAGE: "geometry_msgs/TransformStamped[] transforms\n",
     STRING: "string data\n",
+    UINT8: "uint8 data\n",
     LOG: (
         "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\n"
         "builtin_interfaces/Time stamp\n"

@@ -16,6 +16,7 @@ from stand.recording.mcap.container import Container, Part, Topic
 from stand.recording.urdf import IMU_FRAME
 from stand.samples import ImuBlock, TruthBlock
 from stand.table.joints import JOINTS, StandModel
+from stand.table.table_errors import TableErrors
 
 EPOCH_NS = 1_767_225_600 * cdr.NS_PER_S
 """2026-01-01 00:00 UTC: time zero of a simulated run. Viewers read small stamps as durations."""
@@ -24,6 +25,7 @@ IMU_TOPIC = "/imu/data"
 TRUTH_TOPIC = "/imu/truth"
 ENCODER_TOPIC = "/joint_states"
 JOINT_TRUTH_TOPIC = "/joint_truth"
+SATURATED_TOPIC = "/imu/saturated"
 FIX_TOPIC = "/gnss/fix"
 VELOCITY_TOPIC = "/gnss/velocity"
 ENU_FRAME = "enu"
@@ -63,6 +65,7 @@ _TOPICS = (
     _topic("/tf_static", schemas.TF_MESSAGE, latched=True),
     _topic("/robot_description", schemas.STRING, latched=True),
     _topic("/rosout", schemas.LOG),
+    _topic(SATURATED_TOPIC, schemas.UINT8),
 )
 (
     _IMU,
@@ -73,6 +76,7 @@ _TOPICS = (
     _TF_STATIC,
     _DESCRIPTION,
     _ROSOUT,
+    _SATURATED,
 ) = range(len(_TOPICS))
 
 
@@ -92,7 +96,9 @@ class McapWriter:
     path : str or Path
         Overwritten if it exists.
     model : StandModel
-        Its bodies become frames and joints.
+        As it was built: its bodies become frames and joints.
+    errors : TableErrors, optional
+        Its wobbling axes nod in /tf, so that the frames end where /imu/truth says.
     robot_description : str
         URDF.
     epoch_ns : int
@@ -118,6 +124,7 @@ class McapWriter:
         path: str | Path,
         *,
         model: StandModel,
+        errors: TableErrors | None = None,
         robot_description: str,
         epoch_ns: int = EPOCH_NS,
         metadata: Mapping[str, Mapping[str, str]],
@@ -127,6 +134,7 @@ class McapWriter:
     ) -> None:
         self._bodies = frames.hinged(model)
         self._columns = frames.columns(self._bodies)
+        self._errors = errors
         self._rate_noise = owned(rate_noise, "rate_noise", (3,))
         self._force_noise = owned(force_noise, "force_noise", (3,))
         self._epoch_ns = epoch_ns
@@ -154,6 +162,7 @@ class McapWriter:
             Part(_IMU, stamps, self._imu_messages(stamps, imu)),
             Part(_TRUTH, stamps, _truth_messages(stamps, truth)),
             *self._joint_parts(stamps, truth),
+            *_saturated_parts(stamps, imu),
             *self._log_parts(until_ns=int(truth.t_ns[-1])),
         ]
         self._container.chunk(parts)
@@ -246,13 +255,23 @@ class McapWriter:
             return cdr.joint_states(stamps, names, *own)
 
         rows = frames.tf_rows(truth.t_ns, self._last_ns)
-        moving = frames.moving_frames(self._bodies, truth.joints[rows][:, self._columns])
+        moving = frames.moving_frames(
+            self._bodies, truth.joints[rows][:, self._columns], self._nods(truth.encoders[rows])
+        )
         tf = cdr.transforms(stamps[rows], moving.pairs, moving.translations, moving.rotations)
         return [
             Part(_ENCODERS, stamps, states(truth.encoders, truth.encoder_rates)),
             Part(_JOINT_TRUTH, stamps, states(truth.joints, truth.joint_rates)),
             Part(_TF, stamps[rows], tf),
         ]
+
+    def _nods(self, q: Array) -> dict[int, Array]:
+        """The nods of each wobbling axis at angles (n, 6), by the number of its body."""
+        if self._errors is None or not len(self._errors.wobbling):
+            return {}
+        nods, _, _ = self._errors.nods(q, np.zeros_like(q), np.zeros_like(q))
+        pairs = zip(self._errors.wobbling, np.split(nods, nods.shape[1] // 2, axis=1), strict=True)
+        return {self._columns.index(int(k)): nod for k, nod in pairs if k in self._columns}
 
     def _log_parts(self, until_ns: int | None) -> list[Part]:
         """The texts due by `until_ns` (None: all), in order of time."""
@@ -268,6 +287,19 @@ class McapWriter:
             )
             for t_ns, level, text in due
         ]
+
+
+def _saturated_parts(stamps: IntArray, imu: ImuBlock) -> list[Part]:
+    """A message at each sample with a channel beyond its range: bit k is channel k.
+
+    Channels count from gyro X1, Y1, Z1 to accelerometer X1, Y1, Z1.
+    """
+    assert imu.saturated is not None
+    rows = np.flatnonzero(imu.saturated.any(axis=1))
+    if not len(rows):
+        return []
+    bits = imu.saturated[rows] @ (1 << np.arange(imu.saturated.shape[1]))
+    return [Part(_SATURATED, stamps[rows], cdr.uint8_messages(bits))]
 
 
 def _truth_messages(stamps: IntArray, truth: TruthBlock) -> cdr.Bytes:

@@ -7,6 +7,7 @@ import rerun as rr
 from rerun.components import AggregationPolicy
 
 from stand.recording.curves import Phase
+from stand.samples import AXES
 from stand.table.joints import JOINTS
 
 TIMELINE = "sim_time"
@@ -44,7 +45,6 @@ class Channel(NamedTuple):
     title: str
 
 
-AXES = ("X1", "Y1", "Z1")
 CHANNELS = (
     Channel("stand/base", JOINTS[:3], (SKY, ORANGE, GREEN), "Base angles [deg]"),
     Channel("stand/table", JOINTS[3:], (SKY, ORANGE, GREEN), "Table angles [deg]"),

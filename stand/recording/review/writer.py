@@ -27,7 +27,6 @@ from stand.recording.review.scene import (
     turned_axes,
 )
 from stand.recording.review.style import (
-    AXES,
     CHANNELS,
     FOLLOWING,
     GREY,
@@ -46,7 +45,7 @@ from stand.recording.review.style import (
     state_name,
 )
 from stand.recording.thinning import Moved, Rows, Thinned, bin_length
-from stand.samples import ImuBlock, TruthBlock
+from stand.samples import AXES, ImuBlock, TruthBlock
 from stand.table.joints import JOINTS, Body, StandModel
 
 ROW_BUDGET = 200_000

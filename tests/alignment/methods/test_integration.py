@@ -11,10 +11,10 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
-from alignment import Dwell, ImuReadings, Options, Priors, Site, rk4, rk4_tracks
+from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.methods import integration
-from alignment.methods.integration import drift_covariance, integrate, rk4_steps
+from alignment.methods.integration import drift_covariance, integrate, rk4, rk4_steps, rk4_tracks
 from alignment.methods.two_sample import two_sample, two_sample_tracks
 from alignment.quaternions import multiply, normalised, prefix_product
 

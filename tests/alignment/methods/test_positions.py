@@ -1,5 +1,6 @@
 """Several positions: biases cancel, placements do not; closed forms, chi-square, floors."""
 
+import re
 from math import atan, cos, degrees, pi, radians, sin, sqrt, tan
 
 import numpy as np
@@ -11,7 +12,8 @@ from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, NotAtRest, PoleError
 from alignment.information.turns import double_sigma, time_needed, turn_pays
 from alignment.methods.position_fit import (
-    drift_variances,
+    drift_covariance,
+    equal_spans,
     fit_positions,
     pooled_variances,
     predicted_covariance,
@@ -251,6 +253,97 @@ def test_whether_the_turn_pays_is_part_of_the_answer():
     half, quarter = pays.split("; ")[1].split(", ")
     assert half == "180 deg: 0.707'"
     assert quarter.startswith("90 deg: ")
+
+
+def shown_verdict(priors, seconds, seed, walk):
+    """(several, one, 180 deg, 90 deg) in arc minutes, as the words of the verdict say them."""
+    sigmas = np.repeat([walk * sqrt(10), 1e-7], 3)  # per sample at 10 Hz
+    dwells = dwells_of(LEVEL, TURNS["half turn"], seconds=seconds[0])
+    longer = dwells_of(LEVEL, TURNS["half turn"], seconds=seconds[1])
+    rng = np.random.default_rng(seed)
+    noisy = []
+    for d in (dwells[0], longer[1]):
+        y = np.concatenate([d.readings.w_ib_b, d.readings.f_b], axis=1)
+        y = y + sigmas * rng.normal(size=y.shape)
+        felt = ImuReadings(d.readings.t, y[:, :3], y[:, 3:])
+        noisy.append(Dwell(d.label, d.t_from, d.t_to, felt, d.nominal))
+    (found,) = two_position(noisy, HERE, Options(priors=priors))
+    (flag,) = [flag for flag in found.flags if flag.startswith("turns ")]
+    pattern = (
+        r"turns (do not )?pay: heading sigma ([\d.]+)' against ([\d.]+)' of one position in the "
+        r"same time; 180 deg: ([\d.]+)', 90 deg: ([\d.]+)'"
+    )
+    told = re.fullmatch(pattern, flag)
+    assert told is not None, flag
+    return told[1] is None, [float(number) for number in told.groups()[1:]]
+
+
+def test_the_noise_of_the_verdict_is_that_of_the_whole_time():
+    """A unit without biases to speak of: 20 s and 60 s of rest are 80 s, turned or not."""
+    walk = 0.003 * DEG_RT_H
+    floor = walk / sqrt(80) / (W * cos(HERE.latitude)) / MINUTE  # 6.93'
+    assert floor == pytest.approx(6.93, abs=0.02)
+    found = []
+    for seed in range(10):
+        priors = Priors(gyro_bias=1e-6 * DEG_H, accel_bias=1e-9)
+        found.append(shown_verdict(priors, (20.0, 60.0), [66, seed], walk)[1])
+    # each knows the noise by 62 blocks or so to 9 %: three sigma of ten of them
+    assert np.mean(found, axis=0)[:3] == pytest.approx([floor] * 3, rel=0.09)
+    # a bias that is known leaves the quarter turn as good
+    assert np.mean(found, axis=0)[3] == pytest.approx(floor, rel=0.09)
+
+
+def test_the_words_of_the_verdict():
+    """1 deg/h is 345' in one position; the turn leaves noise, at 90 deg sqrt 2 of it; and the other
+    way round a table of 5' under a unit that needs no turn: it pays by nothing."""
+    walk = 0.003 * DEG_RT_H
+    floor = walk / sqrt(40) / (W * cos(HERE.latitude)) / MINUTE  # 9.81'
+    pays, numbers = shown_verdict(Priors(DEG_H, 1e-9), (20.0, 20.0), 67, walk)
+    assert pays
+    # one record: 62 degrees of freedom, 9 %, three sigma; words have three digits
+    assert numbers[0] == pytest.approx(floor, rel=0.3)
+    assert numbers[1] == pytest.approx(345, abs=1.0)
+    assert numbers[2] == pytest.approx(numbers[0], rel=0.02)
+    assert numbers[3] / numbers[2] == pytest.approx(sqrt(2), rel=0.02)
+
+
+@pytest.mark.parametrize("north", [10.0, -25.0])
+def test_a_deflection_is_taken_out_of_the_latitude(north):
+    """What gravity and Earth rate show is astronomical; geodetic is that less xi."""
+    second = pi / 180 / 3600
+    relative = np.concatenate([about([0, 1, 0], 0, 120), about([1, 0, 0], 90)])
+    dwells = dwells_of(TILTED, relative, latitude=radians(48.5))
+    site = Site(None, deflection=(north * second, 0.0))
+    for estimate in multi_position(dwells, site, Options()):
+        assert estimate.latitude == pytest.approx(radians(48.5) - north * second, abs=1e-8)
+
+
+def test_positions_that_contradict_one_another_are_less_sure():
+    """Told 2 deg off, about an axis that gravity shows: all sigmas grow by the same factor."""
+    noise = (np.random.default_rng(1), np.repeat([1e-6, 1e-3], 3))
+    first, second = dwells_of(LEVEL, TURNS["half turn"], noise=noise)
+    wrong = Rotation.from_matrix(LEVEL @ about([0, 1, 0.035], 180)[0])
+    other = Dwell("p1", second.t_from, second.t_to, second.readings, wrong)
+    options = Options(priors=Priors(gyro_bias=DEG_H, accel_bias=0.1 * MILLI_G))
+    (fine,) = two_position([first, second], HERE, options)
+    (doubted,) = two_position([first, other], HERE, options)
+    (flag,) = [flag for flag in doubted.flags if "contradict" in flag]
+    told = re.search(r"chi-square (\d+) for 9 degrees .* sigmas are ([\d.]+) times as large", flag)
+    assert told is not None, flag
+    assert float(told[2]) == pytest.approx(sqrt(float(told[1]) / 7), rel=0.01)
+    grown = np.sqrt(np.diag(doubted.covariance) / np.diag(fine.covariance))
+    # the wrong turn changes the geometry by 2 deg, the noise is the same
+    assert grown == pytest.approx(np.full(3, float(told[2])), rel=0.05)
+    assert not any(flag.startswith("turns ") for flag in doubted.flags)
+
+
+def test_a_contradiction_of_too_few_residuals_is_refused():
+    """No latitude, no bias stated: of twelve readings two are left, and gravity was told 1 % less
+    than the half difference of both, which no bias can make."""
+    dwells = dwells_of(TILTED, about([1, 0, 0], 0, 180))
+    site = Site(None, local_gravity=0.99 * G)
+    with pytest.raises(AlignmentError, match=r"contradict one another: .* for 2 deg.* too few"):
+        two_position(dwells, site, Options())
 
 
 # --- placement, scale, noise: first order, by hand ------------------------------------------------
@@ -580,8 +673,26 @@ def test_a_seat_off_is_one_unknown_of_all_positions(latitude):
 
 
 def test_drift_between_positions_by_hand():
-    """Barnes (1969): four successive means of flicker scatter by 4/3 of two."""
+    """Barnes (1969), Tables of bias functions, NBS TN 375: flicker over n positions on end scatters
+    by ``n ln n / (2 (n - 1) ln 2)`` of its Allan variance: 1 of two, 4/3 of four."""
     priors = Priors(gyro_instability=3.0, accel_instability=2.0)
-    np.testing.assert_allclose(drift_variances(priors, 2), [9, 9, 9, 4, 4, 4], rtol=1e-12)
-    np.testing.assert_allclose(drift_variances(priors, 4), [12, 12, 12, 16 / 3, 16 / 3, 16 / 3])
-    assert not drift_variances(priors, 1).any()
+    for n, ratio in ((2, 1.0), (4, 4 / 3)):
+        D = drift_covariance(priors, equal_spans(n, 100.0 * n))
+        scatter = np.trace(D, axis1=1, axis2=2) / (n - 1)
+        # five processes a decade apart keep their plateau within some per cent
+        np.testing.assert_allclose(scatter, [9 * ratio, 4 * ratio], rtol=0.08)
+        # about the common mean: what all positions share is the bias
+        assert np.abs(D.sum(axis=1)).max() < 1e-12
+    assert not drift_covariance(priors, equal_spans(1, 100.0)).any()
+
+
+def test_walk_and_ramp_between_positions_by_hand():
+    """Two means of T on end differ by K sqrt(2 T/3) of a walk, and by r T of a ramp."""
+    spans = equal_spans(2, 200.0)
+    walk = drift_covariance(Priors(gyro_random_walk=3.0), spans)
+    ramp = drift_covariance(Priors(accel_ramp=2.0), spans)
+    apart = np.array([1.0, -1.0])
+    assert apart @ walk[0] @ apart == pytest.approx(9.0 * 2 * 100.0 / 3, rel=1e-12)
+    assert apart @ ramp[1] @ apart == pytest.approx((2.0 * 100.0) ** 2, rel=1e-12)
+    assert not walk[1].any()
+    assert not ramp[0].any()

@@ -11,6 +11,7 @@ from scipy.stats import chi2, norm
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.angles import Sequence
+from alignment.constant_errors import constant_covariance
 from alignment.errors import AlignmentError, NotAtRest, PoleError
 from alignment.levelling import attitude_covariance, attitude_from_means
 from alignment.methods.positions import half_turn_means
@@ -21,7 +22,6 @@ from alignment.methods.single_gyro import (
     single_gyro_attitude,
     single_gyro_sensitivity,
 )
-from alignment.methods.triad import prior_variances
 
 W = 7.292115e-5  # rad/s
 G = 9.8093587  # m/s^2
@@ -251,13 +251,6 @@ def test_sigma_holds_noise_and_priors():
     assert bias[0, 2] == pytest.approx(-np.tan(HERE.latitude) * tilt, rel=0.01)
 
 
-def test_prior_variances_by_hand():
-    means = np.array([1.0, 2, 3, 10, 20, 30])
-    found = prior_variances(means, Priors(0.1, 0.2, 0.01, 0.02))
-    want = [0.01 + 1e-4, 0.01 + 4e-4, 0.01 + 9e-4, 0.04 + 0.04, 0.04 + 0.16, 0.04 + 0.36]
-    np.testing.assert_allclose(found, want, rtol=1e-14)
-
-
 # --- chi-square -----------------------------------------------------------------------------------
 
 RUNS = 400
@@ -292,7 +285,7 @@ def test_covariance(regime, latitude, estimated):
         found = single_gyro_attitude(y[0], y[3:], X, used, 1.0)
         S = single_gyro_sensitivity(found[:, 0], used, float(np.linalg.norm(y[3:])), estimated)
         P = attitude_covariance(
-            Rotation.from_matrix(found), variances + prior_variances(y, priors), S
+            Rotation.from_matrix(found), np.diag(variances) + constant_covariance(y, priors), S
         )
         eta = error(found, C)
         nees.append(eta @ np.linalg.solve(P, eta))

@@ -11,12 +11,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
-from alignment import Dwell, ImuReadings, Options, Site, six_position, six_position_tracks
+from alignment import Dwell, ImuReadings, Options, Site
 from alignment.angles import Sequence, SequenceRule
 from alignment.doubts import heading_doubt
 from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
 from alignment.methods import triad as gyrocompass
 from alignment.methods.integration import rk4
+from alignment.methods.six_position import six_position, six_position_tracks
 from alignment.nominal import SIX_POSITIONS, nominal_attitude, nominal_readings, zero_offset
 
 W = 7.292115e-5  # rad/s

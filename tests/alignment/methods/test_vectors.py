@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from alignment import ImuReadings, Priors
+from alignment.cross import cross_matrix
 from alignment.errors import AlignmentError, PoleError, TooShort
 from alignment.methods.vectors import (
     SOLUTIONS,
@@ -34,7 +35,6 @@ from alignment.navigation import (
     gravitation,
     integrals,
     radii,
-    skew,
 )
 from alignment.units import DEG, DEG_PER_HOUR
 from stand.report.vectors import errors, picture
@@ -200,7 +200,7 @@ def test_integrals_join_and_differ():
             (accel.place, made.place, made.turn_time2),
         ):
             assert (after[1] - before[3]) / bias == pytest.approx(slope[3][:, axis], abs=2e-3)
-        turned = skew(made.turn_time[3][:, axis]) @ made.turn[3]
+        turned = cross_matrix(made.turn_time[3][:, axis]) @ made.turn[3]
         assert (gyro.turn[1] - made.turn[3]) / bias == pytest.approx(turned, abs=1e-4)
 
 

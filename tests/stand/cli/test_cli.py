@@ -15,8 +15,9 @@ from mcap.writer import Writer
 
 import stand
 from alignment import ESTIMATORS
-from stand import cli
+from alignment.sources import SOURCES
 from stand import toml_files as catalogue
+from stand.cli import main
 from stand.imu import load_imu
 from stand.recording.mcap import read_imu, read_metadata, read_truth, write_imu_log
 
@@ -144,6 +145,14 @@ def test_lists(run, what):
     lines = [line.split() for line in shown.out.splitlines()]
     for name in ids:
         assert [name] in [line[:1] for line in lines]
+
+
+def test_the_list_of_methods_explains_its_sources(run):
+    shown = " ".join(run("list", "methods").out.split())
+    for letter, paper in SOURCES.items():
+        assert f"[{letter}] {paper}" in shown
+    assert "[S0] Autonomous initial orientation without integration" in shown
+    assert "[S0]" not in run("list", "imus").out
 
 
 # --- run
@@ -378,11 +387,11 @@ def test_interrupted(run, short, monkeypatch, tmp_path):
         (("--rate", 10001), "rate = 10001 Hz: must be 1 to 10000"),
         (("--rate", -5), "rate = -5 Hz: must be 1 to 10000"),
         (("--seed", -1), "seed = -1: must be 0 or more"),
-        (("--latitude", 95), "--latitude 95: must be -90 to 90 deg"),
-        (("--latitude", "nan"), "--latitude nan: must be -90 to 90 deg"),
-        (("--latitude", "-inf"), "--latitude -inf: must be -90 to 90 deg"),
-        (("--height", "inf"), "--height inf: must be -1000 to 10000 m"),
-        (("--height", 20000), "--height 20000: must be -1000 to 10000 m"),
+        (("--latitude", 95), "latitude = 95 deg: must be -90 to 90"),
+        (("--latitude", "nan"), "latitude = nan deg: must be -90 to 90"),
+        (("--latitude", "-inf"), "latitude = -inf deg: must be -90 to 90"),
+        (("--height", "inf"), "height = inf m: must be -1000 to 10000"),
+        (("--height", 20000), "height = 20000 m: must be -1000 to 10000"),
         (
             ("--latitude", 90),
             "latitude 90.0000 deg: heading is undefined within 0.06 deg of a pole",
@@ -553,8 +562,8 @@ def test_align_with_another_latitude(run, recorded):
     ("options", "line"),
     [
         (("--method", "traid"), "unknown method 'traid': did you mean triad? known: "),
-        (("--latitude", 95), "--latitude 95: must be -90 to 90 deg"),
-        (("--latitude", "nan"), "--latitude nan: must be -90 to 90 deg"),
+        (("--latitude", 95), "latitude = 95 deg: must be -90 to 90"),
+        (("--latitude", "nan"), "latitude = nan deg: must be -90 to 90"),
         (
             ("--from", 50),
             "{}: from 50.000 to 26.000 s: must be a stretch within the recording's 0.000",
@@ -749,4 +758,4 @@ def test_the_console_script_is_the_same_command(tmp_path):
     script = Path(sys.executable).with_name("stand")
     done = subprocess.run([script, "--version"], cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, f"stand {stand.__version__}\n")
-    assert cli.main.__doc__
+    assert main.__doc__

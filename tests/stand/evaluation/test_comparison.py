@@ -33,12 +33,12 @@ from stand.evaluation.published import double_figures, published_figures, sway_f
 from stand.evaluation.statistics import Found, Outcome, nees_bounds, rms_interval, tally, worth
 from stand.imu import ImuSpec, load_imu
 from stand.imu.model import TERMS
-from stand.imu.priors import priors_of
 from stand.motion.polynomial import MotionKind
-from stand.procedure.procedure import load_procedure, table_of
+from stand.procedure.procedure import load_procedure
 from stand.report.compare import PNG, picture, published_text, table, write_picture
 from stand.simulation.monte_carlo import Trials, spans, watch
-from stand.simulation.settings import Settings
+from stand.simulation.parallel import RunFailed
+from stand.simulation.settings import assembled
 from stand.simulation.simulation import Simulation
 
 DEG = pi / 180
@@ -92,11 +92,8 @@ def procedure_of(tmp_path, text):
 
 
 def settings_of(procedure, imu: str | ImuSpec = "ring-laser", **changes):
-    unit, chosen = load_imu(imu) if isinstance(imu, str) else imu, table_of(procedure)
-    priors = priors_of(unit, None if changes.get("true_table") else chosen)
-    options = replace(procedure.entry.estimate.options(), priors=priors)
-    base = Settings(procedure, unit, chosen, procedure.entry.site.site(), options, 20)
-    return replace(base, **changes)
+    unit = load_imu(imu) if isinstance(imu, str) else imu
+    return assembled(procedure, unit, rate_hz=20, **changes)
 
 
 @pytest.fixture
@@ -153,11 +150,11 @@ def test_table_for_people_and_picture(stand_command, tmp_path, monkeypatch):
     [
         ((), "name a procedure"),
         (("two-position", "--methods", "triat"), "did you mean triad"),
-        (("two-position", "--runs", 0), "--runs 0: must be 1 or more"),
+        (("two-position", "--runs", 0), "runs = 0: must be 1 or more"),
         (("two-positoin",), "two-position"),
         (("two-position", "--without", "noise"), "unknown error term"),
         (("two-position", "--rate", 0), "rate = 0 Hz"),
-        (("two-position", "--latitude", 91), "--latitude 91"),
+        (("two-position", "--latitude", 91), "latitude = 91 deg: must be -90 to 90"),
     ],
 )
 def test_refusals_are_one_line(stand_command, arguments, told):
@@ -195,10 +192,10 @@ def same_but_time(comparison):
 def test_numbers_do_not_depend_on_the_processes(half_turn):
     made = replace(half_turn, seed=5)
     methods = ("triad", "two-position", "rk4")
-    one, two, again = (compare(made, 6, methods, workers=k) for k in (1, 2, 1))
+    one, two, again = (compare(replace(made, methods=methods), 6, workers=k) for k in (1, 2, 1))
     assert repr(same_but_time(one)) == repr(same_but_time(two))
     assert repr(same_but_time(one)) == repr(same_but_time(again))  # the truth kept changes nothing
-    other = compare(replace(made, seed=6), 6, methods, workers=1)
+    other = compare(replace(made, seed=6, methods=methods), 6, workers=1)
     assert other.tallies[0].rms_heading != one.tallies[0].rms_heading
 
 
@@ -277,8 +274,8 @@ def test_a_fault_in_a_run_names_its_seed(half_turn, monkeypatch):
         raise ZeroDivisionError("no such luck")
 
     monkeypatch.setitem(ESTIMATORS, "triad", replace(ESTIMATORS["triad"], estimate=broken))
-    with pytest.raises(StandError, match="run with seed 7 failed: ZeroDivisionError: no such luck"):
-        compare(replace(half_turn, seed=7), 2, ["triad"], workers=1)
+    with pytest.raises(RunFailed, match="run with seed 7: ZeroDivisionError: no such luck"):
+        compare(replace(half_turn, seed=7, methods=("triad",)), 2, workers=1)
 
 
 def test_a_picture_that_cannot_be_written_costs_no_table(stand_command, tmp_path):
@@ -303,7 +300,7 @@ def test_a_refusal_is_counted_and_told(half_turn, monkeypatch):
 
     monkeypatch.setitem(ESTIMATORS, "triad", replace(ESTIMATORS["triad"], estimate=moody))
     told = []
-    found = compare(half_turn, 3, ["triad"], told.append, workers=1)
+    found = compare(replace(half_turn, methods=("triad",)), 3, told.append, workers=1)
     (row,) = found.tallies
     assert (row.runs, row.refused, row.estimates, row.reason) == (3, 1, 4, "not today")
     assert told == pytest.approx([1 / 3, 2 / 3, 1])
@@ -459,7 +456,7 @@ def test_time_that_was_used():
 
 def test_noise_that_is_off_leaves_no_floor(half_turn):
     made = replace(half_turn, without=("white-noise",))
-    (row,) = to_json(compare(made, 1, ["triad"]))["methods"]
+    (row,) = to_json(compare(replace(made, methods=("triad",)), 1))["methods"]
     assert row["floor_heading_deg"] == 0
     assert row["ratio"] is None
 
@@ -513,7 +510,7 @@ def test_attitude_between_samples(half_turn):
 
 
 def test_picture_of_nothing_and_of_many(half_turn, tmp_path):
-    found = compare(half_turn, 1, ["triad"])
+    found = compare(replace(half_turn, methods=("triad",)), 1)
     assert picture(found, []).startswith(b"\x89PNG")
     own = histories(half_turn, ["triad", "two-position"])
     path = write_picture(found, own, tmp_path / "new")
@@ -585,7 +582,9 @@ base_pitch = { amplitude_deg = 1.5, frequency_hz = 0.13 }
 def test_rocking_the_robust_methods_hold_and_the_analytic_one_says_no(tmp_path):
     runs = 20
     made = settings_of(procedure_of(tmp_path, ROCKED), true_table=True, seed=1000)
-    triad, inertial, fine = compare(made, runs, ("triad", "inertial", "fine")).tallies
+    triad, inertial, fine = compare(
+        replace(made, methods=("triad", "inertial", "fine")), runs
+    ).tallies
     assert triad.refused == runs
     assert "not at rest" in triad.reason
     for t in (inertial, fine):
@@ -618,7 +617,7 @@ def test_white_noise_reaches_the_floor(procedure, methods):
     settings = replace(
         settings_of(made, true_table=True), options=options, rate_hz=2, without=WHITE
     )
-    for t in compare(settings, 2000, methods).tallies:
+    for t in compare(replace(settings, methods=methods), 2000).tallies:
         print(f"{t.method}: {t.ratio:.3f} ({t.ratio_low:.3f} to {t.ratio_high:.3f})")
         assert t.floor_heading < 8 * DEG
         assert t.refused == 0

@@ -2,7 +2,6 @@
 
 import csv
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from alignment import Site
 from alignment.quaternions import prefix_product
 from stand.imu import load_imu
-from stand.imu.priors import priors_of
 from stand.motion.polynomial import MotionKind, fitted
 from stand.physics.mjcf import load_model
 from stand.physics.servo import Servo
@@ -23,7 +21,7 @@ from stand.procedure.procedure import procedure_from
 from stand.recorded_run import run
 from stand.recording.log import load_log
 from stand.recording.mcap import read_metadata, read_truth
-from stand.simulation.settings import Settings
+from stand.simulation.settings import assembled
 from stand.simulation.simulation import Simulation
 from stand.table.table import load_table
 from stand.toml_files import Source
@@ -57,12 +55,8 @@ duration_s = 5
 
 def made(text: str, table: str | None = None, imu: str = "ideal", rate_hz: int = 50, **changes):
     procedure = procedure_from(Source("p", "p.toml", text))
-    entry = procedure.entry
-    chosen = load_table(table or entry.table)
-    site, options = entry.site.site(), entry.estimate.options()
-    return replace(
-        Settings(procedure, load_imu(imu), chosen, site, options, rate_hz, seed=3), **changes
-    )
+    chosen = load_table(table) if table else None
+    return assembled(procedure, load_imu(imu), chosen, rate_hz=rate_hz, **{"seed": 3} | changes)
 
 
 def recorded(settings, out):
@@ -290,10 +284,7 @@ axes = { base_roll = { rms_deg = 2, frequency_hz = 0.2 } }
 
 
 def test_a_filters_innovations_are_recorded_and_its_errors_are_those_of_the_time(tmp_path):
-    settings = made(SWAYING, imu="ring-laser")
-    priors = priors_of(settings.imu, settings.table, rocking=True)
-    options = replace(settings.options, priors=priors)
-    result = recorded(replace(settings, options=options), tmp_path / "run")
+    result = recorded(made(SWAYING, imu="ring-laser"), tmp_path / "run")
     with open(result.out / "run.mcap", "rb") as file:
         attached = {a.name: a.data for a in make_reader(file).iter_attachments()}
     rows = list(csv.DictReader(attached["innovations.csv"].decode().splitlines()))

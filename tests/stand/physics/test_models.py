@@ -1,19 +1,17 @@
 """The stand's MJCF: signs and lever arm by hand, clearances, masses, and its plain description."""
 
 import hashlib
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import stand
 from stand.errors import StandError
 from stand.physics import mjcf
 from stand.table.joints import JOINTS, StandModel
 
-MODELS = Path(stand.__file__).parent / "models"
+MODELS = mjcf.models_folder()
 S, C = 0.17364817766693033, 0.984807753012208  # sin and cos of 10 deg
 ABOUT_UP = [[-S, 0, C], [C, 0, S], [0, 1, 0]]  # X1 north goes west
 ABOUT_EAST = [[0, 0, 1], [C, -S, 0], [S, C, 0]]  # X1 north goes up

@@ -38,8 +38,13 @@ def one_axis() -> mujoco.MjModel:
         for name, axis, weight in zip(JOINTS, _AXES, [heavy, *[_REST] * 5], strict=True)
     )
     option = '<option gravity="0 0 -9.80665"/>'
+    motors = "".join(
+        f'<dcmotor name="{name}" joint="{name}" motorconst="1 1" resistance="1" input="pos"/>'
+        for name in JOINTS
+    )
     return mujoco.MjModel.from_xml_string(
-        f"<mujoco>{option}<worldbody>{opened}{'</body>' * 6}</worldbody></mujoco>"
+        f"<mujoco>{option}<worldbody>{opened}{'</body>' * 6}</worldbody>"
+        f"<actuator>{motors}</actuator></mujoco>"
     )
 
 

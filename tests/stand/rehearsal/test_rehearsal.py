@@ -12,11 +12,12 @@ from stand.errors import StandError
 from stand.imu import imu_from, load_imu
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.advice import with_advice
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.requirement import judge
 from stand.rehearsal.result import Contribution, Prediction, Severity, Verdict
 from stand.rehearsal.result_json import rehearsal_json
 from stand.rehearsal.wording import toml_of
+from stand.simulation.settings import assembled
 
 HEAD = """
 title = "A case"
@@ -46,7 +47,7 @@ def required(name, lines):
 def asked(procedure, imu="stim300", site=None):
     unit = load_imu(imu) if isinstance(imu, str) else imu
     site = site or procedure.entry.site.site()
-    return request(procedure, unit, table_of(procedure), site)
+    return assembled(procedure, unit, table_of(procedure), site)
 
 
 def kinds(result, severity=None):

@@ -23,10 +23,10 @@ from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.accuracy import predict
 from stand.rehearsal.instrument import Rounding, leanings, roundings_of
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.rocking import turned_by_heading
-from stand.rehearsal.scene import Scene
 from stand.rehearsal.verify import with_verification
+from stand.simulation.settings import assembled
 from stand.table.joints import JOINTS
 from stand.table.table import load_table
 from stand.table.table_errors import TableErrors
@@ -86,7 +86,7 @@ def test_table_errors_turn_the_instrument_as_the_stand_does():
 def predictions(name, unit, table=None):
     procedure = load_procedure(name)
     chosen = load_table(table) if table else table_of(procedure)
-    asked = request(procedure, unit, chosen, procedure.entry.site.site())
+    asked = assembled(procedure, unit, chosen, procedure.entry.site.site())
     return asked, {
         (p.method, p.label, p.quantity): p for p in rehearse(asked).predictions if p.determined
     }
@@ -235,14 +235,15 @@ def in_every_way():
 
 def scene_of(procedure, unit, table):
     """What `rehearse` predicts from."""
-    asked = request(procedure, unit, table, procedure.entry.site.site())
-    planned, truth = plan(procedure, STAND, table, 0), Truth(MODEL, asked.site, unit.places)
     warming = Temperature(np.array([0.0, 600.0]), np.array([20.0, 40.0]))
-    scene = Scene(
-        planned, STAND, table, unit, asked.site, asked.options, 200, lambda: truth, warming
-    )
+    scene = replace(prepared(assembled(procedure, unit, table)), temperature=warming)
     methods = procedure.entry.estimate.methods
     return scene, methods, predict(scene, methods)[0]
+
+
+def switched_off(scene, terms):
+    """The scene with another unit, the estimators told of the whole one."""
+    return replace(scene, settings=replace(scene.settings, imu=without(scene.imu, terms)))
 
 
 def change_as_rows_say(changed, rows):
@@ -271,9 +272,9 @@ def test_a_source_of_the_unit_switched_off_takes_its_row_away(term):
     whole = [scene for scene, *_ in in_every_way()]
     if term == "white-noise":  # it is what makes noise of rounding: here there is none to make
         rows |= {f"{sensor} rounding" for sensor in SENSORS}
-        less = [replace(a, imu=without(a.imu, ["quantisation", term])) for a in whole]
+        less = [switched_off(a, ["quantisation", term]) for a in whole]
     else:
-        less = [replace(a, imu=without(a.imu, [term])) for a in whole]
+        less = [switched_off(a, [term]) for a in whole]
     change_as_rows_say(less, rows)
 
 
@@ -284,7 +285,7 @@ def test_a_source_of_the_table_switched_off_takes_its_row_away(key, tmp_path):
         path = tmp_path / f"{number}.toml"
         text = re.sub(rf"(?m)^{key} = .*$", f"{key} = 0.0", scene.table.text)
         path.write_text(text, encoding="utf-8")
-        less.append(replace(scene, table=load_table(str(path))))
+        less.append(replace(scene, settings=replace(scene.settings, table=load_table(str(path)))))
     change_as_rows_say(less, {OF_TABLE[key]})
 
 
@@ -357,7 +358,7 @@ def test_what_rounding_leaves_is_in_the_bias_that_is_told():
     unit = without(load_imu("icm42688p"), ["bandwidth"])
     step, walk = 0.06098 * 3600, 0.0028 * 3600  # deg/h, deg/h per root hertz: the data sheet
     for rate in (50, 100):
-        asked = request(procedure, unit, table_of(procedure), procedure.entry.site.site(), rate)
+        asked = assembled(procedure, unit, table_of(procedure), procedure.entry.site.site(), rate)
         found = {(p.method, p.quantity): p for p in rehearse(asked).predictions}
         left = step / (np.sqrt(2) * np.pi) * np.exp(-2 * (np.pi * walk * np.sqrt(rate) / step) ** 2)
         rows = parts(found["two-position", "gyro bias Z1"])
@@ -392,7 +393,7 @@ def test_a_low_pass_takes_noise_that_would_blur():
 def test_a_method_that_would_refuse_most_units_has_no_number():
     """Biases of 60 mg and axes leaning by 20 mrad; tilts beyond 5 deg are taken for a mistake."""
     procedure, unit = load_procedure("six-position"), load_imu("mpu9250")
-    asked = request(procedure, unit, table_of(procedure), procedure.entry.site.site())
+    asked = assembled(procedure, unit, table_of(procedure), procedure.entry.site.site())
     by_method = {p.method: p for p in rehearse(asked).predictions if p.method != "triad"}
     rng, n = np.random.default_rng(1), 4000
     bias = rng.normal(0, 60e-3 * STANDARD_GRAVITY / 9.8093587, (n, 3))
@@ -414,7 +415,7 @@ def test_noise_that_would_be_taken_for_motion_is_told():
     """2 deg/rt-h is 0.033 deg/s in a second: of 592 seconds each has 3 % to leave 0.1 deg/s."""
     for name, told in (("adis16405", False), ("adis16488", True)):
         procedure = load_procedure("two-position")
-        asked = request(procedure, load_imu(name), table_of(procedure), Site(LAT))
+        asked = assembled(procedure, load_imu(name), table_of(procedure), Site(LAT))
         found = rehearse(asked).predictions
         assert any("noise for motion" in p.reason for p in found) != told
         assert any(p.determined for p in found) == told
@@ -442,7 +443,7 @@ def test_gyros_that_carry_gravity_away_are_told():
     """1800 deg/h for ten minutes: the stand's runs are refused, "velocity wanders by 134 m/s"."""
     procedure = load_procedure("random-sway")
     for name in ("icm42688p", "mpu9250"):
-        asked = request(procedure, load_imu(name), table_of(procedure), Site(LAT))
+        asked = assembled(procedure, load_imu(name), table_of(procedure), Site(LAT))
         found = rehearse(asked).predictions
         assert [(p.method, p.determined) for p in found] == [("inertial", False), ("fine", False)]
         assert all("as if the instrument travelled" in p.reason for p in found)
@@ -509,7 +510,9 @@ def test_warmth_by_hand():
     procedure = load_procedure("six-position")
     text = procedure.text + WARMING
     procedure = procedure_from(catalogue.Source("warm", "warm.toml", text))
-    warm = request(procedure, replace(unit, gyro=gyro, accel=accel), table_of(procedure), Site(LAT))
+    warm = assembled(
+        procedure, replace(unit, gyro=gyro, accel=accel), table_of(procedure), Site(LAT)
+    )
     found = {(p.method, p.label, p.quantity): parts(p) for p in rehearse(warm).predictions}
     own = found["six-position", "Y1 up", "heading"]
     horizontal = EARTH_RATE * np.cos(LAT)
@@ -541,7 +544,7 @@ def test_warmth_as_in_the_runs(name, per_kelvin):
     text = load_procedure(name).text
     text = re.sub("duration_s = 600|turns = 3", lambda m: m[0].replace("600", "150"), text)
     procedure = procedure_from(catalogue.Source("warm", "warm.toml", text + WARMING))
-    asked = request(procedure, unit, table_of(procedure), Site(LAT), 20)
+    asked = assembled(procedure, unit, table_of(procedure), Site(LAT), 20)
     result = with_verification(rehearse(asked), asked, 40, workers=1)
     assert result.verification is not None
     shares = {

@@ -11,7 +11,8 @@ from stand.physics.following import Span
 from stand.physics.mjcf import describe, load_model
 from stand.physics.servo import Servo
 from stand.procedure.procedure import procedure_from, table_of
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
+from stand.simulation.settings import assembled
 
 MODEL = load_model()
 STAND = describe(MODEL)
@@ -30,7 +31,7 @@ def test_settling_is_foretold_as_a_servo_does_it(name, long, short):
         catalogue.Source(source.id, source.name, re.sub(long, short, source.text))
     )
     table = table_of(procedure)
-    foretold = rehearse(request(procedure, load_imu("stim300"), table, procedure.entry.site.site()))
+    foretold = rehearse(assembled(procedure, load_imu("stim300"), table))
     planned = plan(procedure, STAND, table)
     last = planned.steps[-1]
     servo = Servo(MODEL, table, planned.motion, spans=[Span(last.t_from, last.t_to, True)])

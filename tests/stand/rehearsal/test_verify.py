@@ -23,14 +23,14 @@ from stand.errors import StandError
 from stand.evaluation.score import Truths
 from stand.imu import ImuSpec, load_imu, without
 from stand.procedure.procedure import load_procedure, table_of
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.result_json import rehearsal_json
 from stand.rehearsal.verification import Achieved, Verification
 from stand.rehearsal.verify import Found, Sums, errors_of, with_verification
 from stand.report.rehearsal_tables import tables
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.parallel import campaign
-from stand.simulation.settings import Settings
+from stand.simulation.parallel import RunFailed, campaign
+from stand.simulation.settings import assembled
 
 DEG = pi / 180
 HALF_TURN = ONE_METHOD.replace('["triad"]', '["triad", "two-position"]')
@@ -50,7 +50,7 @@ def half_turn(tmp_path):
 def asked_of(path, imu: str | ImuSpec = "ring-laser", **changes):
     procedure = load_procedure(str(path))
     unit = load_imu(imu) if isinstance(imu, str) else imu
-    asked = request(procedure, unit, table_of(procedure), procedure.entry.site.site(), 20)
+    asked = assembled(procedure, unit, table_of(procedure), procedure.entry.site.site(), 20)
     return replace(asked, **changes)
 
 
@@ -142,10 +142,7 @@ def test_true_biases_are_those_of_the_run(half_turn):
     unit = load_imu("ring-laser")
     unit = without(unit, [t for t in terms_of(unit) if t != "turn-on-bias"])
     asked = asked_of(half_turn, unit)
-    settings = Settings(
-        asked.procedure, unit, asked.table, asked.site, asked.options, 20, true_table=True
-    )
-    trials = Trials(settings)
+    trials = Trials(replace(asked, true_table=True))
     dwells, _ = trials.readings(7)
     rates = dwells[0].readings.w_ib_b.mean(axis=0)
     # Y1 up, X1 to the north, Z1 to the east at 48.5 deg: 9.96651 and 11.26509 deg/h
@@ -328,7 +325,7 @@ def test_a_fault_in_a_run_is_told_with_its_seed():
 
     made = campaign(lambda: broken, range(5), 1)
     assert [next(made) for _ in range(3)] == [0, 1, 2]
-    with pytest.raises(StandError, match="run with seed 3 failed: ValueError: no such thing"):
+    with pytest.raises(RunFailed, match="run with seed 3: ValueError: no such thing"):
         next(made)
 
 
@@ -358,7 +355,7 @@ def test_the_command_tells_both(stand_command, half_turn, tmp_path):
 
 def test_no_runs_is_bad_input(stand_command, half_turn):
     outcome = stand_command("rehearse", half_turn, "--verify", 0)
-    assert (outcome.code, outcome.err) == (2, "stand: --verify 0: must be 1 or more\n")
+    assert (outcome.code, outcome.err) == (2, "stand: verify = 0: must be 1 or more\n")
 
 
 def test_a_report_that_is_there_is_refused_before_the_runs(stand_command, half_turn, tmp_path):

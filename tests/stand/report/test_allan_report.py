@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from alignment.allan import Found, Missing
-from alignment.errors import NotAtRest, TooShort
+from alignment.errors import NotAtRest, Saturated, TooShort
 from stand.errors import StandError
 from stand.evaluation.allan import UNITS, AllanReport, analyse, sheet_of, to_json
 from stand.imu import load_imu
@@ -116,7 +116,8 @@ def test_gaps_are_told(tmp_path):
     # Times count from the first sample of a log that is not ours.
     assert gap["at_s"] == pytest.approx(22.0)
     assert gap["missing_s"] == pytest.approx(2.0)
-    assert report.notes[:2] == (
+    assert report.notes[0].startswith("mean rate ")
+    assert report.notes[1:3] == (
         "gaps: 2 s before 22 s",
         "used: the longest stretch without interruption, 22 to 61.99 s",
     )
@@ -127,17 +128,105 @@ def test_a_stretch(tmp_path):
     assert analyse(path, t_from=10, t_to=30).analysis.duration == pytest.approx(20, abs=0.02)
 
 
-def test_the_longest_dwell_of_a_run_of_ours(tmp_path):
+def schedule(steps):
+    """The record of a recording of ours; every step has a nominal attitude there."""
+    return {"json": json.dumps([step | {"C_nb_xyzw": [0.0, 0.0, 0.0, 1.0]} for step in steps])}
+
+
+def test_all_rests_of_a_run_of_ours_are_used_together(tmp_path):
     steps = [
         {"kind": "dwell", "label": "A", "t_from_s": 0.0, "t_to_s": 20.0},
         {"kind": "move", "label": "B", "t_from_s": 20.0, "t_to_s": 25.0},
         {"kind": "dwell", "label": "C", "t_from_s": 25.0, "t_to_s": 60.0},
     ]
     epoch = 1_767_225_600 * 10**9
-    metadata = {"schedule": {"json": json.dumps(steps)}, "run": {"epoch_ns": str(epoch)}}
+    metadata = {"schedule": schedule(steps), "run": {"epoch_ns": str(epoch)}}
     report = analyse(log(tmp_path / "run.mcap", metadata=metadata))
-    assert report.notes == ("longest dwell: C, 25 to 60 s",)
-    assert report.analysis.duration == pytest.approx(35, abs=0.02)
+    assert report.notes[0] == "used 2 rests together: A (20 s), C (35 s)"
+    assert report.analysis.duration == pytest.approx(55, abs=0.02)
+    rests = to_json(report)["rests"]
+    ends = [r[key] for r in rests for key in ("from_s", "to_s")]
+    assert ends == pytest.approx([0.01, 20.0, 25.01, 60.0], abs=1e-9)
+
+
+def test_a_rest_that_moved_is_left_out_and_named(tmp_path):
+    """Turned at half time: of three rests the last two are one attitude each."""
+    steps = [
+        {"kind": "dwell", "label": "A", "t_from_s": 0.0, "t_to_s": 20.0},
+        {"kind": "dwell", "label": "B", "t_from_s": 20.0, "t_to_s": 50.0},
+        {"kind": "dwell", "label": "C", "t_from_s": 50.0, "t_to_s": 60.0},
+    ]
+    metadata = {
+        "schedule": schedule(steps),
+        "run": {"epoch_ns": str(1_767_225_600 * 10**9)},
+        "settled": {"C": "52.5"},
+    }
+    report = analyse(log(tmp_path / "run.mcap", metadata=metadata, moved=True))
+    assert report.notes[:2] == (
+        "used 2 rests together: A (20 s), C (7.5 s)",
+        "left out, not at rest: B",
+    )
+    with pytest.raises(NotAtRest, match=r"--from 31\.1 --to 59\.9 is one"):
+        analyse(log(tmp_path / "one.mcap", moved=True))
+
+
+def test_mean_rate_and_force_stand_beside_the_terms(tmp_path):
+    """Level at 48.5 deg with X1 north; and the same gyros in deg/s taken for rad/s."""
+    n = 1000
+    rng = np.random.default_rng(2)
+    t_ns = (np.arange(n) + 1) * 10**7
+    deg_h = pi / 180 / 3600
+    w = np.array([9.96651, 11.26509, 0.0]) * deg_h + 1e-7 * rng.standard_normal((n, 3))
+    f = [0.0, 9.8093587, 0.0] + 1e-4 * rng.standard_normal((n, 3))
+    write_imu_log(tmp_path / "a.mcap", t_ns=t_ns, w_ib_b=w, f_b=f, metadata={})
+    report = analyse(tmp_path / "a.mcap")
+    # sqrt(9.96651^2 + 11.26509^2); noise 1e-7/sqrt(1000) rad/s is 0.0007 deg/h
+    said = "mean rate 15.04 deg/h (Earth: 15.04), mean specific force 9.80936 m/s^2"
+    assert report.notes == (said,)
+    assert said in tables(report)[1].notes
+    (rest,) = to_json(report)["rests"]
+    assert rest["mean_rate_deg_h"] == pytest.approx([9.96651, 11.26509, 0.0], abs=0.003)
+    assert rest["mean_force_m_s2"] == pytest.approx([0.0, 9.8093587, 0.0], abs=2e-5)
+    slipped = np.degrees(w)
+    write_imu_log(tmp_path / "b.mcap", t_ns=t_ns, w_ib_b=slipped, f_b=f / 9.8093587, metadata={})
+    (note, *_) = analyse(tmp_path / "b.mcap").notes
+    assert "mean rate 861.8 deg/h" in note
+    assert note.endswith("57.3 times Earth's: deg/s for rad/s?, specific force 1: g for m/s^2?")
+
+
+def test_below_resolution_is_said_in_every_cell(tmp_path):
+    """Noise of 0.01 deg/s in steps of 0.0625: 0.06 deg/rt-h at 100 Hz, which nobody can tell."""
+    rng, n = np.random.default_rng(11), 6000
+    rate = np.array([0.31, -0.52, 0.12]) + 0.01 * rng.standard_normal((n, 3))
+    w = np.radians(0.0625 * np.rint(rate / 0.0625))
+    f = [0.5, -0.3, 9.82] + 0.02 * rng.standard_normal((n, 3))
+    t_ns = (np.arange(n) + 1) * 10**7
+    write_imu_log(tmp_path / "a.mcap", t_ns=t_ns, w_ib_b=w, f_b=f, metadata={})
+    report = analyse(tmp_path / "a.mcap", imu="stim300")
+    row = tables(report)[0].rows[0]
+    # half a step a sample: 0.03125 deg/s sqrt(0.01 s) x 60
+    assert row[1:4] == ("< 0.19, below resolution",) * 3
+    assert row[-1] == "below resolution"
+    assert any(
+        "gyro x: below resolution: its noise is lost in steps of 0.0625" in note
+        for note in report.notes
+    )
+    noise = [e for e in to_json(report)["not_identifiable"] if e["term"] == "N"]
+    assert [e["below_resolution"] for e in noise] == [True] * 3
+    assert all(e["upper"] > 0.060 for e in noise)
+    assert {t["sensor"] for t in to_json(report)["terms"]} == {"accel"}
+    assert len(write_pictures(report, tmp_path)) == 2
+
+
+def test_full_scale_of_the_data_sheet_is_refused(tmp_path):
+    rng, n = np.random.default_rng(12), 2000
+    w = 1e-4 * rng.standard_normal((n, 3))
+    f = np.clip([0.0, 98.2, 0.0] + 0.5 * rng.standard_normal((n, 3)), None, 10 * 9.80665)
+    t_ns = (np.arange(n) + 1) * 10**7
+    write_imu_log(tmp_path / "a.mcap", t_ns=t_ns, w_ib_b=w, f_b=f, metadata={})
+    # 0.1335 below the mean, of a sigma of 0.5: 60.5 % of a Gaussian lie beyond, +- 1 %
+    with pytest.raises(Saturated, match="Y1 accelerometer at full scale in 6"):
+        analyse(tmp_path / "a.mcap", imu="stim300")
 
 
 # Tables ------------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from pages import checked
 from rehearsed import DEG, PROCEDURE, achieved, answer, infeasible, runs, verified
 
 from stand.errors import StandError
+from stand.folder import refuse_files
 from stand.physics.picture import NoDriver, pictures, png
 from stand.rehearsal.result import Duration, Finding, Rehearsal, Severity, Verdict
 from stand.rehearsal.verification import Verification
@@ -28,7 +29,7 @@ from stand.report.figures import (
     timeline,
 )
 from stand.report.gallery import MOST, Position, angles_text, gallery
-from stand.report.page import _numeric, refuse_existing, span_text
+from stand.report.page import _numeric, span_text
 from stand.report.rehearsal import JSON, JUNIT, PAGE, page, write_report
 from stand.report.run_page import write_run_page
 from stand.report.tables import TableData
@@ -42,7 +43,7 @@ def quick_pictures(monkeypatch):
     """Pictures without a driver: 4 by 4 pixels for each row of joint angles."""
     drawn = []
 
-    def fake(joints, camera, width, height):
+    def fake(joints, camera, width, height, model=None):
         drawn.append(np.asarray(joints))
         return [np.full((4, 4, 3), k, np.uint8) for k in range(len(joints))]
 
@@ -454,7 +455,7 @@ def test_angles_for_a_person():
 def test_a_link_counts_as_there(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     with pytest.raises(StandError, match="exists"):
-        refuse_existing([tmp_path / "link"], "--out")
+        refuse_files([tmp_path / "link"])
 
 
 # A recorded run ----------------------------------------------------------------------------------

@@ -15,7 +15,6 @@ from stand.evaluation.run_result import RunResult
 from stand.evaluation.score import Refusal, Score, Truths, score
 from stand.imu import load_imu
 from stand.procedure.procedure import load_procedure
-from stand.recorded_run import Settings
 from stand.report.console import WIDTH, console, render, show
 from stand.report.document import (
     angle,
@@ -29,6 +28,7 @@ from stand.report.document import (
 )
 from stand.report.listing import listing
 from stand.report.tables import TableData
+from stand.simulation.settings import assembled
 from stand.simulation.step_record import StepRecord, record_to_json
 from stand.table.table import load_table
 
@@ -308,10 +308,7 @@ def result(tmp_path, text: str = "", records: tuple[StepRecord, ...] = ()) -> Ru
     procedure, imu = load_procedure("six-position"), load_imu("stim300")
     if text:
         procedure = replace(procedure, text=text)
-    entry = procedure.entry
-    settings = Settings(
-        procedure, imu, load_table("laboratory"), entry.site.site(), entry.estimate.options()
-    )
+    settings = assembled(procedure, imu, load_table("laboratory"))
     plan = type("Plan", (), {"motion": type("Motion", (), {"duration": 384.0})})
     scores = (scored("A", 1.0), scored("B", 3.0))
     return RunResult(tmp_path, settings, plan, 76800, (0,) * 6, records, scores, (), ())

@@ -11,10 +11,9 @@ from alignment import ESTIMATORS
 from alignment.errors import AlignmentError, NotAtRest
 from stand.evaluation.score import suited
 from stand.imu import Imu, load_imu
-from stand.imu.priors import priors_of
-from stand.procedure.procedure import load_procedure, table_of
+from stand.procedure.procedure import load_procedure
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.settings import Settings
+from stand.simulation.settings import assembled, site_with
 from stand.toml_files import find
 
 W = 7.292115e-5  # rad/s
@@ -27,14 +26,8 @@ def settings(procedure, imu, rate=20, latitude=None, **more):
     """A run as `stand run` makes it, at a low rate; `procedure` is an id or a file."""
     loaded = load_procedure(procedure)
     unit = load_imu(imu) if isinstance(imu, str) else imu
-    table = table_of(loaded)
-    site = loaded.entry.site.site()
-    if latitude is not None:
-        site = replace(site, latitude=radians(latitude))
-    options = replace(
-        loaded.entry.estimate.options(), priors=priors_of(unit, table, loaded.entry.rocks)
-    )
-    return Settings(loaded, unit, table, site, options, rate, **more)
+    site = site_with(loaded.entry.site.site(), latitude, None)
+    return assembled(loaded, unit, site=site, rate_hz=rate, **more)
 
 
 def changed(tmp_path, procedure, *changes):

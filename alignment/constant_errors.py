@@ -1,0 +1,147 @@
+"""Constant errors of a triad: how each shows in the readings, and what they do in one attitude.
+
+Reported, to first order in every error: ``(1 + s)(1 + M + N) x + a |x| + q x^2 + c x^3 + G f +
+G2 f^2 + b``, x the true rate or specific force, f the specific force. M, N and G are matrices: in
+one attitude what they add looks like a bias, in the next it is another one.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from alignment.arrays import Array
+from alignment.cross import cross_matrix
+from alignment.earth import EARTH_RATE
+from alignment.options import Priors
+
+# what is told of each sensor beside its bias: fields of `Priors` and of `information.Triad`
+ERRORS_OF = {
+    "gyro": (
+        "scale",
+        "asymmetry",
+        "misalignment",
+        "non_orthogonality",
+        "g_sensitivity",
+        "g2_sensitivity",
+    ),
+    "accel": (
+        "scale",
+        "asymmetry",
+        "quadratic",
+        "cubic",
+        "misalignment",
+        "non_orthogonality",
+    ),
+}
+
+
+# --- how each error shows ------------------------------------------------------------------------
+
+
+def _diagonal(x: Array) -> Array:
+    return x[..., None] * np.eye(3)
+
+
+def _leaning(x: Array) -> Array:
+    """By angles Y-Z, Z-X, X-Y: half of each to both axes of the pair."""
+    X, Y, Z = np.moveaxis(x, -1, 0)
+    zero = np.zeros_like(X)
+    rows = [[zero, Z, Y], [Z, zero, X], [Y, X, zero]]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1)) / 2
+
+
+def _by_force(f: Array) -> Array:
+    """(..., 3, 9): each sensor's three coefficients by the components of `f`."""
+    return np.asarray(np.eye(3)[:, :, None] * f[..., None, None, :]).reshape(*f.shape[:-1], 3, 9)
+
+
+# field of a triad: columns (..., 3, k) of readings by the true value x and the force f
+BY_AXIS: dict[str, Callable[[Array, Array], Array]] = {
+    "bias": lambda x, f: _diagonal(np.ones_like(x)),
+    "ramp": lambda x, f: _diagonal(np.zeros_like(x)),  # by time, not by what is felt
+    "scale": lambda x, f: _diagonal(x),
+    "asymmetry": lambda x, f: _diagonal(np.abs(x)),
+    "quadratic": lambda x, f: _diagonal(x**2),
+    "cubic": lambda x, f: _diagonal(x**3),
+    "misalignment": lambda x, f: cross_matrix(x),
+    "non_orthogonality": lambda x, f: _leaning(x),
+    "g_sensitivity": lambda x, f: _by_force(f),
+    "g2_sensitivity": lambda x, f: _by_force(f**2),
+}
+
+
+def constant_columns(w_b: Array, f_b: Array, priors: Priors) -> Array:
+    """What readings (..., 6) take from constant errors but biases, per standard deviation.
+
+    Parameters
+    ----------
+    w_b, f_b : (..., 3)
+        True rates [rad/s] and specific forces [m/s^2].
+    priors : Priors
+
+    Returns
+    -------
+    (..., 6, q)
+        One column per error that `priors` state: three axes, or nine coefficients, of each term.
+    """
+    parts = [np.zeros((*w_b.shape[:-1], 6, 0))]
+    for sensor, x, at in (("gyro", w_b, 0), ("accel", f_b, 3)):
+        for name in ERRORS_OF[sensor]:
+            sigma = getattr(priors, f"{sensor}_{name}")
+            if sigma > 0:
+                own = BY_AXIS[name](x, f_b)
+                part = np.zeros((*w_b.shape[:-1], 6, own.shape[-1]))
+                part[..., at : at + 3, :] = sigma * own
+                parts.append(part)
+    return np.concatenate(parts, axis=-1)
+
+
+# --- in one attitude -----------------------------------------------------------------------------
+
+
+def constant_covariance(means: Array, priors: Priors) -> Array:
+    """Covariance (..., 6, 6) of readings in one attitude by constant errors, biases among them.
+
+    `means` (..., 6): rates [rad/s] and specific forces [m/s^2] there. A triad turned by a small
+    rotation reads ``x x m``: nothing along x, the same across it whatever the attitude.
+    """
+    A = constant_columns(means[..., :3], means[..., 3:], priors)
+    bias = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
+    return np.asarray(A @ np.swapaxes(A, -1, -2) + np.diag(bias**2))
+
+
+def in_one_attitude(priors: Priors, gravity: float) -> Priors:
+    """The priors of one who stays near one attitude and takes every constant for bias or scale.
+
+    Misaligned accelerometers feel a part of gravity across them, misaligned gyros a part of Earth
+    rate, g-sensitive gyros gravity: biases as long as the attitude stays. Asymmetry and higher
+    orders are scale errors there. Not for differences between attitudes: what is folded here
+    does not cancel in them as biases do.
+    """
+    g, p = gravity, priors
+    across = np.hypot(p.accel_misalignment, p.accel_non_orthogonality / 2) * g
+    pulled = np.hypot(p.gyro_g_sensitivity * g, p.gyro_g2_sensitivity * g**2)
+    astray = np.hypot(p.gyro_misalignment, p.gyro_non_orthogonality / 2) * EARTH_RATE
+    orders = [p.accel_scale, p.accel_asymmetry, p.accel_quadratic * g, p.accel_cubic * g**2]
+    folded = dict.fromkeys(_FOLDED, 0.0) | {
+        "gyro_bias": float(np.linalg.norm([p.gyro_bias, pulled, astray])),
+        "accel_bias": float(np.hypot(p.accel_bias, across)),
+        "gyro_scale": float(np.hypot(p.gyro_scale, p.gyro_asymmetry)),
+        "accel_scale": float(np.linalg.norm(orders)),
+    }
+    return replace(p, **folded)
+
+
+_FOLDED = (
+    "gyro_misalignment",
+    "gyro_non_orthogonality",
+    "accel_misalignment",
+    "accel_non_orthogonality",
+    "gyro_g_sensitivity",
+    "gyro_g2_sensitivity",
+    "gyro_asymmetry",
+    "accel_asymmetry",
+    "accel_quadratic",
+    "accel_cubic",
+)

@@ -1,0 +1,157 @@
+"""The one list of methods: a new estimator is a module in `alignment.methods` and an entry here.
+
+Whatever the rest of the house must know of a method stands in its entry.
+"""
+
+from alignment.method import Method, Window
+from alignment.methods.carousel import carousel
+from alignment.methods.carousel_gains import carousel_gains
+from alignment.methods.fine import fine, fine_tracks, innovations
+from alignment.methods.inertial import inertial, inertial_tracks
+from alignment.methods.integration import integration_gains, rk4, rk4_tracks
+from alignment.methods.position_gains import multi_position_gains, two_position_gains
+from alignment.methods.positions import multi_position, two_position
+from alignment.methods.rocking_gains import fine_functional, inertial_functional
+from alignment.methods.single_gyro import single_gyro, single_gyro_gains
+from alignment.methods.six_position import six_position, six_position_gains, six_position_tracks
+from alignment.methods.triad import triad, triad_gains
+from alignment.methods.two_gyro import two_gyro
+from alignment.methods.two_sample import two_sample, two_sample_tracks
+from alignment.methods.vectors.method import vector_matching
+
+ESTIMATORS = {
+    "six-position": Method(
+        title="Levelling and horizontal rates after zero-offset removal, no integration",
+        source="[S0] autonomous initial orientation, six-position test",
+        note="± of noise, the zero offset's own included, drift and placement by stated priors",
+        estimate=six_position,
+        gains=six_position_gains,
+        needs_latitude=True,
+        needs_offset=True,
+        windows={
+            "same": Window("same window", circular=True),
+            "fresh": Window("fresh window"),
+        },
+        published_deg=(0.009105, 0.006733, 0.017117),
+        tracks=six_position_tracks,
+    ),
+    "rk4": Method(
+        title="Runge-Kutta integration of offset-corrected gyros from the nominal attitude",
+        source="[S0] the rival of the six-position method",
+        note="drift at the end of the dwell; ± of the angle random walk seen and stated priors",
+        estimate=rk4,
+        gains=integration_gains,
+        needs_latitude=True,
+        needs_offset=True,
+        carries_nominal=True,
+        published_deg=(0.213968, 0.222806, 0.385168),
+        tracks=rk4_tracks,
+    ),
+    "two-sample": Method(
+        title="Coning-corrected two-sample integration of the same gyros, as rk4",
+        source="[S0] a second rival of the six-position method; Savage (1998)",
+        note="drift at the end of the dwell; ± of the angle random walk seen and stated priors",
+        estimate=two_sample,
+        gains=integration_gains,
+        needs_latitude=True,
+        needs_offset=True,
+        carries_nominal=True,
+        tracks=two_sample_tracks,
+    ),
+    "triad": Method(
+        title="Gyrocompassing from mean rate and specific force; estimates latitude too",
+        source="[S4] analytic gyrocompassing, full-vector form",
+        note="± of noise and stated priors: biases come through, b/g in tilt, b/(W cos lat) in "
+        "heading",
+        estimate=triad,
+        gains=triad_gains,
+        windows={"pair": Window("opposed pairs", attitude=False)},
+    ),
+    "single-gyro": Method(
+        title="Analytic gyrocompassing with the one gyro nearest to east or west",
+        source="[S4] analytic gyrocompassing, single-gyro form",
+        note="± of noise and stated priors; grows as 1/sin of the gyro's azimuth",
+        estimate=single_gyro,
+        gains=single_gyro_gains,
+        gyros=1,
+        azimuth_matters=True,
+    ),
+    "two-position": Method(
+        title="Double gyrocompassing: two positions a turn apart, biases cancel",
+        source="[S4] double gyrocompassing, as a least squares fit with priors",
+        note="± with placement and biases by the priors that were stated",
+        estimate=two_position,
+        gains=two_position_gains,
+        turns_cancel_bias=True,
+    ),
+    "multi-position": Method(
+        title="All positions in one least squares fit with the biases",
+        source="[S4] double gyrocompassing, to any number of positions",
+        note="± with placement and biases by the priors that were stated",
+        estimate=multi_position,
+        gains=multi_position_gains,
+        turns_cancel_bias=True,
+        fits_positions=True,
+    ),
+    "carousel": Method(
+        title="Dynamic gyrocompassing: Earth rate's harmonic over whole turns",
+        source="[S4] dynamic gyrocompassing",
+        note="± of noise and stated priors; attitude at encoder angle zero",
+        estimate=carousel,
+        takes="turning",
+        gains=carousel_gains,
+        needs_latitude=True,
+        turns_cancel_bias=True,
+    ),
+    "two-gyro": Method(
+        title="Mean azimuth on a rocking base from two horizontal gyros",
+        source="[S1] azimuth of a self-orienting system under random rocking",
+        note="± holds the sway's own angular rate, which the published bound leaves out",
+        estimate=two_gyro,
+        takes="any",
+        no_prediction="its error is what the base turns from start to end of a record, over the "
+        "horizontal Earth rate: of the sway that is drawn, not of the sensors",
+        needs_latitude=True,
+        needs_upright=True,
+        azimuth_matters=True,
+    ),
+    "inertial": Method(
+        title="Inertial-frame alignment: gravity's cone over the whole record, by SVD",
+        source="[S1] robust answer to rocking: Wahba's problem in the inertial frame",
+        note="± of noise, sway and stated priors, at the last sample",
+        estimate=inertial,
+        takes="any",
+        functional=inertial_functional,
+        needs_latitude=True,
+        tracks=inertial_tracks,
+    ),
+    "fine": Method(
+        title="Fine alignment: Kalman filter of attitude, velocity and biases",
+        source="[S1] robust answer to rocking: zero-displacement updates",
+        note="± of noise, lever arm and stated priors, at the last sample",
+        estimate=fine,
+        takes="any",
+        functional=fine_functional,
+        needs_latitude=True,
+        tracks=fine_tracks,
+        innovations=innovations,
+    ),
+    "vectors": Method(
+        title="Vector matching with satellite navigation: as printed, observing form, Kalman "
+        "filter",
+        source="[S2] correction of the orientation matrix by invariants and vector matching",
+        note="± of the fixes, the start and stated priors; without gyro scale and axes that are "
+        "off",
+        estimate=vector_matching,
+        takes="fixes",
+        no_prediction="it needs satellite fixes along a path, which no table's procedure has: see "
+        "the sigmas of a drive",
+        windows={
+            "printed": Window("as printed"),
+            "observing": Window("observing form"),
+            "kalman": Window("Kalman filter"),
+        },
+    ),
+}
+
+DEFAULT_METHOD = "triad"  # of recordings that name none: it needs neither latitude nor table

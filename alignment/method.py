@@ -1,0 +1,137 @@
+"""An estimator as all others know it: what it is for, what it needs, how its sigma is predicted."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+from alignment.earth import Site
+from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.gains import Functional, Gains
+from alignment.methods.fine import Innovations
+from alignment.options import Options
+from alignment.readings import Dwell, ImuReadings
+
+Takes = Literal["rest", "turning", "any", "fixes"]
+TAKEN: Mapping[Takes, str] = MappingProxyType(
+    {
+        "rest": "at rest",
+        "turning": "at constant rate",
+        "any": "to estimate from",
+        "fixes": "with satellite fixes",
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A variant of a method's estimates: its name in words.
+
+    `circular`: its errors are zero by construction, and say nothing of the method. `attitude`:
+    whether it gives one.
+    """
+
+    words: str
+    circular: bool = False
+    attitude: bool = True
+
+
+_PLAIN = Window("")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Method:
+    """All that lists, rehearsal, comparison and reports need to know of an estimator.
+
+    Attributes
+    ----------
+    title, source, note : str
+        What it is; the paper it is from, by its letter in `alignment.sources`; what a reader of
+        its numbers must know.
+    estimate : callable
+        From the stretches it is for, a site and options.
+    takes : str
+        Which stretches it is for: those at 'rest', those 'turning' at a constant rate, 'any' (a
+        base that rocks), or those with satellite 'fixes'.
+    gains : callable or None
+        Predicts, for rests and steady turns: an `Answer` per estimate, from the planned stretches.
+    functional : callable or None
+        Predicts, for any motion: how one stretch is answered, from what perfect sensors read.
+    no_prediction : str
+        Why it does neither, in words. Exactly one of the three is there.
+    needs_latitude, needs_offset, needs_upright : bool
+        ``site.latitude`` must be known; each dwell must hold the offset window and be at a nominal
+        attitude; Y1 must be near the vertical.
+    carries_nominal : bool
+        It carries the attitude that the table was told and finds none: no floor is under that, and
+        it counts for no requirement where another method does.
+    gyros : int
+        How many find the heading: 2 across the vertical, or the 1 nearest to east or west.
+    turns_cancel_bias : bool
+        Turning the unit between or within stretches takes constant biases out of its heading.
+    fits_positions : bool
+        It fits all positions there are, so that one more makes it surer.
+    azimuth_matters : bool
+        Its sigma depends on where on the horizon the axes point.
+    windows : mapping
+        Its variants, by `AttitudeEstimate.window`; one that is not there is plain.
+    published_deg : tuple or None
+        Deviations (n - 1) of roll, yaw, pitch over the six positions that its paper prints [deg].
+    tracks : callable or None
+        Gives the attitude over time of one dwell, for curves.
+    innovations : callable or None
+        Gives what the updates of a filter found beyond expectation.
+
+    Raises
+    ------
+    ValueError
+        It predicts in two ways, or neither predicts nor says why not.
+    """
+
+    title: str
+    source: str
+    note: str
+    estimate: Callable[[Sequence[Dwell], Site, Options], list[AttitudeEstimate]]
+    takes: Takes = "rest"
+    gains: Gains | None = None
+    functional: Callable[[ImuReadings, Site, Options], Functional] | None = None
+    no_prediction: str = ""
+    needs_latitude: bool = False
+    needs_offset: bool = False
+    needs_upright: bool = False
+    carries_nominal: bool = False
+    gyros: Literal[1, 2] = 2
+    turns_cancel_bias: bool = False
+    fits_positions: bool = False
+    azimuth_matters: bool = False
+    windows: Mapping[str, Window] = field(default_factory=dict)
+    published_deg: tuple[float, float, float] | None = None
+    tracks: Callable[[Dwell, Site, Options], list[AttitudeTrack]] | None = None
+    innovations: Callable[[Dwell, Site, Options], Innovations] | None = None
+
+    def __post_init__(self) -> None:
+        ways = (self.gains is not None, self.functional is not None, bool(self.no_prediction))
+        if sum(ways) != 1:
+            raise ValueError(
+                f"{self.title}: needs one of gains, functional, no_prediction; has {sum(ways)}"
+            )
+        object.__setattr__(self, "windows", MappingProxyType(dict(self.windows)))
+
+    def suited(self, dwell: Dwell) -> bool:
+        """Whether the method is for this stretch."""
+        if self.takes == "fixes":
+            return dwell.fixes is not None
+        return self.for_motion(turning=dwell.turn is not None)
+
+    def for_motion(self, *, turning: bool) -> bool:
+        """Whether it is for a stretch of a table that does or does not turn steadily."""
+        return self.takes == "any" or self.takes == ("turning" if turning else "rest")
+
+    @property
+    def lacking(self) -> str:
+        """What is said where no stretch is one that it is for."""
+        return f"no stretch {TAKEN[self.takes]}"
+
+    def window(self, name: str) -> Window:
+        """A variant by the estimates' word for it."""
+        return self.windows.get(name, Window(name) if name else _PLAIN)

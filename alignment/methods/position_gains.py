@@ -1,0 +1,83 @@
+"""How fits of several positions follow their readings: the gains of [S4] double gyrocompassing.
+
+The gain is that of the best estimate under the priors that the method is told, as
+`alignment.information` has it: the fit's own first order.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alignment.arrays import Array
+from alignment.earth import Site
+from alignment.errors import AlignmentError
+from alignment.gains import Answer
+from alignment.information import Information, Setting, Stretch, assumed, information
+from alignment.methods.position_fit import ROUNDING
+from alignment.methods.positions import ANOMALY, LEAST_TURN
+from alignment.options import Options
+
+_NORTH = Rotation.identity()
+
+
+def known_to(stretches: Sequence[Stretch], site: Site, options: Options) -> Information:
+    """What readings tell to a method that takes the unit for what its priors say."""
+    priors = options.priors
+    unit, setting = assumed(priors)
+    anomaly = ANOMALY if site.local_gravity is None else 0.0
+    setting = Setting(placement=setting.placement, mounting=priors.seat, gravity=anomaly)
+    rounded = [
+        Stretch(s.label, s.start, s.duration, s.C_pb, s.rate, s.axis_b, s.angle, ROUNDING)
+        for s in stretches
+    ]
+    return information(rounded, _NORTH, site, unit, setting)
+
+
+def two_position_gains(stretches: Sequence[Stretch], site: Site, options: Options) -> list[Answer]:
+    """Each rest that is followed by one turned by 30 deg or more."""
+    pairs = [(k, k + 1) for k, pair in enumerate(pairwise(stretches)) if _turn(*pair) >= LEAST_TURN]
+    if not pairs:
+        raise AlignmentError("too little turn: no two successive dwells are 30 deg or more apart")
+    return [_fitted(stretches, pair, site, options)[0] for pair in pairs]
+
+
+def multi_position_gains(
+    stretches: Sequence[Stretch], site: Site, options: Options
+) -> list[Answer]:
+    """All rests together."""
+    widest = max((_turn(a, b) for a in stretches for b in stretches), default=0.0)
+    if widest < LEAST_TURN:
+        raise AlignmentError("too little turn: no two dwells are 30 deg or more apart")
+    return _fitted(stretches, tuple(range(len(stretches))), site, options)
+
+
+def _turn(a: Stretch, b: Stretch) -> float:
+    return float((a.C_pb.inv() * b.C_pb).magnitude())
+
+
+def _fitted(
+    stretches: Sequence[Stretch], planned: tuple[int, ...], site: Site, options: Options
+) -> list[Answer]:
+    site.horizontal_rate()
+    used = tuple(stretches[k] for k in planned)
+    known = known_to(used, site, options)
+    labels = [p.label for p in known.parameters if p.source.endswith(" bias")]
+    biases = {label: known.gain(label) for label in labels if known.determined(label)}
+    return [
+        Answer(
+            label=stretch.label,
+            stretches=used,
+            planned=planned,
+            own=k,
+            gain=_best(known, k),
+            biases=biases,
+        )
+        for k, stretch in enumerate(used)
+    ]
+
+
+def _best(known: Information, k: int) -> Array:
+    """Gain (3, m) of the best estimate of a position's attitude."""
+    return np.asarray(known.attitude_rows(k) @ known.root @ known.weights.T)

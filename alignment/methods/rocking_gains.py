@@ -1,0 +1,117 @@
+"""How the methods for a base that rocks follow their readings, along a motion that is known.
+
+`readings` of perfect sensors are carried as the method carries real ones; each method is then a
+linear functional of the errors of its sensors over time.
+"""
+
+import numpy as np
+
+from alignment.arrays import Array
+from alignment.constant_errors import in_one_attitude
+from alignment.cross import cross_matrix
+from alignment.earth import Site
+from alignment.gains import Functional, functional
+from alignment.methods.fine import (
+    CONSTANTS,
+    START,
+    STILL,
+    UPDATE,
+    Model,
+    columns_of,
+    error_matrices,
+)
+from alignment.methods.inertial import (
+    EVERY,
+    block_of,
+    drive,
+    fit_matrix,
+    gravity_velocity,
+    match,
+    noise_of,
+    sensitivity,
+    sway_covariance,
+)
+from alignment.options import Options
+from alignment.readings import ImuReadings
+from alignment.strapdown import Carried, carry
+
+STEP = 0.5  # s between the updates of the frozen filter: its gains vary slowly
+
+
+def inertial_functional(readings: ImuReadings, site: Site, options: Options) -> Functional:
+    """Wahba's match of velocity curves: its own sensitivity to each block's errors."""
+    site.horizontal_rate()
+    carried = carry(readings, block_of(readings))
+    matched = match(carried, site)
+    C_ni = matched.C_ni.as_matrix()
+    fit = fit_matrix(carried.spans, matched.reference)
+    gyro, accel = sensitivity(
+        -fit @ cross_matrix(matched.reference * carried.spans[:, None]), C_ni, carried
+    )
+    gyro = gyro + np.eye(3)  # the attitude carried to the end has all of the gyros' error
+    turned = drive(carried, C_ni, EVERY)
+    sway = sway_covariance(carried, matched)
+    ends = [fit @ cross_matrix(matched.reference[k]) for k in (0, -1)]
+    motion = sum((e @ sway @ e.T for e in ends), np.zeros((3, 3)))
+    return functional(carried, matched.C_ni, gyro @ turned, accel @ turned, np.asarray(motion))
+
+
+def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Functional:
+    """The Kalman filter with its gains frozen, run backward from its last attitude."""
+    checked_by = inertial_functional(readings, site, options)
+    priors = in_one_attitude(options.priors, site.gravity)
+    carried = carry(readings, STEP)
+    matched = match(carried, site)
+    noise = noise_of(readings, priors)
+    names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
+    C_ni = matched.C_ni.as_matrix()
+    push = np.diff(gravity_velocity(carried.t, site)[0], axis=0)
+    model = Model(readings, site, noise, priors, names)
+    F, Q, H = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
+    walk = float(np.mean(noise.gyro**2)) * float(carried.t[-1] - carried.t[0])
+    variance = (STILL**2 + 100 * priors.lever_arm**2 * walk) * UPDATE / STEP
+    sigmas = [np.repeat(getattr(priors, name), 3) for name in names]
+    P = np.diag(np.concatenate([START, [0.0], *sigmas]) ** 2)
+    rows = _rows(F, H, _kalman_gains(F, Q, H, P, variance))
+    gyro, accel = _by_sensor(rows[1:], carried, C_ni, push)
+    arm = np.zeros((3, 3))
+    if "lever_arm" in names:
+        part = rows[0][:, columns_of(names.index("lever_arm"))] * priors.lever_arm
+        arm = part @ part.T
+    return functional(carried, matched.C_ni, gyro, accel, arm, checked_by)
+
+
+def _kalman_gains(F: Array, Q: Array, H: Array, P: Array, variance: float) -> Array:
+    """Gains (n + 1, s, 3) of updates that observe ``H x`` with noise of `variance`."""
+    kept = []
+    for k in range(len(H)):
+        PH = P @ H[k].T
+        K = PH @ np.linalg.inv(H[k] @ PH + variance * np.eye(3))
+        P = P - K @ PH.T
+        kept.append(K)
+        if k < len(F):
+            P = F[k] @ P @ F[k].T + Q[k]
+            P = 0.5 * (P + P.T)
+    return np.array(kept)
+
+
+def _rows(F: Array, H: Array, gains: Array) -> Array:
+    """How the last attitude error follows the state (n + 1, 3, s): first before all updates, then
+    at the end of each interval, before the update there."""
+    row = np.eye(3, H.shape[-1])
+    rows = np.empty((len(H), *row.shape))
+    for k in range(len(F), -1, -1):
+        row = row - (row @ gains[k]) @ H[k]
+        rows[k] = row
+        if k:
+            row = row @ F[k - 1]
+    return rows
+
+
+def _by_sensor(rows: Array, carried: Carried, C_ni: Array, push: Array) -> tuple[Array, Array]:
+    """The rows at the ends of intervals, per constant error of gyros and accelerometers in it."""
+    turned, spans = drive(carried, C_ni, EVERY), carried.spans[:, None, None]
+    pushed = -cross_matrix(push) @ turned
+    phi, u, rho = rows[..., :3], rows[..., 3:6], rows[..., 6:9]
+    gyro = phi @ turned + u @ pushed / 2 + rho @ pushed * spans / 6
+    return gyro, u @ turned + rho @ turned * spans / 2

@@ -1,0 +1,537 @@
+"""The Python interface: what a notebook, a script and the command line call.
+
+One function per job. What a command prints, its function returns; results print themselves as
+tables. Each imports what it needs when it is called.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Never
+
+if TYPE_CHECKING:
+    from stand.imu import ImuSpec
+    from stand.imu.unit import Unit
+    from stand.recording.log import Log
+    from stand.results import (
+        Aligned,
+        Analysed,
+        Compared,
+        Driven,
+        Entries,
+        Recorded,
+        Recording,
+        Rehearsed,
+        Simulated,
+    )
+    from stand.simulation.settings import Settings
+
+Named = str | PathLike[str]
+Progress = Callable[[float], None]
+
+
+def _quiet(done: float) -> None:
+    """Progress that nobody watches."""
+
+
+def simulate(settings: Settings, progress: Progress = _quiet) -> Simulated:
+    """A run in memory: samples, truth, joints and the stretches to estimate from.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of `stand.settings`.
+    progress : callable
+        Told the part done, 0 to 1.
+
+    Returns
+    -------
+    Simulated
+        Arrays in SI: ``t``, ``w_ib_b``, ``f_b``, ``true_w_ib_b``, ``true_f_b``, ``q_nb``,
+        ``joints``; `stand.align` takes it as it is, ``array()`` and ``columns()`` give all of
+        it to others.
+
+    Raises
+    ------
+    StandError
+        The plan is impossible on this table.
+
+    Examples
+    --------
+    >>> import stand
+    >>> run = stand.simulate(stand.settings("two-position", imu="ideal", rate_hz=5))
+    >>> run.w_ib_b.shape, [d.label for d in run.stretches]
+    ((3000, 3), ['first', 'second'])
+    >>> float(abs(run.f_b - run.true_f_b).max())
+    0.0
+    """
+    from stand.results import simulated
+
+    return simulated(settings, progress)
+
+
+def run(
+    settings: Settings,
+    out: Named | None = None,
+    *,
+    force: bool = False,
+    progress: Progress = _quiet,
+) -> Recorded:
+    """Simulate, record, estimate, and score against the truth.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of `stand.settings`. Same settings, same bytes of ``run.mcap``.
+    out : path, optional
+        Folder for ``run.mcap``, ``run.rrd`` and ``result.json``; else one of its own under
+        ``recordings``.
+    force : bool
+        Replace a recording that is there.
+    progress : callable
+        Told the part done, 0 to 1.
+
+    Raises
+    ------
+    StandError
+        A recording is there; the folder cannot be written; the plan is impossible.
+
+    Examples
+    --------
+    >>> import stand, tempfile
+    >>> s = stand.settings("two-position", imu="ring-laser", rate_hz=2)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     result = stand.run(s, out=f"{folder}/a")
+    ...     log = stand.read(f"{folder}/a")
+    >>> result.samples, log.methods
+    (1200, ('triad', 'two-position'))
+    """
+    from stand.recorded_run import run as record
+    from stand.results import Recorded, shown
+
+    return shown(Recorded, record(settings, out, force, progress))
+
+
+def drive(
+    scenario: Named,
+    imu: Named = "stim300",
+    *,
+    rate_hz: int = 200,
+    seed: int = 0,
+    out: Named | None = None,
+    force: bool = False,
+    progress: Progress = _quiet,
+) -> Driven:
+    """Drive a unit with satellite navigation along a path; correct its attitude, and record.
+
+    Parameters
+    ----------
+    scenario, imu : str or path
+        Ids (``stand.catalogue("trajectories")``, ``stand.catalogue("imus")``) or TOML files.
+    rate_hz : int
+        Samples per second, 20 to 10000.
+    seed : int
+    out : path, optional
+        Folder for the recording; else one of its own under ``recordings``.
+    force : bool
+        Replace a recording that is there.
+    progress : callable
+        Told the part done, 0 to 1.
+
+    Raises
+    ------
+    StandError
+        As `stand.run`.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.drive("weavin")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: unknown trajectory 'weavin': did you mean weaving? known: ...
+    """
+    from os import fspath
+
+    from stand.evaluation.drive_result import DriveSettings
+    from stand.imu import load_imu
+    from stand.recorded_drive import run_drive
+    from stand.results import Driven, shown
+    from stand.vehicle.scenario import load_drive
+
+    settings = DriveSettings(load_drive(fspath(scenario)), load_imu(fspath(imu)), rate_hz, seed)
+    return shown(Driven, run_drive(settings, out, force, progress))
+
+
+def read(
+    path: Named,
+    *,
+    topic: str | None = None,
+    t_from_s: float | None = None,
+    t_to_s: float | None = None,
+    turn_joint: str | None = None,
+    turn_axis: Sequence[float] | None = None,
+    moving: bool = False,
+    start_attitude_deg: Sequence[float] | None = None,
+    start_sigma_deg: float | None = None,
+    fix_sigma: Sequence[float] | None = None,
+) -> Recording:
+    """A recording, ours or any MCAP with ``sensor_msgs/msg/Imu``.
+
+    Parameters
+    ----------
+    path : path
+        An MCAP file, or a folder of `stand.run`.
+    topic : str, optional
+        Of the IMU, where there are several.
+    t_from_s, t_to_s : float, optional
+        The stretch to use [s]; else what the recording says, or all of it.
+    turn_joint : str, optional
+        The table turns: the joint whose encoder counts.
+    turn_axis : (3,), optional
+        Axis of that turn in b; else the vertical.
+    moving : bool
+        It is a vehicle's, with satellite fixes; the next three say as much.
+    start_attitude_deg : (3,), optional
+        Roll, yaw, pitch as programmed at the first fix [deg].
+    start_sigma_deg : float, optional
+        How wrong that is about each axis [deg].
+    fix_sigma : (2,), optional
+        Noise of positions [m] and velocities [m/s]; else what the fixes state.
+
+    Raises
+    ------
+    StandError
+        In one line: the file, what is wrong with it, what is allowed.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.read("none.mcap")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: none.mcap: no such file
+    """
+    from stand.recording.log import load_log
+    from stand.recording.vehicle_log import vehicle_of
+    from stand.results import Recording, shown
+
+    vehicle = vehicle_of(moving, start_attitude_deg, start_sigma_deg, fix_sigma)
+    file = recording_file(path)
+    log = load_log(file, topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle)
+    return shown(Recording, log)
+
+
+def recording_file(path: Named) -> Path:
+    """The MCAP file of a recording: itself, or that of a folder."""
+    path = Path(path)
+    return path / "run.mcap" if path.is_dir() else path
+
+
+def align(
+    recordings: Log | Simulated | Named | Sequence[Log | Simulated | Named],
+    method: str | None = None,
+    *,
+    imu: str | ImuSpec | None = None,
+    latitude_deg: float | None = None,
+    height_m: float | None = None,
+    sequences: str | None = None,
+) -> Aligned:
+    """Estimate the attitude from recordings: several are several dwells of one unit.
+
+    Parameters
+    ----------
+    recordings : Recording, Simulated, path, or several of them
+        Of `stand.read` or `stand.simulate`; a path is read as `stand.read` does.
+    method : str, optional
+        Id (``stand.catalogue("methods")``); else the recording's own, or triad.
+    imu : str or ImuSpec, optional
+        Unit whose data sheet's biases and scale errors enter every sigma; else as recorded.
+    latitude_deg, height_m : float, optional
+        Of the site; else as recorded.
+    sequences : str, optional
+        By which order of turns a position is read: ``"regular"`` or ``"published"``.
+
+    Returns
+    -------
+    Aligned
+        ``estimates``; ``scores`` with errors where the truth is known; ``refusals``.
+
+    Raises
+    ------
+    StandError
+        No method answers, and why; an argument is not allowed.
+
+    Examples
+    --------
+    >>> import math, stand
+    >>> s = stand.settings("two-position", imu="ideal", rate_hz=5, true_table=True)
+    >>> run = stand.simulate(s)
+    >>> found = stand.align(run, method="triad")
+    >>> [(e.label, round(math.degrees(e.heading), 6)) for e in found.estimates]
+    [('first', 0.0), ('second', 180.0)]
+    >>> stand.align(run, method="traid")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: unknown method 'traid': did you mean triad? known: ...
+    """
+    from stand.evaluation.aligned import align as align_logs
+    from stand.results import Aligned, shown
+
+    several = isinstance(recordings, (list, tuple))
+    logs = [_log(one) for one in (recordings if several else [recordings])]
+    found = align_logs(
+        logs,
+        method,
+        imu=imu,
+        latitude_deg=latitude_deg,
+        height_m=height_m,
+        sequences=sequences,
+    )
+    return shown(Aligned, found)
+
+
+def _log(recording: object) -> Log:
+    from stand.errors import StandError
+    from stand.recording.log import Log
+    from stand.results import Simulated
+
+    if isinstance(recording, Log):
+        return recording
+    if isinstance(recording, Simulated):
+        return recording.log
+    if isinstance(recording, (str, PathLike)):
+        return read(recording)
+    raise StandError(
+        f"recording: {type(recording).__name__}, must be a path or of stand.read, stand.simulate"
+    )
+
+
+def rehearse(
+    settings: Settings, *, verify: int | None = None, progress: Progress = _quiet
+) -> Rehearsed:
+    """Before the table is booked: can it run, how long, how accurate, why, what would help.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of `stand.settings`.
+    verify : int, optional
+        Simulate so many runs and set what they come to beside the predictions.
+    progress : callable
+        Told the part of those runs that is done, 0 to 1.
+
+    Raises
+    ------
+    StandError
+        An argument is not allowed; a run failed.
+
+    Examples
+    --------
+    >>> import stand
+    >>> answer = stand.rehearse(stand.settings("two-position", imu="hg9900", table="precision"))
+    >>> answer.feasible, round(answer.duration.total)
+    (True, 600)
+    """
+    from stand.errors import StandError
+    from stand.rehearsal.advice import with_advice
+    from stand.results import Rehearsed, shown
+
+    if verify is not None and verify < 1:
+        raise StandError(f"verify = {verify}: must be 1 or more")
+    answer = with_advice(settings)
+    if verify is not None:
+        from stand.rehearsal.verify import with_verification
+
+        answer = with_verification(answer, settings, verify, progress)
+    return shown(Rehearsed, answer)
+
+
+def compare(
+    settings: Settings,
+    runs: int = 100,
+    *,
+    progress: Progress = _quiet,
+    workers: int | None = None,
+) -> Compared:
+    """Methods side by side on identical data: error, sigma, floor, NEES, run time.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of the first run, by `stand.settings`; the others differ in their seed. Without
+        ``methods`` all that apply are compared.
+    runs : int
+        Each with a unit, a table and a sway of its own.
+    progress : callable
+        Told the part done, 0 to 1.
+    workers : int, optional
+        Processes, which change nothing but the time. A script that lets more than one work must
+        keep its own behind ``if __name__ == "__main__"``.
+
+    Raises
+    ------
+    StandError
+        An argument is not allowed; a setting is impossible.
+    RunFailed
+        A bug in a run, with its seed.
+
+    Examples
+    --------
+    >>> import stand
+    >>> s = stand.settings("two-position", imu="ring-laser", rate_hz=5, methods=["triad"])
+    >>> found = stand.compare(s, runs=4, workers=1)
+    >>> [(t.method, t.runs, t.refused) for t in found.tallies]
+    [('triad', 4, 0)]
+    """
+    from stand.evaluation.comparison import compare as compare_methods
+    from stand.results import Compared, shown
+
+    return shown(Compared, compare_methods(settings, runs, progress, workers))
+
+
+def allan(
+    recording: Log | Simulated | Named,
+    *,
+    imu: str | None = None,
+    terms: Sequence[str] = (),
+    topic: str | None = None,
+    t_from_s: float | None = None,
+    t_to_s: float | None = None,
+) -> Analysed:
+    """Allan analysis of a unit at rest: noise terms with intervals, against its data sheet.
+
+    Parameters
+    ----------
+    recording : Recording, Simulated or path
+    imu : str, optional
+        Data sheet to compare with; else the recording's own.
+    terms : sequence of str
+        Refuse unless the record shows these, of N, B, K, Q, R.
+    topic : str, optional
+        Of the IMU, where a file has several.
+    t_from_s, t_to_s : float, optional
+        The stretch to use; else the longest rest, or all.
+
+    Raises
+    ------
+    StandError
+        An argument is not allowed; the file is not right.
+    AlignmentError
+        Not at rest, or too short.
+
+    Examples
+    --------
+    >>> import stand
+    >>> run = stand.simulate(stand.settings("two-position", imu="stim300", rate_hz=20))
+    >>> found = stand.allan(run)
+    >>> found.sheet_title
+    'Safran STIM300, 10 g accelerometers (stim300)'
+    """
+    from stand.errors import unknown
+    from stand.evaluation.allan import analyse
+    from stand.recording.log import Log
+    from stand.results import Analysed, Simulated, shown
+    from stand.simulation.settings import ALLAN_TERMS, words
+
+    asked = [term.upper() for term in words("terms", terms)]
+    for term in asked:
+        if term not in ALLAN_TERMS:
+            raise unknown("term", term, ALLAN_TERMS)
+    if isinstance(recording, (Log, Simulated)):
+        source = _log(recording).imu
+    else:
+        source = recording_file(recording)
+    return shown(Analysed, analyse(source, topic, t_from_s, t_to_s, imu, asked))
+
+
+def catalogue(what: str) -> Entries:
+    """What can be run, simulated and estimated.
+
+    Parameters
+    ----------
+    what : str
+        ``"procedures"``, ``"imus"``, ``"tables"``, ``"trajectories"`` or ``"methods"``.
+
+    Returns
+    -------
+    Entries
+        A tuple of dictionaries that prints as a table.
+
+    Raises
+    ------
+    StandError
+        There is no such catalogue.
+
+    Examples
+    --------
+    >>> import stand
+    >>> [entry["title"] for entry in stand.catalogue("imus") if entry["id"] == "stim300"]
+    ['Safran STIM300, 10 g accelerometers']
+    """
+    from stand.report.listing import listing
+    from stand.results import Entries
+
+    return Entries(listing(what))
+
+
+def unit(
+    imu: Named | ImuSpec,
+    *,
+    rate_hz: int,
+    seed: int = 0,
+    without: Sequence[str] = (),
+    **mistaken: Never,
+) -> Unit:
+    """The sensor model alone, for anybody's simulator.
+
+    Parameters
+    ----------
+    imu : str, path or ImuSpec
+        Id (``stand.catalogue("imus")``) or a TOML file.
+    rate_hz : int
+        Samples per second.
+    seed : int
+        Same seed, same unit and the same noise.
+    without : sequence of str
+        Error terms to switch off.
+
+    Returns
+    -------
+    Unit
+        ``report(t, w_ib_b, f_b)`` gives readings of the truth, block after block, the same for
+        any blocks; ``state()`` and ``from_state`` save and resume it.
+
+    Raises
+    ------
+    StandError
+        An argument is not allowed.
+
+    Examples
+    --------
+    >>> import numpy as np, stand
+    >>> unit = stand.unit("stim300", rate_hz=200, seed=1)
+    >>> t = np.arange(1, 401) / 200
+    >>> w, f = np.zeros((400, 3)), np.tile([0.0, 9.81, 0.0], (400, 1))
+    >>> a = unit.report(t[:100], w[:100], f[:100])
+    >>> saved = unit.state()
+    >>> b = unit.report(t[100:], w[100:], f[100:])
+    >>> resumed = type(unit).from_state(saved)
+    >>> bool((resumed.report(t[100:], w[100:], f[100:]).w_ib_b == b.w_ib_b).all())
+    True
+    >>> unit.report(t, w, f)
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: t: sample 0 at 0.005 s, must be at 2.005 s: each sample of 200 Hz ...
+    """
+    from os import fspath
+
+    from stand.imu import ImuSpec, load_imu
+    from stand.imu.unit import Unit
+    from stand.simulation.settings import refuse_mistaken, words
+
+    refuse_mistaken(mistaken, unit)
+    spec = imu if isinstance(imu, ImuSpec) else load_imu(fspath(imu))
+    return Unit(spec, rate_hz, seed, words("without", without))

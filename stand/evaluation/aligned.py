@@ -1,0 +1,149 @@
+"""From recordings to estimates: what `stand align` answers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from alignment import ESTIMATORS, AttitudeEstimate, Options, Site
+from alignment.angles import SequenceRule
+from alignment.units import DEG
+from stand.errors import StandError, unknown
+from stand.evaluation.score import (
+    Refusal,
+    Score,
+    evaluate_each,
+    score_to_json,
+    spread_to_json,
+    spreads,
+)
+from stand.imu import ImuSpec, load_imu
+from stand.imu.priors import priors_of
+from stand.recording.log import Log
+from stand.simulation.settings import one_of, site_with
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Alignment:
+    """What methods make of recordings.
+
+    Attributes
+    ----------
+    logs : tuple of Log
+    site : Site
+    options : Options
+        As the methods were told them.
+    scores : tuple of Score
+        Every estimate, with its errors where the truth is known.
+    refusals : tuple of Refusal
+        Methods that would not answer, and why.
+    """
+
+    logs: tuple[Log, ...]
+    site: Site
+    options: Options
+    scores: tuple[Score, ...]
+    refusals: tuple[Refusal, ...]
+
+    @property
+    def estimates(self) -> tuple[AttitudeEstimate, ...]:
+        """The estimates alone."""
+        return tuple(scored.estimate for scored in self.scores)
+
+
+def align(
+    logs: Sequence[Log],
+    method: str | None = None,
+    *,
+    imu: str | ImuSpec | None = None,
+    latitude_deg: float | None = None,
+    height_m: float | None = None,
+    sequences: str | None = None,
+) -> Alignment:
+    """Estimate from recordings: several are several dwells of one unit.
+
+    What is not said is as the first recording has it: methods, site, options.
+
+    Parameters
+    ----------
+    logs : sequence of Log
+        One at least.
+    method : str, optional
+        Of `ESTIMATORS`.
+    imu : str or ImuSpec, optional
+        The unit, whose data sheet enters every sigma.
+    latitude_deg, height_m : float, optional
+    sequences : str, optional
+        By which order of turns a position is read.
+
+    Raises
+    ------
+    StandError
+        No method answers; a method that is not known; a latitude that is needed and not known;
+        two dwells of one name.
+    """
+    if method is not None and method not in ESTIMATORS:
+        raise unknown("method", method, ESTIMATORS)
+    if not logs:
+        raise StandError("no recording to align")
+    first = logs[0]
+    site = site_with(first.site, latitude_deg, height_m)
+    options = with_data_sheet(first.options, imu)
+    if sequences is not None:
+        options = replace(options, rule=one_of("sequences", sequences, SequenceRule))
+    methods = (method,) if method else first.methods
+    dwells = [dwell for log in logs for dwell in log.dwells]
+    truths = [truth for log in logs for truth in log.truths]
+    _check_labels([dwell.label for dwell in dwells])
+    _check_methods(first.path, methods, site)
+    scores, refusals = evaluate_each(dwells, truths, site, options, methods)
+    if refusals and not scores:
+        raise StandError(f"{first.path}: {refusals[0].reason}")
+    return Alignment(
+        logs=tuple(logs),
+        site=site,
+        options=options,
+        scores=tuple(scores),
+        refusals=tuple(refusals),
+    )
+
+
+def with_data_sheet(options: Options, imu: str | ImuSpec | None) -> Options:
+    """The options with what a unit's data sheet says; of the table what the recording says."""
+    if imu is None:
+        return options
+    known = options.priors
+    priors = replace(
+        priors_of(imu if isinstance(imu, ImuSpec) else load_imu(imu), None),
+        turn=known.turn,
+        seat=known.seat,
+        nominal=known.nominal,
+        lever_arm=known.lever_arm,
+    )
+    return replace(options, priors=priors)
+
+
+def _check_labels(labels: Sequence[str]) -> None:
+    for label in labels:
+        if labels.count(label) > 1:
+            raise StandError(f"two dwells are called {label!r}: give each recording its own name")
+
+
+def _check_methods(path: str, methods: Sequence[str], site: Site) -> None:
+    for name in methods:
+        if name not in ESTIMATORS:  # a recording made by a newer version
+            raise StandError(f"{path}: {unknown('method', name, ESTIMATORS)}")
+        if ESTIMATORS[name].needs_latitude and site.latitude is None:
+            raise StandError(f"{path}: method {name} needs the latitude: give --latitude DEG")
+
+
+def alignment_json(found: Alignment) -> dict[str, Any]:
+    """For machines."""
+    latitude = found.site.latitude
+    return {
+        "recordings": [log.path for log in found.logs],
+        "topic": found.logs[0].topic,
+        "latitude_deg": None if latitude is None else latitude / DEG,
+        "estimates": [score_to_json(s) for s in found.scores],
+        "spreads": [spread_to_json(s) for s in spreads(found.scores)],
+        "refusals": [{"method": r.method, "reason": r.reason} for r in found.refusals],
+    }

@@ -1,0 +1,354 @@
+"""What the Python interface gives back: results that print themselves as tables."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from alignment import Dwell
+from alignment.arrays import Array, set_owned
+from alignment.units import DEG
+from stand.evaluation.aligned import Alignment
+from stand.evaluation.allan import AllanReport
+from stand.evaluation.comparison import Comparison
+from stand.evaluation.drive_result import DriveResult
+from stand.evaluation.run_result import RunResult
+from stand.evaluation.score import Truths
+from stand.recording.log import Log
+from stand.recording.mcap.reader import ImuLog
+from stand.recording.metadata import RUN, describe_schedule
+from stand.rehearsal.result import Rehearsal
+from stand.report import allan as allan_report
+from stand.report import compare as compare_report
+from stand.report import rehearsal_tables, vectors
+from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
+from stand.report.listing import entries_table
+from stand.report.notebook import Shown
+from stand.report.tables import TableData
+from stand.samples import AXES, CHANNELS, ImuBlock, TruthBlock
+from stand.simulation.collector import NS, DwellCollector
+from stand.simulation.settings import Settings, methods_of, run_id
+from stand.simulation.simulation import Simulation, begins_of
+from stand.simulation.step_record import StepRecord
+from stand.table.joints import JOINTS
+from stand.table.kinematics import C_NW
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
+class Simulated(Shown):
+    """A run in memory.
+
+    Attributes
+    ----------
+    settings : Settings
+    t : (n,) s
+        End of each sample's interval.
+    w_ib_b, f_b : (n, 3)
+        Reported angular rate [rad/s] and specific force [m/s^2] in b.
+    saturated : (n, 6) bool
+        Which of the gyros, then accelerometers, was beyond its range.
+    true_w_ib_b, true_f_b : (n, 3)
+        What perfect sensors would have reported.
+    q_nb : (n, 4)
+        True ``C_nb`` at `t` as a quaternion (x, y, z, w).
+    joints, encoders : (n, 6) rad
+        True joint angles, and what the encoders say, in the order of `JOINTS`.
+    stretches : tuple of Dwell
+        What is estimated from: rests, and turns at constant rate.
+    attitudes : tuple of Rotation
+        True ``C_nb`` of each at its end (of a turn at encoder angle zero).
+    steps : tuple of StepRecord
+        What a simulated servo did; empty of ideal motion.
+    schedule : dict
+        The steps as a recording describes them.
+    """
+
+    settings: Settings
+    t: Array
+    w_ib_b: Array
+    f_b: Array
+    saturated: NDArray[np.bool_]
+    true_w_ib_b: Array
+    true_f_b: Array
+    q_nb: Array
+    joints: Array
+    encoders: Array
+    stretches: tuple[Dwell, ...]
+    attitudes: tuple[Rotation, ...]
+    steps: tuple[StepRecord, ...]
+    schedule: dict[str, str]
+
+    def __post_init__(self) -> None:
+        n = len(self.t)
+        widths = {"saturated": 6, "q_nb": 4, "joints": len(JOINTS), "encoders": len(JOINTS)}
+        set_owned(
+            self,
+            t=(self.t, (n,), float),
+            **{
+                name: (getattr(self, name), (n, width), bool if name == "saturated" else float)
+                for name, width in (dict.fromkeys(_VECTORS, 3) | widths).items()
+            },
+        )
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def C_nb(self) -> Rotation:
+        """True attitude at `t`."""
+        return Rotation.from_quat(self.q_nb)
+
+    @property
+    def name(self) -> str:
+        """Procedure, unit, seed."""
+        return run_id(self.settings)
+
+    @property
+    def log(self) -> Log:
+        """The same as `stand.read` gives it of a recording."""
+        s = self.settings
+        latitude = s.site.latitude
+        return Recording(
+            path=self.name,
+            topic="",
+            simulated=True,
+            dwells=self.stretches,
+            truths=tuple(
+                Truths(C, dwell.nominal, latitude)
+                for dwell, C in zip(self.stretches, self.attitudes, strict=True)
+            ),
+            site=s.site,
+            options=s.options,
+            methods=methods_of(s),
+            imu=self._imu_log(),
+        )
+
+    def _imu_log(self) -> ImuLog:
+        return ImuLog(
+            path=self.name,
+            topic="",
+            frame_id="imu",
+            t_ns=np.round(self.t * 1e9).astype(np.int64),
+            w_ib_b=self.w_ib_b,
+            f_b=self.f_b,
+            metadata={
+                RUN: {"imu": self.settings.imu.id, "epoch_ns": "0"},
+                "imu": {"toml": self.settings.imu.text},
+                "schedule": self.schedule,
+            },
+        )
+
+    def array(self) -> NDArray[Any]:
+        """All samples as a structured array (n,), SI and radians, a field per attribute."""
+        named = {name: getattr(self, name) for name in ("t", *_VECTORS, *_OTHERS)}
+        kinds = [(name, values.dtype, values.shape[1:]) for name, values in named.items()]
+        found = np.empty(len(self), dtype=kinds)
+        for name, values in named.items():
+            found[name] = values
+        return found
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """All samples as columns (n,) by names with units: ``pandas.DataFrame(run.columns())``."""
+        found: dict[str, NDArray[Any]] = {"t_s": self.t}
+        for name, unit, axes in _COLUMNS:
+            values = getattr(self, name)
+            found |= {f"{name}_{a}{unit}": values[:, k] for k, a in enumerate(axes)}
+        return found
+
+    def headline(self) -> str:
+        s = self.settings
+        return (
+            f"{s.procedure.entry.title}: {s.imu.title}, seed {s.seed}, {len(self)} samples at "
+            f"{s.rate_hz} Hz ({s.sampling.value}), {s.motion.value} motion of {s.table.title}"
+        )
+
+    def tables(self) -> Sequence[TableData]:
+        rows = tuple(
+            (
+                d.label,
+                "rests" if d.turn is None else "turns",
+                f"{d.t_from:.2f}",
+                f"{d.t_to:.2f}",
+                str(len(d.window())),
+            )
+            for d in self.stretches
+        )
+        stretches = TableData(
+            "stretches to estimate from", ("label", "kind", "from s", "to s", "samples"), rows
+        )
+        return [stretches, *([motion_table(self.steps)] if self.steps else [])]
+
+
+_VECTORS = ("w_ib_b", "f_b", "true_w_ib_b", "true_f_b")
+_OTHERS = ("saturated", "q_nb", "joints", "encoders")
+_COLUMNS = (
+    ("w_ib_b", "_rad_s", AXES),
+    ("f_b", "_m_s2", AXES),
+    ("true_w_ib_b", "_rad_s", AXES),
+    ("true_f_b", "_m_s2", AXES),
+    ("q_nb", "", "xyzw"),
+    ("joints", "_rad", JOINTS),
+    ("encoders", "_rad", JOINTS),
+    ("saturated", "", tuple(name.replace(" ", "_") for name in CHANNELS)),
+)
+
+
+def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulated:
+    """A run in memory, by `stand.simulation.simulation` block after block."""
+    simulation = Simulation(settings)
+    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz)
+    blocks, done = [], 0
+    for block in simulation.blocks():
+        collector.add(block.truth, block.readings)
+        blocks.append((block.truth, block.readings))
+        done += len(block.truth)
+        progress(done / simulation.total)
+    records = simulation.records()
+    dwells, attitudes = collector.finish(begins_of(records))
+    truths, readings = zip(*blocks, strict=True)
+
+    def joined(parts: Sequence[TruthBlock | ImuBlock], name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return Simulated(
+        settings=settings,
+        t=joined(readings, "t_ns") * NS,
+        w_ib_b=joined(readings, "w_ib_b"),
+        f_b=joined(readings, "f_b"),
+        saturated=joined(readings, "saturated"),
+        true_w_ib_b=joined(truths, "w_ib_b"),
+        true_f_b=joined(truths, "f_b"),
+        q_nb=(C_NW * Rotation.from_quat(joined(truths, "q_wb"))).as_quat(),
+        joints=joined(truths, "joints"),
+        encoders=joined(truths, "encoders"),
+        stretches=tuple(dwells),
+        attitudes=tuple(attitudes),
+        steps=records,
+        schedule=describe_schedule(simulation.plan.steps),
+    )
+
+
+def shown(kind: type[Result], result: Any) -> Result:
+    """A result as the type that prints itself."""
+    return kind(**{field.name: getattr(result, field.name) for field in fields(result)})
+
+
+class Recording(Shown, Log):
+    """A recording as the estimators take it; see `stand.recording.log.Log`."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        latitude = self.site.latitude
+        where = "latitude not known" if latitude is None else f"latitude {latitude / DEG:.4f} deg"
+        return f"{self.path} {self.topic}: {', '.join(self.methods)}; {where}"
+
+    def tables(self) -> Sequence[TableData]:
+        rows = tuple((d.label, f"{d.t_from:.2f}", f"{d.t_to:.2f}") for d in self.dwells)
+        return [TableData("stretches to estimate from", ("label", "from s", "to s"), rows)]
+
+
+class Aligned(Shown, Alignment):
+    """Estimates of `stand.align`."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        return f"{len(self.scores)} estimates from {', '.join(log.path for log in self.logs)}"
+
+    def tables(self) -> Sequence[TableData]:
+        return score_tables(self.scores)
+
+    def remarks(self) -> Sequence[str]:
+        return [*refusal_lines(self.refusals), ANGLE_NOTE]
+
+
+class Recorded(Shown, RunResult):
+    """What `stand.run` left behind."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        s = self.settings
+        return (
+            f"{s.procedure.entry.title}: {s.imu.title}, seed {s.seed}, {self.samples} samples at "
+            f"{s.rate_hz} Hz ({s.sampling.value}), {s.motion.value} motion of {s.table.title}; "
+            f"recorded in {self.out}"
+        )
+
+    def tables(self) -> Sequence[TableData]:
+        motion = [motion_table(self.records)] if self.records else []
+        return [*motion, *score_tables(self.scores)]
+
+    def remarks(self) -> Sequence[str]:
+        return [*refusal_lines(self.refusals), ANGLE_NOTE]
+
+
+class Driven(Shown, DriveResult):
+    """What `stand.drive` left behind."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        s = self.settings
+        return (
+            f"{s.drive.title}: {s.imu.title}, seed {s.seed}, {self.samples} samples at "
+            f"{s.rate_hz} Hz, {len(self.fixes)} fixes; recorded in {self.out}"
+        )
+
+    def tables(self) -> Sequence[TableData]:
+        return [vectors.table(self)]
+
+
+class Compared(Shown, Comparison):
+    """Methods side by side, of `stand.compare`."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        s = self.settings
+        return f"{s.procedure.entry.title}: {s.imu.title}, {self.runs} runs from seed {s.seed} on"
+
+    def tables(self) -> Sequence[TableData]:
+        return [compare_report.table(self)]
+
+
+class Rehearsed(Shown, Rehearsal):
+    """The answer of `stand.rehearse`."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        return rehearsal_tables.headline(self)
+
+    def tables(self) -> Sequence[TableData]:
+        return rehearsal_tables.tables(self)
+
+
+class Analysed(Shown, AllanReport):
+    """Noise terms, of `stand.allan`."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        return f"Allan analysis of {self.path} {self.topic}".rstrip()
+
+    def tables(self) -> Sequence[TableData]:
+        return allan_report.tables(self)
+
+
+class Entries(Shown, tuple[dict[str, Any], ...]):
+    """Entries of a catalogue: a tuple of dictionaries."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        return f"{len(self)} entries"
+
+    def tables(self) -> Sequence[TableData]:
+        return [entries_table("", self)]

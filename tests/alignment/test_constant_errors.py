@@ -1,0 +1,72 @@
+"""Constant errors of a triad in one attitude: by hand."""
+
+import numpy as np
+import pytest
+
+from alignment import Priors
+from alignment.constant_errors import constant_columns, constant_covariance, in_one_attitude
+
+MEANS = np.array([1.0, 2, 3, 10, 20, 30])
+EARTH_RATE = 7.292115e-5  # rad/s
+
+
+def test_biases_and_scale_errors_by_hand():
+    found = constant_covariance(MEANS, Priors(0.1, 0.2, 0.01, 0.02))
+    want = [0.01 + 1e-4, 0.01 + 4e-4, 0.01 + 9e-4, 0.04 + 0.04, 0.04 + 0.16, 0.04 + 0.36]
+    np.testing.assert_allclose(found, np.diag(want), rtol=1e-14)
+
+
+def test_a_case_that_is_turned_feels_nothing_along_what_it_feels():
+    """``x x m``: variances sigma^2 (|x|^2 - x_i^2), and m_ij against m_ji: -sigma^2 x_i x_j."""
+    P = constant_covariance(MEANS, Priors(accel_misalignment=0.1))
+    f = MEANS[3:]
+    np.testing.assert_allclose(P[3:, 3:], 0.01 * (1400 * np.eye(3) - np.outer(f, f)), rtol=1e-14)
+    assert not P[:3].any()
+    # tilt is the same in every attitude: 0.1 rad about any axis across gravity
+    across = np.array([3.0, 0.0, -1.0]) / np.sqrt(10)
+    assert across @ P[3:, 3:] @ across == pytest.approx(0.01 * 1400, rel=1e-14)
+
+
+def test_axes_that_lean_together_read_half_of_it_each():
+    """m_ij and m_ji alike: X and Y read n/2 of each other's value, of one draw."""
+    P = constant_covariance(np.array([3.0, 4, 0, 0, 0, 0]), Priors(gyro_non_orthogonality=0.2))
+    # X: n_xy 4/2; Y: n_xy 3/2; Z: n_zx 3/2 and n_yz 4/2
+    want = 0.04 * np.array([[4.0, 3.0, 0.0], [3.0, 2.25, 0.0], [0.0, 0.0, 6.25]])
+    np.testing.assert_allclose(P[:3, :3], want, rtol=1e-14)
+
+
+def test_gravity_pulls_every_gyro_by_each_component():
+    P = constant_covariance(MEANS, Priors(gyro_g_sensitivity=0.1, gyro_g2_sensitivity=0.01))
+    want = 0.01 * 1400 + 1e-4 * (1e4 + 16e4 + 81e4)
+    np.testing.assert_allclose(P[:3, :3], want * np.eye(3), rtol=1e-14)
+
+
+def test_signs_and_orders_of_accelerometers():
+    f = np.array([-10.0, 20, 0])
+    A = constant_columns(
+        np.zeros(3), f, Priors(accel_asymmetry=2.0, accel_quadratic=0.5, accel_cubic=0.1)
+    )
+    assert A.shape == (6, 9)
+    np.testing.assert_allclose(A[3:, :3], np.diag([20.0, 40, 0]))
+    np.testing.assert_allclose(A[3:, 3:6], np.diag([50.0, 200, 0]))
+    np.testing.assert_allclose(A[3:, 6:], np.diag([-100.0, 800, 0]))
+
+
+def test_what_one_attitude_takes_for_bias_and_scale():
+    told = Priors(
+        3e-5,
+        0.3,
+        accel_misalignment=0.03,
+        accel_non_orthogonality=0.08,
+        gyro_g_sensitivity=4e-6,
+        gyro_misalignment=0.5,
+        gyro_scale=3.0,
+        gyro_asymmetry=4.0,
+        accel_quadratic=0.1,
+    )
+    found = in_one_attitude(told, 10.0)
+    assert found.accel_bias == pytest.approx(np.hypot(0.3, 0.5), rel=1e-12)  # 0.05 rad of 10
+    drawn = [3e-5, 4e-5, 0.5 * EARTH_RATE]
+    assert found.gyro_bias == pytest.approx(np.linalg.norm(drawn), rel=1e-12)
+    assert (found.gyro_scale, found.accel_scale) == pytest.approx((5.0, 1.0), rel=1e-12)
+    assert in_one_attitude(found, 10.0) == found  # counted once
