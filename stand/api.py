@@ -483,6 +483,7 @@ def unit(
     rate_hz: int,
     seed: int = 0,
     without: Sequence[str] = (),
+    sampling: str = "mean",
     **mistaken: Never,
 ) -> Unit:
     """The sensor model alone, for anybody's simulator.
@@ -497,6 +498,9 @@ def unit(
         Same seed, same unit and the same noise.
     without : sequence of str
         Error terms to switch off.
+    sampling : str
+        What the truth is given as, and the unit reports: ``"mean"`` over each interval, or the
+        ``"instant"`` at its end.
 
     Returns
     -------
@@ -530,8 +534,10 @@ def unit(
 
     from stand.imu import ImuSpec, load_imu
     from stand.imu.unit import Unit
-    from stand.simulation.settings import refuse_mistaken, words
+    from stand.samples import Sampling
+    from stand.simulation.settings import one_of, refuse_mistaken, words
 
     refuse_mistaken(mistaken, unit)
     spec = imu if isinstance(imu, ImuSpec) else load_imu(fspath(imu))
-    return Unit(spec, rate_hz, seed, words("without", without))
+    kind = one_of("sampling", sampling, Sampling)
+    return Unit(spec, rate_hz, seed, words("without", without), kind)

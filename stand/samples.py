@@ -1,6 +1,7 @@
 """The blocks of samples that flow from the stand to the recording."""
 
 from dataclasses import dataclass, field
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,13 @@ from alignment.arrays import Array, IntArray, set_owned
 AXES = ("X1", "Y1", "Z1")  # of the instrument, b
 CHANNELS = tuple(f"{sensor} {axis}" for sensor in ("gyro", "accel") for axis in AXES)
 _OF_JOINTS = np.empty((0, 0))  # encoders that were not given
+
+
+class Sampling(Enum):
+    """What a sample is: the mean over the interval that ends at its stamp, or the instant."""
+
+    MEAN = "mean"
+    INSTANT = "instant"
 
 
 def _own_readings(block: "Sensed | ImuBlock") -> None:
@@ -77,15 +85,22 @@ class Sensed:
     """What perfect sensors at the unit's own places and sample times would report.
 
     As `TruthBlock`, but component i of `f_b` is felt where accelerometer i sits, and the samples
-    are those that the unit's clock takes; `t_ns` are the stamps it gives them.
+    are those that the unit's clock takes; `t_ns` are the stamps it gives them. `w_end`, `f_end`
+    (n, 3): of samples that are means, what is felt at their ends, where it is known. A unit with
+    a low-pass tells from it what was between.
     """
 
     t_ns: IntArray
     w_ib_b: Array
     f_b: Array
+    w_end: Array | None = None
+    f_end: Array | None = None
 
     def __post_init__(self) -> None:
         _own_readings(self)
+        for name in ("w_end", "f_end"):
+            if getattr(self, name) is not None:
+                set_owned(self, **{name: (getattr(self, name), (len(self.t_ns), 3), float)})
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -65,7 +65,12 @@ def prediction(method, label, quantity, unit, per, *parts) -> Prediction:
 def answer(
     verdict: Verdict = Verdict.FAIL, title: str = "Two positions, 180 degrees apart"
 ) -> Rehearsal:
-    """A whole answer whose heading has `verdict`; FAIL has advice, and a broken limit."""
+    """A whole answer whose heading has `verdict`; FAIL has advice, and a broken limit.
+
+    CONTRADICTED by runs that are set beside it.
+    """
+    if verdict is Verdict.CONTRADICTED:
+        return verified(Verdict.PASS, heading=0.7)
     fails = verdict is Verdict.FAIL
     feasibility = tuple(
         StepFeasibility(

@@ -324,7 +324,7 @@ def _spread(fit: PositionFit, apart: Array, weights: Array) -> PositionFit:
         latitude = np.sqrt(latitude**2 + np.einsum("er,er->r", weights, rest[..., 6] ** 2))
     return replace(
         fit,
-        covariance=fit.covariance + covariance,
+        covariance=_symmetric(fit.covariance + covariance),
         cross=fit.cross + cross,
         bias_covariance=fit.bias_covariance + biases,
         latitude_sigma=latitude,
@@ -599,8 +599,9 @@ def _result(state: _State, system: _System, problem: _Problem) -> PositionFit:
     estimated = problem.latitude is None
     return PositionFit(
         C_nb=C_k,
-        covariance=half @ np.swapaxes(moved, -1, -2)
-        + to_n @ left[:, None] @ np.swapaxes(to_n, -1, -2),
+        covariance=_symmetric(
+            half @ np.swapaxes(moved, -1, -2) + to_n @ left[:, None] @ np.swapaxes(to_n, -1, -2)
+        ),
         biases=x[:, 3:9],
         bias_covariance=P[:, 3:9, 3:9],
         cross=half[..., 3:9],
@@ -639,6 +640,11 @@ def pooled_variances(variances: Array, spans: Array) -> Array:
     """
     density = np.mean(variances * spans[:, None], axis=0)
     return density / spans[:, None]
+
+
+def _symmetric(P: Array) -> Array:
+    """Without what rounding leaves between ``P`` and its transpose."""
+    return (P + np.swapaxes(P, -1, -2)) / 2
 
 
 def drift_covariance(priors: Priors, spans: Ordered[Span]) -> Array:

@@ -91,7 +91,7 @@ def align(
     """
     with quick_imports():
         from stand import api
-        from stand.evaluation.aligned import alignment_json
+        from stand.evaluation.aligned import alignment_json, of_vehicles
 
     axis = numbers("--turn-axis", turn_axis, 3)
     attitude = numbers("--start-attitude", start_attitude, 3)
@@ -105,7 +105,7 @@ def align(
                 t_to_s=t_to,
                 turn_joint=turn_joint,
                 turn_axis=axis,
-                moving=method == "vectors",
+                moving=of_vehicles(method),
                 start_attitude_deg=attitude,
                 start_sigma_deg=start_sigma,
                 fix_sigma=noise,

@@ -157,6 +157,13 @@ def rehearse(
             "come to beside the predictions. Ctrl-C ends it with the runs made so far.",
         ),
     ] = None,
+    seed: Annotated[
+        int, typer.Option(metavar="N", help="Of a sway that is drawn, and of all runs.")
+    ] = 0,
+    motion: Annotated[
+        MotionChoice,
+        typer.Option(help="Of --verify: joints as planned, or as simulated motors make them."),
+    ] = MotionChoice.ideal,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write a page, JSON and JUnit XML there.")
     ] = None,
@@ -166,7 +173,7 @@ def rehearse(
     """Before the table is booked: can it run, how long, how accurate, why, and what would help.
 
     No sensor is simulated but for --verify. Exit code 0: feasible, and what [require] asks is
-    predicted; 1: not.
+    predicted; 1: not, nobody can say, or the runs contradict a prediction.
 
     Example: stand rehearse two-position --imu hg9900 --table precision --latitude 60
 
@@ -184,6 +191,8 @@ def rehearse(
         latitude_deg=latitude,
         height_m=height,
         rate_hz=rate,
+        seed=seed,
+        motion=motion.value,
         revision=revision,
         allan_terms=words(terms),
     )

@@ -22,6 +22,12 @@ from stand.recording.log import Log
 from stand.simulation.settings import one_of, site_with
 
 
+def of_vehicles(method: str | None) -> bool:
+    """Whether a method is for a moving vehicle with satellite fixes."""
+    known = None if method is None else ESTIMATORS.get(method)
+    return known is not None and known.takes == "fixes"
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Alignment:
     """What methods make of recordings.

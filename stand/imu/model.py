@@ -5,10 +5,15 @@ Signal path of one triad, x true in b (rates, or forces at each accelerometer's 
     y = M x                                   axes: misalignment, non-orthogonality
     y = y (1 + s + s_T dT + n (y/full scale)^2) + a |y|      scale factor and its faults
     y = y + G f + G2 f^2  (gyros),  y + K2 y^2  (accelerometers)
-    y = y + bias + b_T dT + instability + walk + ramp t + white noise
-    y = low-pass(y)                           bandwidth, with its lag
+    y = y + bias + b_T dT + instability + walk + ramp t
+    y = low-pass(y + white noise)             bandwidth, with its lag
     y = clip(y, range), flagged
     y = rounded                               per sample, or as accumulated increments
+
+A low-pass acts on what is continuous: on the truth between the samples, as far as it is known
+(`Sensed`), each term worked out of it at the ends of the samples as of their means, and on the
+white noise. Drifts are held over a sample, as without it. Terms that are not linear are taken of a
+mean, not before it: of a turn by w dt in a sample they are wrong by (w dt)^2/12 of themselves.
 
 Constants are drawn once per seed with the stated value as standard deviation (a ramp keeps its
 size and draws its sign). Each term, sensor and axis has a random stream of its own, so that a
@@ -25,10 +30,10 @@ from numpy.typing import NDArray
 from alignment.arrays import Array, set_owned
 from alignment.cross import cross_matrix
 from stand.errors import unknown
-from stand.imu.filter import LowPass
+from stand.imu.filter import LowPass, noise_variance
 from stand.imu.preset import ClockSpec, ImuSpec, TriadSpec
 from stand.imu.processes import Drift, WhiteNoise
-from stand.samples import ImuBlock, Sensed
+from stand.samples import ImuBlock, Sampling, Sensed, TruthBlock
 
 # Terms that can be switched off: the fields of the spec each one sets to nothing.
 TERMS = {
@@ -74,6 +79,7 @@ _STREAMS = {
     "scale_temperature": 14,
     "clock_offset": 15,
     "jitter": 16,
+    "filtered_noise": 17,
 }
 _SENSORS = {"gyro": 0, "accel": 1, "clock": 2}
 AXES = 3
@@ -197,10 +203,18 @@ def without(spec: ImuSpec, terms: Collection[str]) -> ImuSpec:
 class Triad:
     """Three like sensors at work; (3, n) arrays inside."""
 
-    def __init__(self, imu: ImuSpec, sensor: str, seed: int, rate_hz: int) -> None:
+    def __init__(
+        self,
+        imu: ImuSpec,
+        sensor: str,
+        seed: int,
+        rate_hz: int,
+        sampling: Sampling = Sampling.MEAN,
+    ) -> None:
         spec = imu.gyro if sensor == "gyro" else imu.accel
         self.spec, self.errors = spec, draw(spec, seed, sensor)
-        self.sigma = spec.noise * np.sqrt(rate_hz)
+        white = spec.noise * np.sqrt(rate_hz)
+        self.sigma = white * np.sqrt(noise_variance(spec.bandwidth, rate_hz, sampling))
         self._dt = 1 / rate_hz
         self._noise = WhiteNoise(streams(seed, sensor, "noise"))
         self._drift = Drift(
@@ -210,35 +224,50 @@ class Triad:
             imu.corners,
             rate_hz,
         )
-        finite = np.isfinite(spec.bandwidth)
-        self._filter = LowPass(spec.bandwidth, rate_hz) if finite else None
+        self._filter: LowPass | None = None
+        if np.isfinite(spec.bandwidth):
+            start = [s.standard_normal(2) for s in streams(seed, sensor, "filtered_noise")]
+            self._filter = LowPass(spec.bandwidth, rate_hz, sampling, white, np.stack(start))
         self._lsb = spec.increment_lsb if imu.increments else spec.resolution * self._dt
         self._accumulate = imu.increments
         self._sum = np.zeros((AXES, 1))  # of increments so far, unrounded
 
     def report(
-        self, x: Array, f: Array, t: Array, warmth: Array | None
+        self,
+        x: Array,
+        f: Array,
+        t: Array,
+        warmth: Array | None,
+        ends: tuple[Array, Array] | None = None,
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Reported values and saturation flags (3, n).
 
         `x` true input, `f` specific force (3, n) for g-sensitivity, `t` (n,) [s], `warmth` (n,)
-        [K] above reference or None.
+        [K] above reference or None; `ends`: x and f at the ends of samples that are means, or None.
         """
-        y = self._deterministic(x, f, t, warmth)
-        if self.sigma:
-            noise = self._noise.take(y.shape[1])
-            noise *= self.sigma
-            y += noise
-        if self._drift:
-            y += self._drift.take(y.shape[1])
-        if self._filter is not None:
-            y = self._filter.apply(y)
+        y, later = self._deterministic(x, f, t, warmth), None
+        if self._filter is not None and ends is not None:
+            later = self._deterministic(*ends, t, warmth)
+        y = self._filtered(y, later)
         flags = np.zeros(y.shape, bool)
         limit = self.spec.range
         if max(y.max(), -y.min()) > limit:
             flags = np.abs(y) > limit
             np.clip(y, -limit, limit, out=y)
         return self._rounded(y), flags
+
+    def _filtered(self, y: Array, ends: Array | None) -> Array:
+        """What comes out of the low-pass, with all noise, of (3, n) and what it is at the ends."""
+        normals = self._noise.take(y.shape[1]) if self.sigma else None
+        if self._filter is None and normals is not None:
+            normals *= self.sigma
+            y += normals
+        if self._drift:
+            drift = self._drift.take(y.shape[1])
+            y += drift
+            if ends is not None:
+                ends += drift
+        return y if self._filter is None else self._filter.apply(y, ends, normals)
 
     def _deterministic(self, x: Array, f: Array, t: Array, warmth: Array | None) -> Array:
         e, s = self.errors, self.spec
@@ -287,6 +316,10 @@ def _product(matrix: Array, x: Array) -> Array:
     return y
 
 
+def _rows(values: Array) -> Array:
+    return np.ascontiguousarray(values.T)
+
+
 class Imu:
     """One unit.
 
@@ -299,14 +332,21 @@ class Imu:
         Sample rate, which sets the noise of a sample.
     temperature : Temperature or None
         None for the reference temperature throughout.
+    sampling : Sampling
+        What the samples are that it is given, and that it reports.
     """
 
     def __init__(
-        self, spec: ImuSpec, seed: int, rate_hz: int, temperature: Temperature | None = None
+        self,
+        spec: ImuSpec,
+        seed: int,
+        rate_hz: int,
+        temperature: Temperature | None = None,
+        sampling: Sampling = Sampling.MEAN,
     ) -> None:
         self.spec, self._temperature = spec, temperature
-        self._gyro = Triad(spec, "gyro", seed, rate_hz)
-        self._accel = Triad(spec, "accel", seed, rate_hz)
+        self._gyro = Triad(spec, "gyro", seed, rate_hz, sampling)
+        self._accel = Triad(spec, "accel", seed, rate_hz, sampling)
         self.clock = Clock(spec.clock, seed, rate_hz)
 
     @property
@@ -321,28 +361,32 @@ class Imu:
 
     @property
     def gyro_sigma(self) -> float:
-        """Standard deviation of one sample's white rate noise, before the filter [rad/s]."""
+        """Standard deviation of one sample's white rate noise, filtered [rad/s]."""
         return self._gyro.sigma
 
     @property
     def accel_sigma(self) -> float:
-        """Standard deviation of one sample's white force noise, before the filter [m/s^2]."""
+        """Standard deviation of one sample's white force noise, filtered [m/s^2]."""
         return self._accel.sigma
 
-    def report(self, sensed: Sensed) -> ImuBlock:
+    def report(self, sensed: Sensed | TruthBlock) -> ImuBlock:
         """The next block of samples; each block must be asked for once, in order.
 
-        `sensed` (a `TruthBlock` will do) is what the sensors feel over the unit's own sample
-        intervals, stamped with the times the unit gives them.
+        `sensed` is what the sensors feel over the unit's own sample intervals, stamped with the
+        times the unit gives them; of a `TruthBlock` nothing is known at the samples' ends.
         """
         t = sensed.t_ns * 1e-9
         warmth = None
         if self._temperature is not None:
             warmth = self._temperature.at(t) - self.spec.reference_temperature
-        f, w_ib = np.ascontiguousarray(sensed.f_b.T), np.ascontiguousarray(sensed.w_ib_b.T)
-        w, too_fast = self._gyro.report(w_ib, f, t, warmth)
-        g, too_hard = self._accel.report(f, f, t, warmth)
-        return ImuBlock(sensed.t_ns, w.T, g.T, np.vstack([too_fast, too_hard]).T)
+        w, f = _rows(sensed.w_ib_b), _rows(sensed.f_b)
+        of_gyros = of_accels = None
+        if isinstance(sensed, Sensed) and sensed.w_end is not None and sensed.f_end is not None:
+            w_end, f_end = _rows(sensed.w_end), _rows(sensed.f_end)
+            of_gyros, of_accels = (w_end, f_end), (f_end, f_end)
+        y, too_fast = self._gyro.report(w, f, t, warmth, of_gyros)
+        g, too_hard = self._accel.report(f, f, t, warmth, of_accels)
+        return ImuBlock(sensed.t_ns, y.T, g.T, np.vstack([too_fast, too_hard]).T)
 
 
 class Clock:

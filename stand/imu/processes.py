@@ -82,9 +82,7 @@ class BiasInstability:
         self._kick = np.sqrt(1 - decay**2)
         self._sigma = 1.0 / plateau(corners)
         stationary = np.stack([s.standard_normal(len(corners)) for s in streams])
-        self._memories = [Recursion([1.0], [1.0, -phi]) for phi in decay]
-        for memory, state in zip(self._memories, stationary.T, strict=True):
-            memory.settle(np.zeros(3), state)
+        self._memories = [Recursion(*one) for one in zip(decay, stationary.T, strict=True)]
 
     def next(self, n: int) -> Array:
         """The next n >= 1 values of each axis."""

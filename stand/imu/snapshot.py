@@ -19,8 +19,12 @@ def taken(part: Any) -> Any:
     if part is None or isinstance(part, (bool, int, float, str)):
         return part
     if isinstance(part, np.generic):
-        return part.item()
+        return taken(part.item())
+    if isinstance(part, complex):
+        return [part.real, part.imag]
     if isinstance(part, np.ndarray):
+        if np.iscomplexobj(part):
+            part = np.stack([part.real, part.imag])
         return {"shape": list(part.shape), "values": part.ravel().tolist()}
     if isinstance(part, np.random.Generator):
         return dict(part.bit_generator.state)
@@ -37,10 +41,17 @@ def put_back(part: Any, state: Any) -> Any:
     StandError
         The state is not of such a part.
     """
-    if part is None or isinstance(part, (bool, int, float, str, np.generic)):
+    if part is None or isinstance(part, (bool, int, float, str)):
         return state
     try:
+        if isinstance(part, (complex, np.complexfloating)):
+            return complex(*state)
+        if isinstance(part, np.generic):
+            return state
         if isinstance(part, np.ndarray):
+            if np.iscomplexobj(part):
+                real, imag = np.array(state["values"], float).reshape(state["shape"])
+                return real + 1j * imag
             return np.array(state["values"], part.dtype).reshape(state["shape"])
         if isinstance(part, np.random.Generator):
             part.bit_generator.state = state

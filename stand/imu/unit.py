@@ -11,7 +11,7 @@ from stand.errors import StandError
 from stand.imu.model import Imu, without
 from stand.imu.preset import ImuSpec, imu_from
 from stand.imu.snapshot import put_back, taken
-from stand.samples import Sensed
+from stand.samples import Sampling, Sensed
 from stand.toml_files import Source
 
 VERSION = 1  # of a saved state
@@ -47,7 +47,12 @@ class Unit:
     """
 
     def __init__(
-        self, spec: ImuSpec, rate_hz: int, seed: int = 0, switched_off: Sequence[str] = ()
+        self,
+        spec: ImuSpec,
+        rate_hz: int,
+        seed: int = 0,
+        switched_off: Sequence[str] = (),
+        sampling: Sampling = Sampling.MEAN,
     ) -> None:
         if rate_hz != int(rate_hz) or not 1 <= rate_hz <= HIGHEST_RATE_HZ:
             raise StandError(
@@ -63,7 +68,8 @@ class Unit:
                 f"{spec.id}: sensors at places of their own or a clock that is wrong feel what is "
                 f"between the samples: add without = {list(_BETWEEN)}"
             )
-        self._imu = Imu(own, seed, self.rate_hz)
+        self.sampling = sampling
+        self._imu = Imu(own, seed, self.rate_hz, sampling=sampling)
         self._tick: int | None = None  # of the last sample
         self.gyro_errors, self.accel_errors = self._imu.gyro_errors, self._imu.accel_errors
 
@@ -141,6 +147,7 @@ class Unit:
             "rate_hz": self.rate_hz,
             "seed": self.seed,
             "without": list(self.without),
+            "sampling": self.sampling.value,
             "tick": self._tick,
             "inside": taken(self._imu),
         }
@@ -159,10 +166,11 @@ class Unit:
         try:
             sheet = state["imu"]
             spec = imu_from(_source(sheet["id"], sheet["toml"]))
-            unit = cls(spec, state["rate_hz"], state["seed"], state["without"])
+            sampling = Sampling(state["sampling"])
+            unit = cls(spec, state["rate_hz"], state["seed"], state["without"], sampling)
             unit._tick = state["tick"]
             put_back(unit._imu, state["inside"])
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise StandError(f"state: not that of a unit: {error!r}") from error
         return unit
 

@@ -16,8 +16,7 @@ the chain rule, and an axis that wobbles has two small hinges across it, prescri
 # pyright: reportAttributeAccessIssue=false
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from enum import Enum
+from dataclasses import dataclass, fields
 from itertools import count, pairwise
 
 import mujoco
@@ -31,7 +30,7 @@ from alignment.earth import Site
 from stand.motion.polynomial import Motion
 from stand.physics.mjcf import SENSORS, SITE
 from stand.physics.quadrature import Law, Steps
-from stand.samples import Sensed, TruthBlock
+from stand.samples import Sampling, Sensed, TruthBlock
 from stand.table.joints import JOINTS, across
 from stand.table.kinematics import C_NW
 from stand.table.table_errors import PERFECT, TableErrors
@@ -52,13 +51,6 @@ _UNUSED_STAGES = (
 )
 
 
-class Sampling(Enum):
-    """What a sample is: the mean over the interval that ends at its stamp, or the instant."""
-
-    MEAN = "mean"
-    INSTANT = "instant"
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Instants:
     """Sensors at n times: `w_ib_b`, `f_b` (n, 3), `q_wb` (n, 4; x, y, z, w).
@@ -70,6 +62,23 @@ class Instants:
     f_b: Array
     q_wb: Array
     f_places: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples(Instants):
+    """Means or instants over n intervals, `q_wb` at their ends.
+
+    `w_end`, `f_end` (n, 3): rates, and forces at the places, at the ends.
+    """
+
+    w_end: Array
+    f_end: Array
+
+    def sensed(self, t_ns: IntArray, sampling: Sampling) -> Sensed:
+        """What the sensors feel, with these stamps; instants are themselves at their ends."""
+        if sampling is Sampling.INSTANT:
+            return Sensed(t_ns, self.w_ib_b, self.f_places)
+        return Sensed(t_ns, self.w_ib_b, self.f_places, self.w_end, self.f_end)
 
 
 def lean_model(
@@ -252,47 +261,57 @@ class Truth:
         self, motion: Motion, rate_hz: int, sampling: Sampling, first: int, last: int
     ) -> TruthBlock:
         """Samples `first` + 1 to `last` (that is, those that end in (first, last] / rate)."""
+        return self.felt(motion, rate_hz, sampling, first, last)[0]
+
+    def felt(
+        self, motion: Motion, rate_hz: int, sampling: Sampling, first: int, last: int
+    ) -> tuple[TruthBlock, Sensed]:
+        """As `block`, and what sensors at their places feel if their clock is right."""
         ticks = np.arange(first, last + 1)
         edges = ticks / rate_hz
         over = self.over(motion, edges, sampling)
         q, v, a = motion.joints(edges[1:])
         stamps = stamps_ns(ticks[1:], rate_hz)
+        sensed = over.sensed(stamps, sampling)
         if self._perfect:
-            return TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, q, v)
+            return TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, q, v), sensed
         joints, rates, _ = self._errors.realised(q, v, a)
         said = self._errors.readings(q)
-        return TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, joints, rates, said, v)
+        true = TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, joints, rates, said, v)
+        return true, sensed
 
     def sensed(self, motion: Motion, edges: Array, t_ns: IntArray, sampling: Sampling) -> Sensed:
         """What the sensors feel, each at its place, over intervals of any lengths.
 
         `edges` (n + 1,) [s] bound the intervals; `t_ns` (n,) are the stamps they will carry.
         """
-        over = self.over(motion, edges, sampling)
-        return Sensed(t_ns, over.w_ib_b, over.f_places)
+        return self.over(motion, edges, sampling).sensed(t_ns, sampling)
 
-    def over(self, motion: Motion, edges: Array, sampling: Sampling) -> Instants:
-        """Samples over the n intervals between `edges` (n + 1,) [s]; `q_wb` at their ends.
+    def over(self, motion: Motion, edges: Array, sampling: Sampling) -> Samples:
+        """Samples over the n intervals between `edges` (n + 1,) [s].
 
         Before its start and after its end the motion is held: a window of a longer motion must
         cover the intervals.
         """
         n = len(edges) - 1
-        out = [np.empty((n, size)) for size in (3, 3, 4, 3)]
+        out = [np.empty((n, size)) for size in (3, 3, 4, 3, 3, 3)]
         for start, stop, resting in runs(rest_of(motion, edges)):
             if resting:
                 joints, _, _ = motion.joints(edges[stop : stop + 1])
-                part = self.instants(joints, np.zeros_like(joints), np.zeros_like(joints))
+                still = np.zeros_like(joints)
+                part = _as_samples(self.instants(joints, still, still))
             elif sampling is Sampling.INSTANT:
-                part = self.instants(*motion.joints(edges[start + 1 : stop + 1]))
+                part = _as_samples(self.instants(*motion.joints(edges[start + 1 : stop + 1])))
             else:
                 part = self.means(motion, edges[start : stop + 1])
-            for array, name in zip(out, Instants.__slots__, strict=True):
-                array[start:stop] = getattr(part, name)
-        return Instants(*out)
+            for array, field in zip(out, fields(Samples), strict=True):
+                array[start:stop] = getattr(part, field.name)
+        for array in out:
+            array.flags.writeable = False
+        return Samples(*out)
 
-    def means(self, motion: Motion, edges: Array) -> Instants:
-        """Means over the n intervals between `edges` (n + 1,) [s]; `q_wb` at their ends.
+    def means(self, motion: Motion, edges: Array) -> Samples:
+        """Means over the n intervals between `edges` (n + 1,) [s].
 
         Notes
         -----
@@ -311,11 +330,14 @@ class Truth:
         starts = np.searchsorted(steps.ends, edges)
         f_b = steps.means(at.f_b, starts)
         own = self._places is not None
-        return Instants(
+        last = steps.ends_at(starts[1:])
+        return Samples(
             steps.means(at.w_ib_b, starts),
             f_b,
-            at.q_wb[steps.ends_at(starts[1:])],
+            at.q_wb[last],
             steps.means(at.f_places, starts) if own else f_b,
+            at.w_ib_b[last],
+            at.f_places[last],
         )
 
     def _steps(self, motion: Motion, edges: Array) -> Steps:
@@ -337,6 +359,10 @@ class Truth:
         middles = (ends[1:] + ends[:-1]) / 2
         pieces = np.searchsorted(motion.knots[1:-1], middles, side="right")
         return self._law.choose(pieces, np.diff(ends))
+
+
+def _as_samples(at: Instants) -> Samples:
+    return Samples(at.w_ib_b, at.f_b, at.q_wb, at.f_places, at.w_ib_b, at.f_places)
 
 
 def _order(errors: TableErrors) -> IntArray:

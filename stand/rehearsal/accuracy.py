@@ -76,7 +76,9 @@ def _by_gains(name: str, gains: Gains, scene: Scene, unit: Unit) -> Predicted:
     for answer, response in zip(answers, responses, strict=True):
         C_nb = answer.stretches[answer.own].C_pb
         why = partial(_why, answer, known)
-        told = angles(name, answer.window, answer.label, C_nb, response.attitude(), why)
+        told = angles(
+            name, answer.window, answer.label, C_nb, response.attitude(), why, response.bias()
+        )
         found += withheld(told, ("heading", "yaw"), doubt)
         if answer is answers[0]:
             found += response.biases(name)

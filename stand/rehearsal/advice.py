@@ -3,7 +3,8 @@
 Variants (both directions, a slower or second turn, an added position, a longer offset window,
 another start azimuth, or none) are tried at their own length and then with longer stretches: the
 least that passes, by steps of `_GROWTH` and halving between them. Of all that pass within every
-limit the shortest comes first.
+limit the shortest comes first; where none does, the best that was tried says what stands in the
+way.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -52,13 +53,14 @@ def with_advice(settings: Settings) -> Rehearsal:
     if not failing or not result.feasibility:
         return result
     data = settings.procedure.entry.model_dump(exclude_unset=True, mode="json")
-    whole = _remedies(settings, data, _wanted(result))
+    tried: list[_Trial] = []
+    whole = _remedies(settings, data, _wanted(result), tried)
     advice: list[Advice] = []
     for quantity in failing:
-        found = whole or _remedies(settings, data, (quantity,))
+        found = whole or _remedies(settings, data, (quantity,), tried)
         advice += [_told(quantity, data, trial) for trial in found[:_KEPT]]
         if not found:
-            advice.append(_nothing(quantity, result))
+            advice.append(_nothing(quantity, data, tried))
     return replace(result, advice=tuple(advice))
 
 
@@ -66,24 +68,29 @@ def _wanted(result: Rehearsal) -> tuple[str, ...]:
     return tuple(j.quantity for j in result.judgements)
 
 
-def _remedies(settings: Settings, data: Data, wanted: Sequence[str]) -> list[_Trial]:
-    """Changes that make all the `wanted` pass, the shortest first."""
+def _remedies(
+    settings: Settings, data: Data, wanted: Sequence[str], tried: list[_Trial]
+) -> list[_Trial]:
+    """Changes that make all the `wanted` pass, the shortest first; all goes into `tried`."""
     found: list[_Trial] = []
     for variant in _variants(data, settings):
         cheapest = min((t.result.duration.total for t in found), default=_LONGEST / _DEARER)
-        trial = _longer(settings, variant, wanted, _DEARER * cheapest)
+        trial = _longer(settings, variant, wanted, _DEARER * cheapest, tried)
         if trial is not None:
             found.append(trial)
     return sorted(found, key=lambda trial: trial.result.duration.total)
 
 
-def _longer(settings: Settings, data: Data, wanted: Sequence[str], longest: float) -> _Trial | None:
+def _longer(
+    settings: Settings, data: Data, wanted: Sequence[str], longest: float, tried: list[_Trial]
+) -> _Trial | None:
     """The shortest lengthening of a variant that passes within `longest` s; None: none does."""
     factor, before, sigma = 1.0, 0.0, float("inf")
     while True:
         trial = _tried(settings, _stretched(data, factor))
         if trial is None or trial.result.duration.total > longest:
             return None
+        tried.append(trial)
         if _passes(trial.result, wanted):
             break
         now = _worst(trial.result, wanted)
@@ -249,9 +256,10 @@ def _told(quantity: str, before: Data, trial: _Trial) -> Advice:
     judged = _judged(trial.result.judgements, quantity)
     duration = trial.result.duration.total
     assert judged.sigma is not None
+    known = f" beside a bias of {judged.bias / DEG:.3g} deg" if judged.bias else ""
     text = (
         f"{'; '.join(_in_words(change) for change in changes)}: {quantity} then has a sigma of "
-        f"{judged.sigma / DEG:.3g} deg by {judged.method}, in {duration:.0f} s"
+        f"{judged.sigma / DEG:.3g} deg{known} by {judged.method}, in {duration:.0f} s"
     )
     return Advice(
         quantity=quantity,
@@ -273,20 +281,37 @@ def _in_words(change: Change) -> str:
     return f"{change.where}: {change.after} instead of {change.before}"
 
 
-def _nothing(quantity: str, result: Rehearsal) -> Advice:
-    judged = _judged(result.judgements, quantity)
-    rows = rows_of(quantity, (p for p in result.predictions if p.method == judged.method))
+def _nothing(quantity: str, before: Data, tried: Sequence[_Trial]) -> Advice:
+    """What stands in the way of the best that was tried, and how far that went."""
+
+    def off(trial: _Trial) -> tuple[float, float]:
+        expanded = _judged(trial.result.judgements, quantity).expanded
+        return (float("inf") if expanded is None else expanded), trial.result.duration.total
+
+    best = min(tried, key=off)
+    judged = _judged(best.result.judgements, quantity)
+    longest = max(trial.result.duration.total for trial in tried)
+    text = (
+        f"none of {len(tried)} procedures tried, up to {_MOST:g} times as long ({longest:.0f} s), "
+        f"reaches {judged.required / DEG:g} deg with coverage {judged.coverage:g}: "
+        f"{_in_the_way(best.result, judged)}"
+    )
+    changed = "; ".join(_in_words(change) for change in _changes(before, best.data))
+    reached = "" if judged.expanded is None else f" to {judged.expanded / DEG:.3g} deg"
+    better = f" in the best, which comes{reached} in {best.result.duration.total:.0f} s ({changed})"
+    text += better if changed else ""
+    return Advice(quantity=quantity, text=text, changes=(), sigma=None, duration=None)
+
+
+def _in_the_way(result: Rehearsal, judged: Judgement) -> str:
+    """The largest part of what a judgement is of."""
+    rows = rows_of(judged.quantity, (p for p in result.predictions if p.method == judged.method))
     worst = next((p for p in rows if p.label == judged.label), None)
-    what = "the errors of the unit"
+    what = judged.reason or "the errors of the unit"
     if worst is not None and worst.contributions:
         first = worst.contributions[0]
         what = f"{first.source} ({first.sigma / worst.per:.3g} {worst.unit})"
-    text = (
-        "no longer stretch, other turn, added position or azimuth within the limits reaches "
-        f"{judged.required / DEG:g} deg with coverage {judged.coverage:g}: {what} stands in the "
-        "way"
-    )
-    return Advice(quantity=quantity, text=text, changes=(), sigma=None, duration=None)
+    return f"{what} stands in the way"
 
 
 def _changes(before: Data, after: Data) -> Iterator[Change]:

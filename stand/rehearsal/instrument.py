@@ -6,32 +6,33 @@ the same way in every position, so much of it cancels and some of it does not.
 """
 
 from dataclasses import dataclass
+from itertools import product
 from math import sqrt
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment.arrays import Array, set_owned
+from alignment.arrays import Array, IntArray, set_owned
 from alignment.information import GaussMarkov, Triad, Unit
-from alignment.units import ARC_SECOND
+from alignment.information.model import NODES
 from stand.imu import ImuSpec
-from stand.imu.filter import LowPass
+from stand.imu.filter import LAG, noise_variance
 from stand.imu.preset import TriadSpec
 from stand.imu.processes import plateau
+from stand.rehearsal.known_errors import Size, Stated
 from stand.table.joints import JOINTS, StandModel
-from stand.table.table import Table
 
-FILTER_LAG = sqrt(2) / (2 * np.pi)  # of a Butterworth low-pass of second order, times bandwidth
 _NOTHING = 1e-15  # of a step squared: waves below it are none
-_SETTLED = 3.0  # times a low-pass's period: its answer to one sample is over by exp(-13)
 _WAVES = 200  # harmonics of a staircase: those beyond hold 0.3 % of what rounding does
+_MIXED = 16  # of which pairs are looked at: those beyond hold 4 % of it
+_BLURRED = 60.0  # exp(-30) of a wave is none
 # the axis toward which each one leans, as `stand.physics.geometry` builds it
 _TOWARD = {"base_pitch": 0, "base_yaw": 1, "outer": 1, "middle": 3, "inner": 4}
 
 
 def unit_of(imu: ImuSpec) -> Unit:
     """The instrument's errors as standard deviations, but for `roundings_of` its samples."""
-    delay = FILTER_LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
+    delay = LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
     return Unit(_triad(imu.gyro, imu), _triad(imu.accel, imu), float(delay + imu.clock.latency))
 
 
@@ -63,9 +64,11 @@ class Rounding:
     Rounding of x takes away ``sum_n (-1)^n q/(pi n) sin(2 pi n x / q)``. The mean over normal noise
     of sigma multiplies each wave by ``exp(-2 (pi n sigma / q)^2)``: what is left depends on where
     in a step x lies, and no time averages it out. All else is noise anew in each sample, the rest
-    of ``q^2/12``. Where x lies nobody knows, for a bias is many steps: two readings that are apart
-    by d share ``cos(2 pi n d / q)`` of each wave, and as d is known to s only, that times
-    ``exp(-2 (pi n s / q)^2)``. Source: B. Widrow and I. Kollar, Quantization Noise (2008), ch. 9.
+    of ``q^2/12``. Where nobody knows in which part of a step x lies, as with a bias of many steps,
+    two readings that are apart by d share ``cos(2 pi n d / q)`` of each wave, and as d is known to
+    s only, that times ``exp(-2 (pi n s / q)^2)``. Where it is known better than to a third of a
+    step, waves of different n go together as well. Source: B. Widrow and I. Kollar, Quantization
+    Noise (2008), ch. 9.
     """
 
     step: float
@@ -102,6 +105,34 @@ class Rounding:
                 result += square * np.cos(turn * apart) * np.exp(-((turn * doubt) ** 2) / 2)
         return result
 
+    def moments(self, x: Array, known: Array) -> Array:
+        """Mean products (k, k) of what is left in readings planned at `x` (k,).
+
+        `known` (k, k): covariance of what they will be. Of normal y = x_i and z = x_j
+
+        ``E sin(a y) sin(b z) = (cos(a x_i - b x_j) exp(-Var(a y - b z) / 2)
+        - cos(a x_i + b x_j) exp(-Var(a y + b z) / 2)) / 2``,
+
+        summed over all pairs of waves. The first with a = b is what `shared` has.
+        """
+        size = known.diagonal()
+        squared = np.maximum(size[:, None] + size - 2 * known, 0.0)
+        result = self.shared(x[:, None] - x, np.sqrt(squared))
+        if not self.step:
+            return result
+        turns, squares = self._waves()
+        heights = np.sqrt(2 * squares) * (-1.0) ** np.arange(1, _WAVES + 1)
+        strong = np.flatnonzero(squares[:_MIXED] > _NOTHING * self.step**2)
+        for n, m, sign in product(strong, strong, (1, -1)):
+            if n == m and sign > 0:
+                continue
+            a, b = turns[n], sign * turns[m]
+            blurred = a**2 * size[:, None] + b**2 * size - 2 * a * b * known
+            if blurred.min() < _BLURRED:
+                wave = np.cos(a * x[:, None] - b * x) * np.exp(-blurred / 2)
+                result += sign * heights[n] * heights[m] / 2 * wave
+        return result
+
 
 def roundings_of(imu: ImuSpec, rate_hz: int) -> tuple[Rounding, Rounding]:
     """Of gyros and of accelerometers; increments carry their remainders on, and lose nothing."""
@@ -114,61 +145,68 @@ def roundings_of(imu: ImuSpec, rate_hz: int) -> tuple[Rounding, Rounding]:
 
 def _sample_noise(spec: TriadSpec, rate_hz: int) -> float:
     """Standard deviation of one sample's white noise behind the low-pass."""
-    sigma = spec.noise * sqrt(rate_hz)
-    if not np.isfinite(spec.bandwidth):
-        return sigma
-    once = np.zeros((1, 2 + int(_SETTLED * max(rate_hz / spec.bandwidth, 1.0))))
-    once[0, 1] = 1.0
-    return sigma * float(np.linalg.norm(LowPass(spec.bandwidth, rate_hz).apply(once)))
+    return spec.noise * sqrt(rate_hz * noise_variance(spec.bandwidth, rate_hz))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leaning:
-    """An error of the table: `sigma`, and the `turns` (k, 3) of b at k poses per unit of it."""
+    """An error of the table, and the `turns` (k, 3) of b at k poses per unit of it.
+
+    `sigma` of its draws, or the value that is `known` of it.
+    """
 
     source: str
     sigma: float
     turns: Array
+    known: float = 0.0
 
     def __post_init__(self) -> None:
         set_owned(self, turns=(self.turns, (None, 3), float))
 
 
-def leanings(table: Table, model: StandModel, joints: Array) -> list[Leaning]:
-    """Every error a table class states, and how it turns b at joint angles (k, 6) [rad].
+def leanings(
+    stated: Stated, model: StandModel, joints: Array, round_axis: IntArray | None = None
+) -> list[Leaning]:
+    """Every error that is stated, and how it turns b at joint angles (k, 6) [rad].
 
-    ``C_true = C_nominal exp(turns)``. Rate ripple is left out: as an angle it is its part of a
-    turn over its number of times round, below an arc second.
+    ``C_true = C_nominal exp(turns)``. `round_axis` (k,): the axis that goes round evenly through a
+    pose and others (-1: none does): a ripple too quick for `NODES` of them leaves nothing in a
+    whole turn.
     """
     frames, axes, across, before = _chain(model, joints)
-    geometry = table.entry.geometry
+    rounds = np.full(len(joints), -1) if round_axis is None else round_axis
     found: list[Leaning] = []
 
-    def add(source: str, arc_s: float, in_w: Array) -> None:
-        if arc_s > 0:
+    def add(source: str, size: Size, in_w: Array) -> None:
+        if size.sigma or size.known:
             turns = np.einsum("kji,kj->ki", frames, in_w)
-            found.append(Leaning(source, arc_s * ARC_SECOND, turns))
+            found.append(Leaning(source, size.sigma, turns, size.known))
 
-    for axis, line in enumerate(np.eye(3)):
-        every = np.tile(line, (len(joints), 1))
-        tilts = axis < 2
-        size = geometry.base_tilt_arc_s if tilts else geometry.base_azimuth_arc_s
-        add("table tilt" if tilts else "table azimuth", size, every)
-        add("mounting", geometry.mounting_arc_s, frames[:, :, axis])
+    for axis, (line, base, seat) in enumerate(
+        zip(np.eye(3), stated.base(), stated.mounting(), strict=True)
+    ):
+        add("table tilt" if axis < 2 else "table azimuth", base, np.tile(line, (len(joints), 1)))
+        add("mounting", seat, frames[:, :, axis])
     for i, name in enumerate(JOINTS):
-        errors, q = table.entry.axis[name].errors, joints[:, i : i + 1]
-        add("placement", errors.placement_arc_s, axes[:, i])
+        q = joints[:, i : i + 1]
+        add("placement", stated.placement(i), axes[:, i])
         for order in (1, 2):
-            for wave in (np.cos(order * q), np.sin(order * q)):
-                add("encoder", errors.encoder_arc_s / 2**0.5, axes[:, i] * wave)
+            waves = np.cos(order * q), np.sin(order * q)
+            for size, wave in zip(stated.encoder(i, order), waves, strict=True):
+                add("encoder", size, axes[:, i] * wave)
         if name in _TOWARD:
             toward = np.einsum("kij,j->ki", before[:, i], _built(model)[_TOWARD[name]])
             turned = np.cross(axes[:, i], toward)
             after = Rotation.from_rotvec(q * axes[:, i]).apply(turned)
-            add("non-orthogonality", errors.non_orthogonality_arc_s, turned - after)
-        for c, s in ((np.cos(q), np.sin(q)), (-np.sin(q), np.cos(q))):
-            nod = across[:, i, 0] * c + across[:, i, 1] * s
-            add("wobble", errors.wobble_arc_s / 2**0.5, nod)
+            add("non-orthogonality", stated.non_orthogonality(i), turned - after)
+        for size, cosine, sine in stated.wobble(i):
+            c, s = cosine * np.cos(q) - sine * np.sin(q), cosine * np.sin(q) + sine * np.cos(q)
+            add("wobble", size, across[:, i, 0] * c + across[:, i, 1] * s)
+        n, waves = stated.ripple(i)
+        slow = 1.0 if n < NODES / 2 else (rounds != i)[:, None]
+        for size, cosine, sine in waves:
+            wave = cosine * np.cos(n * q) - sine * np.sin(n * q)
+            add("rate ripple", size, axes[:, i] * wave * slow)
     return found
 
 

@@ -61,7 +61,9 @@ def check_vertical(responses: Sequence[Response]) -> None:
     if not responses:
         return
     drawn = np.random.default_rng(0).standard_normal((UNITS, len(responses[0].true.parameters)))
-    tilts = np.array([np.linalg.norm(drawn @ r.feigned_tilt().T, axis=1) for r in responses])
+    tilts = np.array(
+        [np.linalg.norm(drawn @ r.feigned_tilt().T + r.known_tilt(), axis=1) for r in responses]
+    )
     refused = np.mean(np.max(tilts, axis=0) > WRONG_POSITION)
     if refused > MOSTLY:
         raise AlignmentError(

@@ -59,7 +59,7 @@ def _judged(
             reason=f"no method of this procedure tells {quantity}",
         )
     best = min(worst, key=_size)
-    verdict = _verdict(best.sigma, limit, require)
+    verdict = _verdict(best.rms, limit, require)
     return Judgement(
         quantity=quantity,
         method=best.method,
@@ -70,18 +70,19 @@ def _judged(
         guard=require.guard,
         verdict=verdict,
         reason=best.reason,
+        bias=best.bias,
     )
 
 
 def _size(prediction: Prediction) -> float:
-    return inf if prediction.sigma is None else prediction.sigma
+    return inf if prediction.rms is None else prediction.rms
 
 
-def _verdict(sigma: float | None, limit: float, require: RequireEntry) -> Verdict:
+def _verdict(rms: float | None, limit: float, require: RequireEntry) -> Verdict:
     """A prediction may be off by `guard` either way: only beyond that is there a verdict."""
-    if sigma is None:
+    if rms is None:
         return Verdict.FAIL
-    expanded = require.coverage * sigma
+    expanded = require.coverage * rms
     if expanded * (1 + require.guard) <= limit:
         return Verdict.PASS
     return Verdict.FAIL if expanded * (1 - require.guard) > limit else Verdict.INDETERMINATE

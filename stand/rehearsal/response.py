@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from alignment.arrays import Array
+from alignment.arrays import Array, IntArray
 from alignment.gains import Answer
 from alignment.information import Setting, Unit, information
 from alignment.information.model import coefficient_weights, felt
@@ -16,6 +16,7 @@ from stand.rehearsal.result import Prediction
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.telling import Parts, name_of, told
 from stand.rehearsal.warmth import warmed
+from stand.simulation.collector import ticks_of
 
 SENSORS = ("gyro", "accelerometer")
 _NORTH = Rotation.identity()
@@ -24,10 +25,10 @@ _NORTH = Rotation.identity()
 class Errors:
     """What errors of unit and table do to the coefficients of some stretches.
 
-    `true` has the unit's. Of the table's l errors: `sources`, `sigmas` (l,), `readings` (m, l),
-    and the turn (s, 3, l) in b that each gives the attitude of every stretch where it is judged:
-    at its end, of a turning one taken back to encoder angle zero. `noises` by name: covariances
-    (m, m) of the coefficients.
+    `true` has the unit's. Of the table's l errors: `sources`, `sigmas` (l,) of those drawn, values
+    (l,) of those `known`, `readings` (m, l), and the turn (s, 3, l) in b that each gives the
+    attitude of every stretch where it is judged: at its end, of a turning one taken back to encoder
+    angle zero. `noises` by name: covariances (m, m) of the coefficients.
     """
 
     def __init__(
@@ -37,11 +38,18 @@ class Errors:
         self.true = information(stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
         seen = [felt(s, _NORTH, scene.site) for s in stretches]
         poses = [_poses(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
-        poses.append(np.array([step.joints for step in steps]))
-        found = leanings(scene.table, scene.model, np.concatenate(poses))
+        ends = np.array([ticks_of(step, scene.rate_hz)[1] for step in steps]) / scene.rate_hz
+        last = scene.plan.motion.joints(ends)[0]
+        poses.append(last)
+        rounds = np.concatenate(
+            [_round_axes(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
+            + [np.full(len(steps), -1)]
+        )
+        found = leanings(scene.stated, scene.model, np.concatenate(poses), rounds)
         edges = np.cumsum([0, *(len(p) for p in poses)])
         self.sources = tuple(one.source for one in found)
         self.sigmas = np.array([one.sigma for one in found])
+        self.known = np.array([one.known for one in found])
         turns = np.array([one.turns for one in found]).reshape(len(found), edges[-1], 3)
         readings = []
         for k, (stretch, (w, f, _, project)) in enumerate(zip(stretches, seen, strict=True)):
@@ -52,7 +60,7 @@ class Errors:
         self.readings = np.concatenate(readings, axis=1).T
         self.turns = np.array(
             [
-                _taken_back(step, stretch.axis_b) @ turns[:, edges[-2] + k].T
+                _taken_back(step, stretch.axis_b, last[k]) @ turns[:, edges[-2] + k].T
                 for k, (step, stretch) in enumerate(zip(steps, stretches, strict=True))
             ]
         )
@@ -77,9 +85,7 @@ class Errors:
             for channel in range(3 * k, 3 * k + 3):
                 x, own = nodes[:, channel], slice(channel, None, 6)
                 known = told @ doubt[own, own] @ told.T
-                size = known.diagonal()
-                s2 = np.maximum(size[:, None] + size - 2 * known, 0.0)
-                left = one.shared(x[:, None] - x, np.sqrt(s2))
+                left = one.moments(x, known)
                 total[own, own] = project @ left @ project.T + np.diag(anew) * one.noise**2
             found[f"{SENSORS[k]} rounding"] = total
         return found
@@ -109,6 +115,18 @@ class Response:
         judged = C @ self.errors.turns[own]
         return self._parts(self.answer.gain, self.true.attitude_rows(own), judged)
 
+    def bias(self) -> Array:
+        """Rotation (3,) about n of the estimate by the table's errors that are known [rad]."""
+        own = self.answer.own
+        C = self.answer.stretches[own].C_pb.as_matrix()
+        left = self.answer.gain @ self.errors.readings - C @ self.errors.turns[own]
+        return np.asarray(left @ self.errors.known)
+
+    def known_tilt(self) -> Array:
+        """Tilt (2,) [rad] of the offset's window by itself, by the table's known errors."""
+        assert self.answer.window_gain is not None
+        return np.asarray(self.answer.window_gain[:2] @ self.errors.readings @ self.errors.known)
+
     def feigned_tilt(self) -> Array:
         """Tilts (2, p) [rad] of the offset's window by itself, per sigma of the unit's errors."""
         assert self.answer.window_gain is not None
@@ -125,7 +143,8 @@ class Response:
             row = np.eye(len(labels))[labels.index(label)][None]
             parts = self._parts(gain[None], row, np.zeros((1, len(self.errors.sigmas))))
             sizes = {name: float(np.sqrt(max(P[0, 0], 0.0))) for name, P in parts.items()}
-            yield told(method, "", "all", label, (p.unit, p.per), sizes, np.inf, str)
+            bias = float(gain @ self.errors.readings @ self.errors.known)
+            yield told(method, "", "all", label, (p.unit, p.per), sizes, np.inf, str, bias)
 
     def _parts(self, gain: Array, row: Array, judged: Array) -> Parts:
         """Covariances (k, k) of ``gain coefficients - row errors``, less `judged` (k, l)."""
@@ -153,11 +172,11 @@ def _waves(project: Array) -> Array:
     return project.T * k / np.array([1.0, 2.0, 2.0])[:h]
 
 
-def _taken_back(step: PlannedStep, axis_b: Array) -> Array:
-    """What a turn (3,) of b at a step's end is of b at encoder angle zero: (3, 3)."""
+def _taken_back(step: PlannedStep, axis_b: Array, joints: Array) -> Array:
+    """What a turn (3,) of b at joint angles (6,) is of b at encoder angle zero: (3, 3)."""
     if step.turning is None:
         return np.eye(3)
-    return Rotation.from_rotvec(step.joints[step.turning.axis] * axis_b).as_matrix()
+    return Rotation.from_rotvec(joints[step.turning.axis] * axis_b).as_matrix()
 
 
 def _poses(step: PlannedStep, count: int) -> Array:
@@ -166,6 +185,11 @@ def _poses(step: PlannedStep, count: int) -> Array:
     if step.turning is not None:
         joints[:, step.turning.axis] = 2 * np.pi * np.arange(count) / count
     return joints
+
+
+def _round_axes(step: PlannedStep, count: int) -> IntArray:
+    """The axis (count,) that goes round in a stretch, -1 at rest."""
+    return np.full(count, -1 if step.turning is None else step.turning.axis)
 
 
 def _slope(d: Array) -> Array:

@@ -6,6 +6,7 @@ Angles and biases are in SI inside; each prediction says in which unit it is tol
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from math import hypot
 from pathlib import Path
 
 from stand.rehearsal.verification import Verification
@@ -14,8 +15,9 @@ QUANTITIES = ("heading", "pitch", "roll")  # what a requirement may name
 
 
 class Verdict(StrEnum):
-    """What a requirement comes to."""
+    """What a requirement comes to; of the whole also CONTRADICTED, by runs beside predictions."""
 
+    CONTRADICTED = "CONTRADICTED"
     PASS = "PASS"
     FAIL = "FAIL"
     INDETERMINATE = "INDETERMINATE"
@@ -144,7 +146,10 @@ class Duration:
 
 @dataclass(frozen=True, slots=True)
 class Contribution:
-    """What one source of error adds: `sigma` in SI; they add up in quadrature."""
+    """What one source of error adds, in SI; they add up in quadrature.
+
+    `sigma` of what is drawn; of what is known, the size of the bias it makes.
+    """
 
     source: str
     sigma: float
@@ -163,11 +168,14 @@ class Prediction:
     unit, per : str, float
         What it is told in, and its size in SI.
     sigma : float or None
-        [SI]; None where it is not determined.
+        Standard deviation [SI] by all that is drawn anew in each run; None where it is not
+        determined.
     contributions : tuple of Contribution
-        The largest first; root of the sum of squares is `sigma`. Empty where not determined.
+        The largest first; root of the sum of squares is `rms`. Empty where not determined.
     reason : str
         Why it is not determined; '' where it is.
+    bias : float
+        The same in every run [SI]: by the table's errors that the procedure sets.
     """
 
     method: str
@@ -179,6 +187,12 @@ class Prediction:
     sigma: float | None
     contributions: tuple[Contribution, ...]
     reason: str = ""
+    bias: float = 0.0
+
+    @property
+    def rms(self) -> float | None:
+        """Root mean square of the error: sigma and bias in quadrature [SI]."""
+        return None if self.sigma is None else hypot(self.sigma, self.bias)
 
     @property
     def determined(self) -> bool:
@@ -215,13 +229,16 @@ class Judgement:
     required : float
         [rad]
     coverage : float
-        The expanded uncertainty is `coverage` times sigma.
+        The expanded uncertainty is `coverage` times the root mean square of sigma and bias: with a
+        coverage of 2 it holds in 95 % however they share it.
     sigma : float or None
         [rad]; None where it is not determined.
     guard : float
         Part of the requirement within which nobody can say: how far a prediction may be off.
     verdict : Verdict
     reason : str
+    bias : float
+        Of the table's known errors [rad].
     """
 
     quantity: str
@@ -233,11 +250,17 @@ class Judgement:
     guard: float
     verdict: Verdict
     reason: str = ""
+    bias: float = 0.0
+
+    @property
+    def rms(self) -> float | None:
+        """Sigma and bias in quadrature [rad]."""
+        return None if self.sigma is None else hypot(self.sigma, self.bias)
 
     @property
     def expanded(self) -> float | None:
-        """Coverage times sigma [rad]."""
-        return None if self.sigma is None else self.coverage * self.sigma
+        """Coverage times the root mean square [rad]."""
+        return None if self.rms is None else self.coverage * self.rms
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,7 +362,12 @@ class Rehearsal:
 
     @property
     def verdict(self) -> Verdict:
-        """Of the whole: FAIL where anything fails, INDETERMINATE where anything is open."""
+        """Of the whole: FAIL where anything fails, INDETERMINATE where anything is open.
+
+        CONTRADICTED where runs contradict a prediction: nothing that rests on it holds.
+        """
+        if self.verification is not None and self.verification.disagreeing:
+            return Verdict.CONTRADICTED
         open_ones = {j.verdict for j in self.judgements}
         if not self.feasible or Verdict.FAIL in open_ones:
             return Verdict.FAIL

@@ -79,6 +79,8 @@ def _judgement(j: Judgement) -> dict[str, Any]:
         "required_deg": j.required / DEG,
         "coverage": j.coverage,
         "sigma_deg": _degrees(j.sigma),
+        "bias_deg": _degrees(j.bias),
+        "rms_deg": _degrees(j.rms),
         "expanded_deg": _degrees(j.expanded),
         "guard": j.guard,
         "reason": j.reason,
@@ -132,6 +134,8 @@ def _prediction(p: Prediction) -> dict[str, Any]:
         "quantity": p.quantity,
         "unit": p.unit,
         "sigma": None if p.sigma is None else p.sigma / p.per,
+        "bias": None if p.sigma is None else p.bias / p.per,
+        "rms": None if p.rms is None else p.rms / p.per,
         "contributions": {c.source: c.sigma / p.per for c in p.contributions},
         "reason": p.reason,
     }
@@ -141,6 +145,8 @@ def _verification(v: Verification) -> dict[str, Any]:
     return {
         "runs_asked": v.asked,
         "runs": v.done,
+        "contradicted": len(v.disagreeing),
+        "missed_by_plain_intervals": len(v.missing_alone),
         "seed": v.seed,
         "seconds": v.seconds,
         "achieved": [_achieved(a) for a in v.achieved],
@@ -149,9 +155,11 @@ def _verification(v: Verification) -> dict[str, Any]:
 
 
 def _achieved(a: Achieved) -> dict[str, Any]:
-    """Sigmas in `unit`; ratio is predicted over achieved."""
+    """Sizes in `unit`; ratio is predicted over achieved, with its plain 95 % interval, and with
+    that in which all hold at once, by which it `agrees`."""
     sizes = {"sigma": a.sigma, "low": a.low, "high": a.high}
     ratio, low, high = a.ratio or (None, None, None)
+    all_low, all_high = a.widened or (None, None)
     return {
         "method": a.method,
         "window": a.window,
@@ -164,7 +172,10 @@ def _achieved(a: Achieved) -> dict[str, Any]:
         "ratio": ratio,
         "ratio_low": low,
         "ratio_high": high,
+        "ratio_low_of_all": all_low,
+        "ratio_high_of_all": all_high,
         "agrees": a.agrees,
+        "agrees_alone": a.agrees_alone,
     }
 
 

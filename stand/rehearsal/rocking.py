@@ -108,8 +108,7 @@ def _drifted(gain: Array, t: Array, processes: tuple[GaussMarkov, ...]) -> Array
     P: Array = np.einsum("mij,mkj->ik", gain, gain) * sum(p.sigma**2 for p in processes)
     for process in processes:
         keep = np.exp(-np.median(np.diff(t)) / process.time)
-        memory = Recursion([1.0], [1.0, -keep])
-        memory.settle(np.zeros(9), np.zeros(9))
+        memory = Recursion(keep, np.zeros(9))
         # what the process's memory carries into each block from those before it
         carried = memory.apply(gain.reshape(-1, 9).T).T.reshape(gain.shape) - gain
         both = np.einsum("mij,mkj->ik", carried, gain)

@@ -8,10 +8,13 @@ from alignment.arrays import Array
 from stand.imu import ImuSpec, Temperature
 from stand.motion.limits import Torque
 from stand.motion.plan import Plan
+from stand.motion.polynomial import MotionKind
 from stand.physics.truth import Truth
+from stand.rehearsal.known_errors import Stated, stated
 from stand.simulation.settings import Settings
 from stand.table.joints import StandModel
 from stand.table.table import Table
+from stand.table.table_errors import TableErrorsEntry
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -55,3 +58,12 @@ class Scene:
     def rate_hz(self) -> int:
         """Samples per second."""
         return self.settings.rate_hz
+
+    @property
+    def stated(self) -> Stated:
+        """What is stated of the table's errors, and what the procedure sets of them."""
+        made = self.settings
+        entry = made.procedure.entry.table_errors
+        if made.true_table:
+            entry = TableErrorsEntry(drawn=False)
+        return stated(self.table, entry, made.motion is MotionKind.IDEAL)

@@ -12,10 +12,12 @@ from alignment.angles import SequenceRule, angle_jacobian, angles_from_C_nb, nea
 from alignment.arrays import Array
 from alignment.information.result import DETERMINED
 from alignment.units import DEG
+from stand.rehearsal.known_errors import KNOWN
 from stand.rehearsal.result import Contribution, Prediction
 
 Parts = dict[str, Array]  # covariance (3, 3) about n [rad^2] by source
 
+_NO_TURN = np.zeros(3)
 _ANGLES = ("roll", "yaw", "pitch")
 # how sources of `alignment.information` and of this package are told
 _NAMES = {
@@ -28,12 +30,19 @@ _NAMES = {
 
 
 def angles(
-    method: str, window: str, label: str, C_nb: Rotation, parts: Parts, why: Callable[[], str]
+    method: str,
+    window: str,
+    label: str,
+    C_nb: Rotation,
+    parts: Parts,
+    why: Callable[[], str],
+    bias: Array = _NO_TURN,
 ) -> Iterator[Prediction]:
-    """Heading (or the yaw of a vertical X1), pitch and roll."""
+    """Heading (or the yaw of a vertical X1), pitch and roll; `bias` (3,) a known turn about n."""
     for quantity, j in rows_of_angles(C_nb).items():
         sizes = {name: float(np.sqrt(max(j @ P @ j, 0.0))) for name, P in parts.items()}
-        yield told(method, window, label, quantity, ("deg", DEG), sizes, DETERMINED, why)
+        off = float(j @ bias)
+        yield told(method, window, label, quantity, ("deg", DEG), sizes, DETERMINED, why, off)
 
 
 def rows_of_angles(C_nb: Rotation) -> dict[str, Array]:
@@ -58,18 +67,24 @@ def told(
     sizes: dict[str, float],
     limit: float,
     why: Callable[[], str],
+    bias: float = 0.0,
 ) -> Prediction:
-    """A prediction by the sizes of its sources; none where their total is not below `limit`."""
-    total = float(np.linalg.norm(list(sizes.values())))
+    """A prediction by the sizes of its sources; none where their total is not below `limit`.
+
+    A `bias` that is known has a row of its own, `KNOWN`.
+    """
+    sigma = float(np.linalg.norm(list(sizes.values())))
+    total = float(np.hypot(sigma, bias))
     told: dict[str, Any] = {"method": method, "window": window, "label": label}
     told |= {"quantity": quantity, "unit": unit[0], "per": unit[1]}
     if not total < limit:
-        reason = f"sigma of {total / unit[1]:.3g} {unit[0]} is beyond first order"
+        what = "sigma" if sigma >= abs(bias) else "error that is known"
+        reason = f"{what} of {total / unit[1]:.3g} {unit[0]} is beyond first order"
         reason = "; ".join(part for part in (f"not determined: {reason}", why()) if part)
         return Prediction(**told, sigma=None, contributions=(), reason=reason)
-    named = sorted(sizes.items(), key=lambda item: -item[1])
+    named = sorted((sizes | {KNOWN: abs(bias)}).items(), key=lambda item: -item[1])
     contributions = tuple(Contribution(name, s) for name, s in named if s > 1e-6 * total)
-    return Prediction(**told, sigma=total, contributions=contributions)
+    return Prediction(**told, sigma=sigma, contributions=contributions, bias=bias)
 
 
 def withheld(
@@ -78,7 +93,8 @@ def withheld(
     """The predictions, without a number for these quantities if there is a reason."""
     for p in found:
         if reason and p.determined and p.quantity in quantities:
-            p = replace(p, sigma=None, contributions=(), reason=f"not determined: {reason}")
+            why = f"not determined: {reason}"
+            p = replace(p, sigma=None, bias=0.0, contributions=(), reason=why)
         yield p
 
 

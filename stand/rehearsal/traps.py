@@ -4,9 +4,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from math import cos, hypot
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS
 from alignment.earth import EARTH_RATE, Site
+from alignment.methods.positions import LEAST_TURN
 from alignment.noise import FLICKER_FLOOR
 from alignment.units import DEG, DEG_PER_HOUR
 from stand.imu import ImuSpec
@@ -17,6 +19,7 @@ from stand.rehearsal.result import Finding, Judgement, Margin, Severity, StepFea
 NEAR_POLE = 1 * DEG_PER_HOUR  # horizontal Earth rate below which heading is not to be had
 BIAS_DOUBT = 1 * DEG  # heading error by the turn-on bias that is remarked where nothing is required
 ALLAN_LENGTHS = 10.0  # times the averaging time of a term: then it is told to 24 %
+_NORTH = Rotation.identity()
 
 
 def from_margins(steps: Sequence[StepFeasibility]) -> Iterator[Finding]:
@@ -72,7 +75,7 @@ def doubts(
             f"latitude {site.known_latitude() / DEG:g} deg: the horizontal Earth rate is "
             f"{horizontal / DEG_PER_HOUR:.3g} deg/h, too little to find north by{asked}",
         )
-    elif not _turns(plan, methods):
+    elif why := _uncancelled(plan, methods):
         bias = hypot(imu.gyro.bias, imu.gyro.instability)
         error = bias / horizontal
         allowed = BIAS_DOUBT if heading is None else heading.required / heading.coverage
@@ -82,19 +85,24 @@ def doubts(
                 Severity.WARNING,
                 "bias-limited",
                 "",
-                f"it never turns: the gyros' bias of {bias / DEG_PER_HOUR:.3g} deg/h is "
+                f"{why}: the gyros' bias of {bias / DEG_PER_HOUR:.3g} deg/h is "
                 f"{error / DEG:.3g} deg of heading, and no dwell shortens that; turn the unit "
-                f"between positions (methods {', '.join(_cancelling(ESTIMATORS))})",
+                f"between positions, and estimate by {' or '.join(_cancelling(ESTIMATORS))}",
             )
 
 
-def _turns(plan: Plan, methods: Sequence[str]) -> bool:
-    """Whether a method sees the unit at two headings at least."""
-    if any(s.turning is not None for s in plan.stretches):
-        return any(ESTIMATORS[m].takes == "turning" for m in _cancelling(methods))
-    poses = [s.C_nb for s in plan.stretches]
-    apart = max((float((poses[0].inv() * p).magnitude()) for p in poses), default=0.0)
-    return apart > 30 * DEG and bool(_cancelling(methods))
+def _uncancelled(plan: Plan, methods: Sequence[str]) -> str:
+    """Why no method sees the unit at two headings; '' where one does."""
+    poses = Rotation.concatenate([s.C_nb for s in plan.stretches if s.turning is None] or [_NORTH])
+    rests = any((pose.inv() * poses).magnitude().max() > LEAST_TURN for pose in poses)
+    turns = any(s.turning is not None for s in plan.stretches)
+    seen = {"turning": turns, "rest": rests}
+    if any(seen.get(ESTIMATORS[m].takes, turns or rests) for m in _cancelling(methods)):
+        return ""
+    if not (rests or turns):
+        return "it never turns"
+    named = ", ".join(methods) or "none"
+    return f"it turns, but no method of it ({named}) sets one heading against another"
 
 
 def _cancelling(methods: Iterable[str]) -> list[str]:
@@ -123,8 +131,8 @@ def allan_lengths(plan: Plan, imu: ImuSpec, terms: Sequence[str]) -> Iterator[Fi
 def averaging_time(spec: TriadSpec, term: str) -> float:
     """Where a term has the Allan deviation for itself [s]; 0: at once; infinite: there is none.
 
-    Each slope meets the one before it: ``N / sqrt(tau) = 0.664 B``, ``0.664 B = K sqrt(tau / 3)``,
-    ``K sqrt(tau / 3) = R tau / sqrt(2)`` (IEEE Std 952, annex C).
+    Where its slope has met all of those before it: ``N / sqrt(tau)``, ``0.664 B``,
+    ``K sqrt(tau / 3)``, ``R tau / sqrt(2)`` (IEEE Std 952, annex C).
     """
     N, B, K, R = spec.noise, FLICKER_FLOOR * spec.instability, spec.random_walk, spec.ramp
     if term in ("N", "Q"):
@@ -132,6 +140,6 @@ def averaging_time(spec: TriadSpec, term: str) -> float:
     if term == "B":
         return (N / B) ** 2 if B else np.inf
     if term == "K":
-        return 3 * max(B / K, N / K / 3**0.5) ** 2 if K and B else 3**0.5 * N / K if K else np.inf
-    before = max(B, K)
-    return 2**0.5 * before / R if R else np.inf
+        return max(3 * (B / K) ** 2, 3**0.5 * N / K) if K else np.inf
+    before = (2**0.5 * B, 2 * K**2 / (3 * R), (2 * N**2 * R) ** (1 / 3)) if R else ()
+    return max(before) / R if R else np.inf

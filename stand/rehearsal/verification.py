@@ -19,7 +19,7 @@ class Achieved:
     method, window, label, quantity, unit, per
         As of the `Prediction`.
     predicted : float or None
-        [SI]; None where it is not determined.
+        Root mean square, sigma and known bias in quadrature [SI]; None where not determined.
     runs : int
         How many runs gave a number.
     sigma, low, high : float
@@ -56,16 +56,27 @@ class Achieved:
         return self.predicted / self.sigma, self.predicted / self.high, self.predicted / self.low
 
     @property
-    def agrees(self) -> bool | None:
-        """Whether the widened interval meets `AGREES`; None where there is nothing to compare."""
+    def widened(self) -> tuple[float, float] | None:
+        """The ends of the ratio's interval, so wide that all of `among` hold at once in 95 %."""
         if self.ratio is None:
             return None
         wider = float(ndtri(TAIL / self.among) / ndtri(TAIL))
         ratio, low, high = self.ratio
-        return bool(
-            ratio * (high / ratio) ** wider >= AGREES[0]
-            and ratio * (low / ratio) ** wider <= AGREES[1]
-        )
+        return ratio * (low / ratio) ** wider, ratio * (high / ratio) ** wider
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the widened interval meets `AGREES`; None where there is nothing to compare."""
+        return None if self.widened is None else _meets(*self.widened)
+
+    @property
+    def agrees_alone(self) -> bool | None:
+        """The same by its own plain interval, as if nothing else were compared."""
+        return None if self.ratio is None else _meets(*self.ratio[1:])
+
+
+def _meets(low: float, high: float) -> bool:
+    return bool(high >= AGREES[0] and low <= AGREES[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +93,7 @@ class Verification:
     """Many runs of the whole stand: `asked` for and `done` before it ended, in `seconds`.
 
     The runs' seeds are `seed`, `seed` + 1 ...; each has a unit, a table and a sway of its own.
+    `stand run --seed` makes any of them again.
     """
 
     asked: int
@@ -100,3 +112,8 @@ class Verification:
     def disagreeing(self) -> tuple[Achieved, ...]:
         """Those whose prediction the runs contradict."""
         return tuple(a for a in self.achieved if a.agrees is False)
+
+    @property
+    def missing_alone(self) -> tuple[Achieved, ...]:
+        """Those whose plain 95 % interval misses; by chance that is to be one in twenty."""
+        return tuple(a for a in self.achieved if a.agrees_alone is False)

@@ -4,6 +4,7 @@ Nothing is shared with the predictions: each run draws its unit, its table and i
 readings, and the estimators are set against the truth of that run.
 """
 
+import hashlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
@@ -30,6 +31,7 @@ from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
 
 Progress = Callable[[float], None]
+_RUNS_BITS = 20
 BIASES = tuple(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in AXES)
 Key = tuple[str, str, str, str]  # method, window, label, quantity
 
@@ -55,7 +57,7 @@ def with_verification(
     result : Rehearsal
         Of `settings`.
     settings : Settings
-        The runs' seeds begin with its own.
+        The runs' seeds begin with the `first_seed` of it.
     runs : int
     progress : callable
         Told the part done, 0 to 1.
@@ -86,6 +88,26 @@ def with_verification(
     return result
 
 
+def first_seed(settings: Settings) -> int:
+    """The seed of the first run; those after it follow one by one.
+
+    From the settings' own seed and all that makes the case, so that no two cases share a draw:
+    20 bits of a million runs are left free below 32 of a hash. Of ten thousand cases two meet with
+    a chance of one in a hundred.
+    """
+    site, made = settings.site, settings
+    case = (
+        made.procedure.text,
+        made.imu.text,
+        made.table.text,
+        repr((site.latitude, site.height, site.local_gravity)),
+        repr((made.rate_hz, made.motion.value, made.sampling.value, made.seed)),
+        repr((made.without, made.true_table)),
+    )
+    digest = hashlib.sha256("\0".join(case).encode()).digest()
+    return int.from_bytes(digest[:4], "big") << _RUNS_BITS
+
+
 def _warned(result: Rehearsal, kind: str, text: str, step: str = "") -> Rehearsal:
     finding = Finding(Severity.WARNING, kind, step, text)
     return replace(result, findings=(*result.findings, finding))
@@ -106,10 +128,11 @@ def _verified(
 ) -> Verification:
     methods = tuple(dict.fromkeys(p.method for p in result.predictions))
     options = replace(settings.options, rule=SequenceRule.REGULAR)  # as predictions read angles
-    settings = replace(settings, options=options)
+    first = first_seed(settings)
+    settings = replace(settings, options=options, seed=first)
     sums = Sums()
     begin = time.perf_counter()
-    seeds = range(settings.seed, settings.seed + runs)
+    seeds = range(first, first + runs)
     with closing(campaign(partial(_ready, settings, methods), seeds, workers)) as trials:
         try:
             for found in trials:
@@ -137,7 +160,7 @@ def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
     for p in result.predictions:
         key = (p.method, p.window, p.label, p.quantity)
         if key in sums:
-            yield _came_to(sums, key, p.unit, p.per, p.sigma)
+            yield _came_to(sums, key, p.unit, p.per, p.rms)
     untold = {p.method for p in result.predictions if not p.label}
     for key in sums:
         if key[0] in untold and key[3] in QUANTITIES:
@@ -211,7 +234,8 @@ def errors_of(e: AttitudeEstimate, truth: Truths, biases: Array) -> dict[Key, fl
 
 
 class Sums:
-    """What is kept of all runs: numbers, sums of squares and of fourth powers of each error."""
+    """What is kept of all runs: numbers, and sums of the first, second and fourth powers of each
+    error."""
 
     def __init__(self) -> None:
         self.runs = 0
@@ -229,7 +253,7 @@ class Sums:
         self.runs += 1
         for key, error in found.errors.items():
             if np.isfinite(error):
-                self._of.setdefault(key, np.zeros(3))[:] += (1.0, error**2, error**4)
+                self._of.setdefault(key, np.zeros(4))[:] += (1.0, error, error**2, error**4)
         for method, reason in found.refusals.items():
             often, first = self._refused.get(method, (0, reason))
             self._refused[method] = often + 1, first
@@ -241,14 +265,16 @@ class Sums:
     def sigma(self, key: Key) -> tuple[int, tuple[float, float, float]]:
         """How many runs gave a number; root mean square of the errors with its 95 % interval.
 
-        Chi-square, with as many degrees of freedom as runs if errors are normal; where there are
-        `FEW` runs or more, with as many as their fourth moment says, but never with more.
+        Chi-square. Normal errors of mean m and variance v have as many degrees of freedom as there
+        are runs, times ``(m^2 + v)^2 / (v^2 + 2 m^2 v)``: the same bias in every run is soon known.
+        Where there are `FEW` runs or more, no more than their fourth moment says.
         """
-        n, squares, fourths = self._of[key]
+        n, total, squares, fourths = self._of[key]
         mean = squares / n
-        freedom = n
+        of_normal = mean**2 - (total / n) ** 4  # v^2 + 2 m^2 v
+        freedom = n * mean**2 / of_normal if n >= FEW and of_normal > 0 else n
         spread = fourths / n - mean**2
         if n >= FEW and spread > 0:
-            freedom = min(n, 2 * n * mean**2 / spread)
+            freedom = min(freedom, 2 * n * mean**2 / spread)
         sigma, (low, high) = np.sqrt(mean), np.sqrt(freedom / chdtri(freedom, [TAIL, 1 - TAIL]))
         return int(n), (float(sigma), float(sigma * low), float(sigma * high))

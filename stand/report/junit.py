@@ -4,7 +4,8 @@ One test case per requirement, one per step, and one per prediction that runs we
 requirement that fails, and one of which nobody can say whether it holds, are failures: `stand
 rehearse` ends with 1 for both, and a build must not go on without knowing. They are told apart by
 the failure's type, FAIL or INDETERMINATE. A prediction that the runs contradict is a failure of
-the type `contradicted`.
+the type `contradicted`; then the first case of all is the verdict, a failure of the type
+CONTRADICTED.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from stand.rehearsal.result import Finding, Judgement, Rehearsal, Severity, StepFeasibility, Verdict
 from stand.rehearsal.verification import Achieved, Verification
 from stand.report.document import method_text
+from stand.report.verified import outcome
 from stand.report.wording import (
     achieved_in_words,
     deg_text,
@@ -30,6 +32,7 @@ def junit(result: Rehearsal) -> str:
     name = result.inputs.procedure
     suites = Element("testsuites", name="stand rehearse")
     for title, cases in (
+        ("verdict", _verdict(name, result)),
         ("requirements", [_required(name, j) for j in result.judgements]),
         ("steps", [_step(name, step) for step in result.feasibility]),
         ("findings", [_finding(name, k, f) for k, f in enumerate(_errors(result), start=1)]),
@@ -43,6 +46,14 @@ def junit(result: Rehearsal) -> str:
     suites.set("time", f"{sum(float(suite.get('time', '0')) for suite in suites):.3f}")
     indent(suites)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(suites, "unicode") + "\n"
+
+
+def _verdict(name: str, result: Rehearsal) -> list[Element]:
+    """Said first where the runs contradict the predictions; otherwise it is that of the cases."""
+    if result.verdict is not Verdict.CONTRADICTED or result.verification is None:
+        return []
+    told = outcome(result.verification)
+    return [_case(f"{name}.verdict", "verdict", (result.verdict.value, told), told)]
 
 
 def _errors(result: Rehearsal) -> list[Finding]:

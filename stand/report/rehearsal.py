@@ -33,10 +33,22 @@ from stand.report.page import render, span_text
 from stand.report.provenance import provenance
 from stand.report.tables import TableData
 from stand.report.verified import fact, outcome, section
-from stand.report.wording import deg_text, digits, margin_in_words, percent, sigma_text
+from stand.report.wording import (
+    deg_text,
+    digits,
+    margin_in_words,
+    percent,
+    predicted_text,
+    sigma_text,
+)
 
 PAGE, JSON, JUNIT = "rehearsal.html", "rehearsal.json", "junit.xml"
-GRADES = {Verdict.PASS: "good", Verdict.FAIL: "bad", Verdict.INDETERMINATE: "open"}
+GRADES = {
+    Verdict.CONTRADICTED: "bad",
+    Verdict.PASS: "good",
+    Verdict.FAIL: "bad",
+    Verdict.INDETERMINATE: "open",
+}
 LEAST_USED = 1e-3  # of a limit: less is told as less
 LEAST_SHARE = 1e-3  # of a variance, to be named in the table
 CONTRADICTED = "prediction"  # the kind of finding that runs make
@@ -132,17 +144,20 @@ def _summary(result: Rehearsal) -> str:
     can = "can run on this table" if result.feasible else "cannot run as it is"
     takes = f"; it takes {span_text(result.duration.total)}" if result.duration.steps else ""
     told = [f"The procedure {can}{takes}."]
+    contradicted = result.verdict is Verdict.CONTRADICTED
+    if contradicted and result.verification is not None:
+        told.insert(0, outcome(result.verification))
     for verdict, words in (
         (Verdict.FAIL, "Will not be met"),
         (Verdict.INDETERMINATE, "Cannot be told"),
-        (Verdict.PASS, "Will be met"),
+        (Verdict.PASS, "Would be met by the prediction" if contradicted else "Will be met"),
     ):
         those = [_asked(j) for j in result.judgements if j.verdict is verdict]
         if those:
             told.append(f"{words}: {', '.join(those)}.")
     if result.duration.steps and not result.judgements:
         told.append("It states no required accuracy.")
-    if result.verification is not None:
+    if result.verification is not None and not contradicted:
         told.append(outcome(result.verification))
     return " ".join([*told, *_first_reason(result)])
 
@@ -193,7 +208,7 @@ def _requirements(judgements: Sequence[Judgement]) -> TableData | None:
             f"{deg_text(j.required)}",
             "not determined" if j.expanded is None else deg_text(j.expanded),
             "" if j.expanded is None else percent(j.expanded / j.required),
-            "" if j.sigma is None else f"{deg_text(j.sigma)} × {j.coverage:g}",
+            _sigma_of(j),
             j.method,
             j.label,
         )
@@ -201,11 +216,20 @@ def _requirements(judgements: Sequence[Judgement]) -> TableData | None:
     )
     guards = sorted({j.guard for j in judgements})
     notes = (
-        "Predicted: sigma times the coverage factor. Where: the stretch in which it is worst. "
+        "Predicted: sigma (with a known bias in quadrature) times the coverage factor. Where: the "
+        "stretch in which it is worst. "
         f"INDETERMINATE: closer to the requirement than the guard band of "
         f"{' or '.join(percent(g) for g in guards)}, or not determined.",
     )
     return TableData("Required accuracy", columns, rows, notes=notes)
+
+
+def _sigma_of(j: Judgement) -> str:
+    """What the coverage factor multiplies: sigma, and a known bias in quadrature with it."""
+    if j.sigma is None:
+        return ""
+    known = "" if not j.bias else f" and bias {deg_text(j.bias)}"
+    return f"{deg_text(j.sigma)}{known} × {j.coverage:g}"
 
 
 def _before(result: Rehearsal) -> list[Finding]:
@@ -334,14 +358,14 @@ def _budget(result: Rehearsal) -> Any:
         key = _name(p), p.quantity
         if p.sigma is not None and p.contributions:
             held = worst.get(key)
-            if held is None or held.sigma is None or p.sigma > held.sigma:
+            if held is None or (held.rms or 0.0) < (p.rms or 0.0):
                 worst[key] = p
     asked = {j.quantity for j in result.judgements}
     order = sorted(worst.values(), key=lambda p: p.quantity not in asked)
     rows = [
         Budget(
             f"{_name(p)}: {p.quantity}",
-            sigma_text(p.sigma, p.per, p.unit),
+            sigma_text(p.rms, p.per, p.unit),
             {c.source: (c.sigma / p.per) ** 2 for c in p.contributions},
         )
         for p in order[:MOST_BUDGETS]
@@ -354,12 +378,13 @@ def _predictions(predictions: Sequence[Prediction]) -> TableData | None:
     rows: dict[tuple[str, str, str, str], list[str]] = {}
     for p in predictions:
         if p.determined:
-            rows.setdefault(
-                (_name(p), p.quantity, sigma_text(p.sigma, p.per, p.unit), _made_of(p)), []
-            ).append(p.label)
+            rows.setdefault((_name(p), p.quantity, predicted_text(p), _made_of(p)), []).append(
+                p.label
+            )
     columns = ("method", "quantity", "sigma", "stretch", "made of, in the same unit")
     notes = (
-        "Parts add up in quadrature: sigma is the root of the sum of their squares. Those below "
+        "Parts add up in quadrature: sigma is the root of the sum of their squares, but for that "
+        "of what is known, which is a bias: sigma and bias in quadrature are rms. Those below "
         f"{100 * LEAST_SHARE:g} % of the variance are left out here; {JSON} has them all.",
     )
     cells = tuple((*key[:3], ", ".join(labels), key[3]) for key, labels in rows.items())
@@ -367,8 +392,8 @@ def _predictions(predictions: Sequence[Prediction]) -> TableData | None:
 
 
 def _made_of(p: Prediction) -> str:
-    assert p.sigma is not None
-    shown = [c for c in p.contributions if c.sigma**2 >= LEAST_SHARE * p.sigma**2 > 0]
+    assert p.rms is not None
+    shown = [c for c in p.contributions if c.sigma**2 >= LEAST_SHARE * p.rms**2 > 0]
     return ", ".join(f"{c.source} {digits(c.sigma / p.per)}" for c in shown)
 
 

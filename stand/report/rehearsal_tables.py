@@ -4,8 +4,10 @@ from collections.abc import Iterator
 
 from alignment.units import DEG
 from stand.rehearsal.result import Prediction, Rehearsal, Verdict
-from stand.rehearsal.verification import AGREES, Verification
+from stand.rehearsal.verification import AGREES, Achieved, Verification
 from stand.report.tables import TableData
+from stand.report.verified import outcome
+from stand.report.wording import chance_text, predicted_text
 
 _NAMED = 4  # contributions of a prediction that are told
 
@@ -16,6 +18,8 @@ def headline(result: Rehearsal) -> str:
     can = "feasible" if result.feasible else "NOT feasible"
     asked = "" if result.judgements else " (nothing is required: no [require] in the procedure)"
     verdict = result.verdict.value
+    if result.verification is not None and result.verdict is Verdict.CONTRADICTED:
+        verdict += f": {outcome(result.verification)[:-1]}"
     return (
         f"{verdict}: {i.procedure_title}; {i.imu_title}; {i.table_title}; {can}, "
         f"{result.duration.total:.0f} s{asked}"
@@ -89,7 +93,7 @@ def _accuracy(result: Rehearsal) -> TableData:
             f"{p.method} {p.window}".strip(),
             p.label,
             p.quantity,
-            "" if p.sigma is None else f"{p.sigma / p.per:.3g} {p.unit}",
+            "" if p.sigma is None else predicted_text(p),
             p.reason if p.sigma is None else _made_of(p),
         )
         for p in result.predictions
@@ -104,7 +108,8 @@ def _made_of(p: Prediction) -> str:
 
 
 def _verified(v: Verification | None) -> TableData:
-    columns = ("method", "place", "kind", "predicted", "achieved (95 %)", "ratio (95 %)", "finding")
+    ratio = "ratio (95 %; all at once)"
+    columns = ("method", "place", "kind", "predicted", "achieved (95 %)", ratio, "finding")
     if v is None:
         return TableData("", columns, ())
     rows = tuple(
@@ -114,20 +119,27 @@ def _verified(v: Verification | None) -> TableData:
             a.quantity,
             "" if a.predicted is None else f"{a.predicted / a.per:.3g} {a.unit}",
             _with_ends(a.sigma / a.per, a.low / a.per, a.high / a.per, a.unit),
-            "" if a.ratio is None else "{:.2f} ({:.2f}-{:.2f})".format(*a.ratio),
+            _ratio(a),
             "contradicted" if a.agrees is False else "",
         )
         for a in v.achieved
     )
     notes = [
-        f"ratio: predicted over achieved; contradicted where it misses {AGREES[0]:g} to "
-        f"{AGREES[1]:g} by more than chance among so many",
+        "ratio: predicted over achieved, with its own interval; contradicted where the interval of "
+        f"all at once misses {AGREES[0]:g} to {AGREES[1]:g}",
+        chance_text(v),
         *(f"no answer in {r.runs} of {v.done} runs from {r.method}: {r.reason}" for r in v.refused),
     ]
     title = f"Verified by {v.done} runs from seed {v.seed} in {v.seconds:.0f} s"
     if v.interrupted:
         title += f" (interrupted: {v.asked} were asked for)"
     return TableData(title, columns, rows, notes=tuple(notes))
+
+
+def _ratio(a: Achieved) -> str:
+    if a.ratio is None or a.widened is None:
+        return ""
+    return "{:.2f} ({:.2f}-{:.2f}; {:.2f}-{:.2f})".format(*a.ratio, *a.widened)
 
 
 def _with_ends(value: float, low: float, high: float, unit: str) -> str:

@@ -13,6 +13,7 @@ from stand.report.page import Drawing, span_text
 from stand.report.tables import TableData
 from stand.report.wording import (
     achieved_text,
+    chance_text,
     digits,
     percent,
     ratio_text,
@@ -48,7 +49,7 @@ def section(v: Verification) -> Section:
     note = f"The {len(shown)} of {len(rows)} quantities that are farthest off." if left_out else ""
     return Section(
         f"Verified by {runs_text(v.done)}",
-        (_agreement(v), _contradicted(v), _how(v)),
+        (_agreement(v), _contradicted(v), _chance(v), _how(v)),
         ratios(shown, AGREES) if shown else None,
         note,
         _table(v.achieved),
@@ -149,6 +150,10 @@ def _contradicted(v: Verification) -> str:
     return f"Contradicted: {_named(v.disagreeing)}." if v.disagreeing else ""
 
 
+def _chance(v: Verification) -> str:
+    return f"{chance_text(v)}." if _compared(v) else ""
+
+
 def _how(v: Verification) -> str:
     """How many runs, which, and how fast."""
     seeds = f"seed {v.seed}" if v.done == 1 else f"seeds {v.seed} to {v.seed + v.done - 1}"
@@ -211,14 +216,15 @@ def _table(achieved: Sequence[Achieved]) -> TableData | None:
     for a in sorted(achieved, key=lambda a: quantities.index(_quantity(a))):
         rows.setdefault(_cells(a), []).append(a.label)
     columns = (
-        "method", "quantity", "stretch", "predicted", "achieved (95 %)", "ratio (95 %)", "runs",
-        "agrees",
+        "method", "quantity", "stretch", "predicted", "achieved (95 %)", "ratio (95 %)",
+        "all at once", "runs", "agrees",
     )  # fmt: skip
     cells = tuple((*key[:2], ", ".join(labels), *key[2:]) for key, labels in rows.items())
     notes = (
         "Achieved: root mean square of the errors against the truth, with its 95 % interval. "
-        f"Ratio: predicted over achieved; it agrees where its interval meets {WITHIN}, widened so "
-        "that chance alone makes one of all these miss in 5 % of such verifications.",
+        "Ratio: predicted over achieved, with its own 95 % interval. It agrees where the interval "
+        f"of all at once meets {WITHIN}: widened so that chance alone makes one of all these miss "
+        "in 5 % of such verifications.",
     )
     return TableData("Predicted and achieved", columns, cells, notes=notes) if rows else None
 
@@ -231,6 +237,7 @@ def _cells(a: Achieved) -> tuple[str, ...]:
         sigma_text(a.predicted, a.per, a.unit),
         achieved_text(a),
         "" if a.ratio is None else ratio_text(a.ratio),
+        "" if a.widened is None else "{:.2f} to {:.2f}".format(*a.widened),
         str(a.runs),
         {True: "yes", False: "no", None: ""}[a.agrees],
     )

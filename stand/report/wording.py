@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import isfinite
 
 from alignment.units import ARC_SECOND, DEG
-from stand.rehearsal.result import Judgement, Margin
-from stand.rehearsal.verification import AGREES, Achieved, Refused
+from stand.evaluation.statistics import TAIL
+from stand.rehearsal.result import Judgement, Margin, Prediction
+from stand.rehearsal.verification import AGREES, Achieved, Refused, Verification
 
 _ARC_SECONDS_BELOW = 0.01 * DEG
 
@@ -30,6 +31,19 @@ def sigma_text(sigma: float | None, per: float, unit: str) -> str:
     return "not determined" if sigma is None else f"{digits(sigma / per)} {unit}"
 
 
+def predicted_text(p: Prediction) -> str:
+    """A predicted sigma, and where there is a bias also that and both in quadrature."""
+    told = sigma_text(p.sigma, p.per, p.unit)
+    if p.rms is None or not shows_bias(p):
+        return told
+    return f"{told}, bias {digits(p.bias / p.per)}: {digits(p.rms / p.per)} rms"
+
+
+def shows_bias(p: Prediction) -> bool:
+    """Whether a bias is more than a thousandth of the sigma beside it."""
+    return p.sigma is not None and abs(p.bias) > 1e-3 * p.sigma
+
+
 def ratio_text(ratio: tuple[float, float, float]) -> str:
     """A ratio with the ends of its interval: '0.98 (0.84 to 1.12)'."""
     value, low, high = (f"{x:.2f}" if 0.1 <= x < 10 else digits(x) for x in ratio)
@@ -49,7 +63,18 @@ def achieved_in_words(a: Achieved) -> str:
     if a.ratio is None:
         return told
     verdict = "agrees" if a.agrees else f"misses {AGREES[0]:g} to {AGREES[1]:g}"
+    if a.agrees and not a.agrees_alone:
+        verdict += ", though not by its own interval alone"
     return f"{told}; ratio {ratio_text(a.ratio)} {verdict}"
+
+
+def chance_text(v: Verification) -> str:
+    """How many plain intervals miss, and how many are to by chance alone."""
+    compared = sum(a.ratio is not None for a in v.achieved)
+    return (
+        f"{len(v.missing_alone)} of {compared} plain 95 % intervals miss {AGREES[0]:g} to "
+        f"{AGREES[1]:g}; chance makes up to {2 * TAIL * compared:.2g} of them miss"
+    )
 
 
 def refused_in_words(r: Refused, done: int) -> str:

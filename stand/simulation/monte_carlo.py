@@ -33,7 +33,7 @@ from stand.table.kinematics import C_NW
 
 RANDOM = (Sway, SwayBehind, Vibration, VibrationBehind)
 CHUNK = 20_000  # samples: bounds the memory of a run, and costs no speed
-KEPT = 400_000  # samples of truth that are kept for the next run, 200 bytes each
+KEPT = 400_000  # samples of truth that are kept for the next run, 300 bytes each
 
 Readings = tuple[list[Dwell], list[Rotation]]
 
@@ -66,7 +66,7 @@ class Trials:
             np.isfinite([self._spec.gyro.bandwidth, self._spec.accel.bandwidth]).any()
         )
         self._model = load_model(settings.table.model)
-        self._same = not self._drawn and first.errors.perfect and first.feels_truth
+        self._same = not self._drawn and first.errors.perfect and first.imu.spec.clock.perfect
         self._felt: list[_Felt] = []
         self._blocks: list[Block] = []
         self._begins: dict[str, float | None] = {}
@@ -89,8 +89,7 @@ class Trials:
             imu = self._imu(settings)
             collector = DwellCollector(self.plan.stretches, settings.rate_hz)
             for block in self._blocks:
-                t = block.truth
-                collector.add(t, imu.report(Sensed(t.t_ns, t.w_ib_b, t.f_b)))
+                collector.add(block.truth, imu.report(block.sensed))
             return collector.finish(self._begins)
         simulation = Simulation(settings)
         collector = DwellCollector(simulation.plan.stretches, settings.rate_hz)
@@ -114,7 +113,9 @@ class Trials:
 
     def _imu(self, settings: Settings) -> Imu:
         temperature = temperature_of(settings.procedure)
-        return Imu(self._spec, settings.seed, settings.rate_hz, temperature)
+        return Imu(
+            self._spec, settings.seed, settings.rate_hz, temperature, sampling=settings.sampling
+        )
 
     def _of(self, settings: Settings, planned: Plan) -> Iterator[_Felt]:
         total = sample_count(planned.motion.duration, settings.rate_hz)
@@ -137,7 +138,9 @@ class Trials:
             elif step is None or step.turning is None:
                 yield self._at_rest(truth, planned, settings, first, last)
             else:
-                yield self._turning(truth, planned, settings, first, last)
+                yield _Felt(
+                    *truth.felt(planned.motion, settings.rate_hz, settings.sampling, first, last)
+                )
 
     def _at_rest(
         self, truth: Truth, planned: Plan, settings: Settings, first: int, last: int
@@ -154,17 +157,7 @@ class Trials:
             joints=six,
             joint_rates=six,
         )
-        return _Felt(block, Sensed(stamps, block.w_ib_b, over.f_places))
-
-    def _turning(
-        self, truth: Truth, planned: Plan, settings: Settings, first: int, last: int
-    ) -> _Felt:
-        motion, rate = planned.motion, settings.rate_hz
-        block = truth.block(motion, rate, settings.sampling, first, last)
-        if not self._spec.places.any():
-            return _Felt(block, Sensed(block.t_ns, block.w_ib_b, block.f_b))
-        edges = np.arange(first, last + 1) / rate
-        return _Felt(block, truth.sensed(motion, edges, block.t_ns, settings.sampling))
+        return _Felt(block, over.sensed(stamps, settings.sampling))
 
 
 def _nothing(first: int, last: int, rate_hz: int) -> _Felt:

@@ -23,8 +23,8 @@ from stand.imu.priors import BASE_ARM, priors_of
 from stand.motion.polynomial import MotionKind
 from stand.physics.dynamics import Payload
 from stand.physics.mjcf import describe, load_model
-from stand.physics.truth import Sampling
 from stand.procedure.procedure import Procedure, load_procedure, table_of
+from stand.samples import Sampling
 from stand.table.kinematics import base_arm
 from stand.table.table import Table, load_table, without_errors
 from stand.table.table_errors import TableErrors, TableErrorsEntry, draw

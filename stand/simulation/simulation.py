@@ -42,11 +42,12 @@ BLOCK = 1000  # samples, or a second of them if that is more: a chunk of the rec
 
 
 class Block(NamedTuple):
-    """Some samples: what was true, what the unit reports, and the motion that made them."""
+    """Some samples: what was true, what the unit felt and reports, and the motion behind them."""
 
     truth: TruthBlock
     readings: ImuBlock
     motion: Motion
+    sensed: Sensed
 
 
 class _Felt(NamedTuple):
@@ -84,6 +85,7 @@ class Simulation:
             settings.seed,
             settings.rate_hz,
             temperature_of(procedure),
+            settings.sampling,
         )
         servo = settings.motion is MotionKind.SERVO
         built = with_errors(model, self.errors)
@@ -128,25 +130,21 @@ class Simulation:
                 felt = (coming or ahead.submit(self._felt, first, size)).result()
                 more = first + size < self.total
                 coming = ahead.submit(self._felt, first + size, size) if more else None
-                yield Block(felt.truth, self.imu.report(felt.sensed), felt.motion)
+                readings = self.imu.report(felt.sensed)
+                yield Block(felt.truth, readings, felt.motion, felt.sensed)
 
     def _felt(self, first: int, size: int) -> "_Felt":
         """Truth, and what the sensors feel, of up to `size` samples after the `first`."""
         settings = self.settings
         last = min(first + size, self.total)
         motion = self._drive.covering(first / settings.rate_hz, last / settings.rate_hz)
-        truth = self._truth.block(motion, settings.rate_hz, settings.sampling, first, last)
-        return _Felt(truth, self._sensed(truth, first), motion)
+        truth, sensed = self._truth.felt(motion, settings.rate_hz, settings.sampling, first, last)
+        if not self.imu.spec.clock.perfect:
+            sensed = self._at_own_times(truth, first)
+        return _Felt(truth, sensed, motion)
 
-    @property
-    def feels_truth(self) -> bool:
-        """Whether the sensors sit at the unit's point and its clock is right."""
-        return self.imu.spec.clock.perfect and not self.imu.spec.places.any()
-
-    def _sensed(self, truth: TruthBlock, first: int) -> Sensed:
-        """What the sensors feel at their own places and times; the truth where those are its."""
-        if self.feels_truth:
-            return Sensed(truth.t_ns, truth.w_ib_b, truth.f_b)
+    def _at_own_times(self, truth: TruthBlock, first: int) -> Sensed:
+        """What the sensors feel over the intervals of a clock that is wrong."""
         edges = self.imu.clock.edges(first, first + len(truth))
         motion = self._drive.covering(float(edges[0]), float(edges[-1]))
         return self._truth.sensed(motion, edges, truth.t_ns, self.settings.sampling)

@@ -83,7 +83,7 @@ def case(procedure: str, imu: str, runs: int) -> Verification:
             raise KeyboardInterrupt
         kept.write_bytes(pickle.dumps(made))
     made = pickle.loads(kept.read_bytes())
-    predicted = {(p.method, p.window, p.label, p.quantity): p.sigma for p in result.predictions}
+    predicted = {(p.method, p.window, p.label, p.quantity): p.rms for p in result.predictions}
     achieved = [
         replace(a, predicted=predicted[key], among=1)
         for a in made.achieved

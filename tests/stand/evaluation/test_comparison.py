@@ -269,6 +269,20 @@ def test_spans_cover_every_sample_once(half_turn):
     assert sum(b - a for a, b, step in found if step is not None) == 2 * 24 * 20
 
 
+def test_estimates_that_repeat_their_own_offset_are_not_counted(half_turn):
+    """Two rests in eight runs are 16 answers; those of the offset's own window are exact.
+
+    ARW over 9.96651 deg/h, offset of 10 s and 14 s after it: 7.48 mrad; the others would halve its
+    square. 16 normal numbers: 99.9 % of chi-square.
+    """
+    (row,) = compare(half_turn, 8, ["six-position"], workers=1).tallies
+    assert row.estimates == 16
+    sigma = 0.003 / 60 / (9.96651 / 3600) * sqrt(1 / 10 + 1 / 14)
+    low, high = chi2.ppf([0.0005, 0.9995], 16)
+    assert low < 16 * (row.rms_heading / sigma) ** 2 < high
+    assert row.rms_heading == pytest.approx(0.00862, rel=1e-3)  # with them 0.00610
+
+
 def test_a_fault_in_a_run_names_its_seed(half_turn, monkeypatch):
     def broken(dwells, site, options):
         raise ZeroDivisionError("no such luck")
@@ -353,6 +367,38 @@ def test_bounds_of_nees_by_hand():
     assert nees_bounds([1.0, 2.0, 6.0] * 2, [4, 5, 6] * 2)[1:] == pytest.approx((low, high))
 
 
+@pytest.mark.parametrize(("runs", "expected"), [(3, 3.0), (29, 29.0), (30, 58.0)])
+def test_worth_of_few_runs_by_hand(runs, expected):
+    """Two equal squares a run, 0 or 2 in turn. Below 30 runs each counts as one.
+
+    30 runs: the mean is 1, the sums are off by 2 each; V = 30 4 / 60^2 times 30/29 = 1/29.
+    """
+    squares = np.repeat(np.arange(runs) % 2 * 2.0, 2)
+    run = np.repeat(np.arange(runs), 2)
+    assert worth(squares, run) == pytest.approx(expected, rel=1e-12)
+    assert worth(squares[::2], run[::2]) == runs  # one each: a degree of freedom each
+
+
+def test_worth_is_never_more_than_the_values():
+    """Squares of 1 and 1.1 in turn scatter less than chi-square does: 60 of 60, and 180 of 60."""
+    squares, run = np.tile([1.0, 1.1, 1.1, 1.0], 15), np.repeat(np.arange(30), 2)
+    assert worth(squares, run) == 60.0
+    assert worth(squares, run, 3) == 180.0
+
+
+def test_heavy_tails_leave_a_nees_its_runs():
+    """One run of 30 has it all: worth next to nothing, and still 3 x 30 degrees of freedom.
+
+    Chi-square of 90 is 65.647 to 118.136 (tables).
+    """
+    values = np.zeros(60)
+    values[:2] = 100.0
+    mean, low, high = nees_bounds(values, np.repeat(np.arange(30), 2))
+    assert worth(values, np.repeat(np.arange(30), 2), 3) < 3
+    expected = (200 / 60, 3 * 65.647 / 90, 3 * 118.136 / 90)
+    assert (mean, low, high) == pytest.approx(expected, rel=1e-4)
+
+
 @pytest.mark.parametrize("shared", [0.0, 1.0])
 def test_estimates_of_one_run_count_for_what_they_are_worth(shared):
     """Four estimates a run: four times as many when independent, as many as runs when equal."""
@@ -379,8 +425,10 @@ def test_intervals_cover(correlation):
         hits += low < 1 < high
         mean, low, high = nees_bounds((x**2).sum(axis=2).ravel(), run)
         nees_hits += low < mean < high
-    # of 400 at 95 % four sigma are 17; the worth itself is uncertain: 2 % more
+    # of 400 at 95 % four sigma are 17; the worth itself is uncertain: 2 % more. Too wide is wrong
+    # too: all 400 would be a coverage of 99 % or more
     assert min(hits, nees_hits) > 0.95 * trials - 17 - 0.02 * trials
+    assert max(hits, nees_hits) < 0.95 * trials + 17
 
 
 def test_tally_by_hand():
@@ -623,3 +671,5 @@ def test_white_noise_reaches_the_floor(procedure, methods):
         assert t.refused == 0
         assert t.ratio_high >= 1.0
         assert t.ratio_low <= 1.1
+        # 2000 degrees of freedom or more: 1.96 / sqrt(2 x 2000) is 3.1 % either way, no wider
+        assert 1.0 < t.ratio_high / t.ratio_low < 1.07

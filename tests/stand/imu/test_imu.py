@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from stand.imu import Imu, ImuSpec, TriadSpec, load_imu
+from stand.imu import without as switched_off
 from stand.imu.model import Triad, draw, stream, streams
 from stand.samples import TruthBlock
 from stand.toml_files import ids
@@ -232,9 +233,17 @@ def test_white_noise_has_the_stated_density(rate_hz):
 
 
 def test_sigmas_that_the_recording_states():
+    """Of the samples, behind the low-pass: ``1 - 1/(2 a)`` of the variance of white noise.
+
+    a = 2 pi 2.62/sqrt2 = 11.640 of the gyros, 2 pi 2.48/sqrt2 = 11.019 of the accelerometers.
+    """
     imu = Imu(load_imu("stim300"), 0, 100)
-    assert imu.gyro_sigma == pytest.approx(4.3633231e-4, rel=1e-7)
-    assert imu.accel_sigma == pytest.approx(4.0e-3, rel=1e-12)
+    # exp(-11) (cos a - sin a), left out here, is 1e-5 at most, of 1/22
+    assert imu.gyro_sigma == pytest.approx(4.3633231e-4 * 0.978287, rel=2e-6)
+    assert imu.accel_sigma == pytest.approx(4.0e-3 * 0.977048, rel=2e-6)
+    bare = switched_off(load_imu("stim300"), ["bandwidth"])
+    assert Imu(bare, 0, 100).gyro_sigma == pytest.approx(4.3633231e-4, rel=1e-7)
+    assert Imu(bare, 0, 100).accel_sigma == pytest.approx(4.0e-3, rel=1e-12)
 
 
 # --- streams

@@ -90,7 +90,7 @@ def by_theme(tmp_path_factory):
 def test_a_rehearsal_opens_without_complaint(by_theme, theme):
     opened = by_theme[theme]
     assert opened.console == []
-    assert "✗ FAIL" in opened.dom.said
+    assert "✗ CONTRADICTED" in opened.dom.said
     assert "Will not be met: heading within 0.05°." in opened.dom.said
     assert "Verified by 400 runs 4 of 5 predictions agree with the runs" in opened.dom.said
     assert "0.70 (0.65 to 0.75) contradicted" in opened.dom.said

@@ -107,7 +107,13 @@ def test_a_prediction_that_runs_contradict_is_a_failure():
     failure = found["two-position heading first"].find("failure")
     assert failure.get("type") == "contradicted"
     assert "ratio 0.70 (0.65 to 0.75) misses 0.9 to 1.1" in failure.get("message")
-    assert (root.get("failures"), root.findall("testsuite")[-1].get("failures")) == ("1", "1")
+    assert root.findall("testsuite")[-1].get("failures") == "1"
+    # the verdict is said first, and is a failure beside that of the prediction
+    suite, case = root[0], root[0].find("testcase")
+    assert (suite.get("name"), case.get("name")) == ("two-position.verdict", "verdict")
+    assert case.find("failure").get("type") == "CONTRADICTED"
+    assert "contradict 1 of 5 predictions: two-position" in case.find("failure").get("message")
+    assert root.get("failures") == "2"
 
 
 @given(st.text())

@@ -62,8 +62,8 @@ def test_the_page_is_whole_and_says_the_verdict_first(quick_pictures, verdict):
     assert verdict.value in head.split("Rehearsal:")[1]
     for heading in ("Duration", "Feasibility", "Accuracy", "The stand in each position"):
         assert heading in rest
-    # requirements, timeline and budget
-    assert len(shown.of("svg")) == 3
+    # requirements, timeline and budget; and the ratios of what runs contradict
+    assert len(shown.of("svg")) == (4 if verdict is Verdict.CONTRADICTED else 3)
     assert len(shown.of("img")) == 2  # two different positions of three steps
 
 
@@ -211,7 +211,7 @@ def test_runs_that_agree_are_told_at_the_top_and_in_their_section(quick_pictures
         "400 runs, seeds 7 to 406, in 16 s, 25 runs/s",  # 400 in 16 s
         "two-position gave no answer in 3 of 400 runs: not at rest: it turns at 0.2 deg/s",
         # 0.04593 / 0.96 = 0.04784, over 1.07 and 0.93; 0.96 times 0.93 and 1.07
-        "0.0459 deg 0.0478 (0.0447 to 0.0514) deg 0.96 (0.89 to 1.03) 400 yes",
+        "0.0459 deg 0.0478 (0.0447 to 0.0514) deg 0.96 (0.89 to 1.03) 0.89 to 1.03 400 yes",
         # no number was predicted: what came out, without a ratio
         "two-position roll first not determined 25 (23.4 to 26.9) deg 400",
     ):
@@ -231,7 +231,9 @@ def test_contradicted_predictions_are_named_once_at_the_top_and_marked_below(qui
     told = (
         "400 runs of the whole stand contradict 1 of 5 predictions: two-position: heading (first)."
     )
-    assert told in head
+    assert head.index("CONTRADICTED") < head.index(told) < head.index("The procedure can run")
+    assert "Would be met by the prediction: heading within 0.2°" in head
+    assert "Will be met" not in head
     assert "was predicted otherwise" not in shown.said  # that finding stands in the section
     assert "the class states no settling time" in head
     assert "Contradicted: two-position: heading (first)." in rest
@@ -239,6 +241,24 @@ def test_contradicted_predictions_are_named_once_at_the_top_and_marked_below(qui
     assert "0.70 (0.65 to 0.75) contradicted" in rest
     assert re.search(r"font-weight: 700;[^>]*>0\.70 ", text)
     assert '<td class="short bad">no</td>' in text
+
+
+def test_the_plain_interval_stands_beside_that_of_all_at_once(quick_pictures):
+    """Of 40 quantities the interval is 1.65 times as wide: log 0.95/0.86 and log 0.95/1.04."""
+    made = runs(heading=0.86)  # 0.86 times 0.93 and 1.07: 0.80 to 0.92, which meets 0.9
+    wide = replace(made, achieved=tuple(replace(a, among=40) for a in made.achieved))
+    one = wide.achieved[2]
+    assert one.ratio == pytest.approx((0.86, 0.86 * 0.93, 0.86 * 1.07))
+    # 0.025/40 of the normal law lies beyond 3.2272 sigma, 0.025 beyond 1.95996
+    power = 3.2272 / 1.95996
+    assert one.widened == pytest.approx((0.86 * 0.93**power, 0.86 * 1.07**power), rel=1e-4)
+    told = section(wide)
+    assert any("0 of 5 plain 95 % intervals miss 0.9 to 1.1" in line for line in told.told)
+    off = replace(one, low=one.low * 1.05)  # 0.80 to 0.88 alone, 0.76 to 0.90 of all
+    off = replace(off, high=off.high, low=one.sigma / 1.03)
+    assert (off.agrees_alone, off.agrees) == (False, True)
+    lines = section(replace(wide, achieved=(off,))).told
+    assert any("1 of 1 plain 95 % intervals miss 0.9 to 1.1" in line for line in lines)
 
 
 def test_few_runs_do_not_claim_ten_percent():

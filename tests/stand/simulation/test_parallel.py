@@ -1,13 +1,25 @@
 """Faults of runs, in processes of their own too: a bug keeps its traceback."""
 
+import operator
 import subprocess
 import sys
+from functools import partial
 
 import pytest
 
 from alignment.errors import AlignmentError, Fault, TooShort
 from stand.errors import StandError
 from stand.simulation.parallel import RunFailed, campaign
+
+TRIPLED = partial(partial, operator.mul, 3)  # makes what makes a run of a seed
+
+
+@pytest.mark.parametrize("count", [1, 7, 35])
+def test_every_seed_has_its_result_in_order(count):
+    """35 seeds for two processes go in chunks of two: the last has one."""
+    seeds = range(100, 100 + count)
+    assert list(campaign(TRIPLED, seeds, 2)) == [3 * seed for seed in seeds]
+    assert list(campaign(TRIPLED, seeds, 1)) == [3 * seed for seed in seeds]
 
 
 def trial(seed):

@@ -1,0 +1,222 @@
+"""Traps and limits of a rehearsal by hand: each with a case that just does not trigger it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from procedures import HALF_TURN
+from scipy.spatial.transform import Rotation
+
+from alignment.gains import Functional
+from alignment.information import Stretch, Triad, Unit
+from alignment.units import DEG_PER_HOUR
+from stand import toml_files as catalogue
+from stand.imu import Temperature, load_imu
+from stand.motion.planner import plan
+from stand.physics.mjcf import describe, load_model
+from stand.procedure.procedure import procedure_from, table_of
+from stand.rehearsal.rehearse import prepared, rehearse
+from stand.rehearsal.rocking import over_time
+from stand.rehearsal.traps import averaging_time, doubts
+from stand.rehearsal.warmth import warmed
+from stand.simulation.settings import assembled
+from stand.table.table import load_table
+
+STAND = describe(load_model())
+DWELL = '[[step]]\nkind = "dwell"\nlabel = "{}"\nduration_s = {}\n'
+TURNED = '[[step]]\nkind = "move"\nlabel = "to {0}"\njoints_deg = {{ outer = {0} }}\n'
+HEAD = 'title = "A case"\ntable = "mid-class"\n[site]\nlatitude_deg = 48.5\n'
+
+
+def case(methods, *steps):
+    text = HEAD + f"[estimate]\nmethods = {list(methods)}\n".replace("'", '"') + "".join(steps)
+    return procedure_from(catalogue.Source("case", "case.toml", text))
+
+
+def scene_of(imu, temperature=None):
+    """Only of what a unit does: nothing is planned."""
+    procedure = case(["triad"], DWELL.format("rest", 20))
+    made = prepared(assembled(procedure, imu, load_table("mid-class"), rate_hz=20))
+    return replace(made, temperature=temperature)
+
+
+# --- biases that nothing cancels
+
+
+def told(procedure, imu="stim300", judgements=()):
+    table = table_of(procedure)
+    unit = load_imu(imu) if isinstance(imu, str) else imu
+    methods = procedure.entry.estimate.methods
+    site = procedure.entry.site.site()
+    return list(doubts(plan(procedure, STAND, table), unit, site, methods, judgements))
+
+
+def six_reversals(methods):
+    steps = [DWELL.format("at 0", 20)]
+    for k in range(6):
+        steps += [TURNED.format(180 * ((k + 1) % 2)).replace("to ", f"turn {k} to ")]
+        steps += [DWELL.format(f"rest {k}", 20)]
+    return case(methods, *steps)
+
+
+def test_it_never_turns_is_said_of_what_never_turns_alone():
+    (one,) = told(case(["triad"], DWELL.format("rest", 20)))
+    assert one.kind == "bias-limited"
+    assert one.text.startswith("it never turns: ")
+    (one,) = told(six_reversals(["triad", "single-gyro"]))
+    assert one.text.startswith(
+        "it turns, but no method of it (triad, single-gyro) sets one heading against another: "
+    )
+    assert told(six_reversals(["triad", "two-position"])) == []
+    assert told(six_reversals(["multi-position"])) == []
+
+
+def test_a_turn_is_one_from_thirty_degrees_on():
+    for angle, trapped in ((29, True), (31, False)):
+        steps = DWELL.format("a", 20), TURNED.format(angle), DWELL.format("b", 20)
+        assert bool(told(case(["two-position"], *steps))) == trapped, angle
+    # apart from one another, though neither is from the first
+    steps = [DWELL.format("a", 20), TURNED.format(25), DWELL.format("b", 20)]
+    steps += [TURNED.format(-25), DWELL.format("c", 20)]
+    assert told(case(["two-position"], *steps)) == []
+
+
+def test_turning_stretches_count_for_the_carousel_and_rests_for_positions():
+    turn = '[[step]]\nkind = "rate"\nlabel = "round"\naxis = "outer"\nrate_deg_s = 20\nturns = 1\n'
+    rests = DWELL.format("a", 20), TURNED.format(180), DWELL.format("b", 20)
+    assert told(case(["carousel"], turn)) == []
+    (one,) = told(case(["triad"], DWELL.format("rest", 20), turn))
+    assert one.text.startswith("it turns, but no method of it (triad)")
+    assert told(case(["two-position"], *rests, turn)) == []
+
+
+def test_the_bias_that_limits_is_that_of_turn_on_and_drift():
+    """sqrt(3^2 + 4^2) deg/h over 9.96651 deg/h are 28.7 deg; 1 deg is remarked, 0.99 is not."""
+    unit = load_imu("stim300")
+
+    def with_bias(bias, instability):
+        gyro = replace(unit.gyro, bias=bias * DEG_PER_HOUR, instability=instability * DEG_PER_HOUR)
+        return told(case(["triad"], DWELL.format("rest", 20)), replace(unit, gyro=gyro))
+
+    (one,) = with_bias(3.0, 4.0)
+    assert "the gyros' bias of 5 deg/h is 28.7 deg of heading" in one.text
+    horizontal = 9.96651 * np.pi / 180  # deg/h per deg of heading
+    assert with_bias(0.6 * 1.01 * horizontal, 0.8 * 1.01 * horizontal)
+    assert not with_bias(0.6 * 0.99 * horizontal, 0.8 * 0.99 * horizontal)
+
+
+def test_a_pole_is_named_where_a_degree_per_hour_is_left():
+    """15.041067 cos(latitude) = 1 deg/h at 86.1882 deg."""
+    for latitude, named in ((86.18, False), (86.20, True), (-86.20, True)):
+        text = HALF_TURN.replace("48.5", f"{latitude}").replace('"triad"', '"two-position"')
+        procedure = procedure_from(catalogue.Source("case", "case.toml", text))
+        assert ("pole" in [f.kind for f in told(procedure)]) == named
+
+
+# --- records for Allan terms
+
+
+def test_averaging_times_by_hand():
+    """Where the Allan deviation of a term meets the largest of those before it."""
+    spec = replace(load_imu("stim300").gyro, noise=3.0, instability=2.0, random_walk=0.5, ramp=0.01)
+    floor = 0.664 * 2
+    assert averaging_time(spec, "B") == pytest.approx((3 / floor) ** 2, rel=1e-3)
+    # 1.328 = 0.5 sqrt(t/3): 21.2 s; 3/sqrt(t) = 0.5 sqrt(t/3): 10.4 s
+    assert averaging_time(spec, "K") == pytest.approx(3 * (floor / 0.5) ** 2, rel=1e-3)
+    short = replace(spec, instability=0.1)
+    assert averaging_time(short, "K") == pytest.approx(3**0.5 * 3 / 0.5, rel=1e-6)
+    assert averaging_time(replace(spec, instability=0.0), "K") == pytest.approx(10.392, rel=1e-4)
+    # 0.5 sqrt(t/3) = 0.01 t/sqrt(2): t = 2/3 (0.5/0.01)^2 = 1667 s; 1.328 meets it at 187.8 s
+    assert averaging_time(spec, "R") == pytest.approx(2 / 3 * 50**2, rel=1e-6)
+    still = replace(spec, random_walk=0.0)
+    assert averaging_time(still, "R") == pytest.approx(2**0.5 * floor / 0.01, rel=1e-3)
+    # 3/sqrt(t) = 0.01 t/sqrt(2): t = (3 sqrt(2)/0.01)^(2/3) = 56.46 s
+    noisy = replace(still, instability=0.0)
+    assert averaging_time(noisy, "R") == pytest.approx(56.462, rel=1e-4)
+    assert averaging_time(spec, "N") == averaging_time(spec, "Q") == 0.0
+    none = replace(spec, instability=0.0, random_walk=0.0, ramp=0.0)
+    assert [averaging_time(none, term) for term in "BKR"] == [np.inf] * 3
+
+
+# --- lengths and durations
+
+
+def test_the_accelerometers_low_pass_counts_too():
+    """Five time constants of 0.05 Hz, 5 sqrt(2)/(2 pi 0.05) = 22.5 s, whichever sensor has it."""
+    unit = load_imu("stim300")
+    slow = replace(unit, accel=replace(unit.accel, bandwidth=0.05))
+    for seconds, kept in ((22, False), (24, True)):
+        procedure = case(["triad"], DWELL.format("rest", seconds))
+        site = procedure.entry.site.site()
+        result = rehearse(assembled(procedure, slow, table_of(procedure), site, 20))
+        (margin,) = [m for m in result.feasibility[0].margins if m.quantity == "filter"]
+        assert margin.value == pytest.approx(22.5, rel=5e-3)
+        assert margin.kept == kept
+
+
+def test_a_move_waits_for_its_whole_second():
+    """180 deg at 200 deg/s^2 and 1000 deg/s^3: v (v/200 + 0.2) = 180, so v = 170.788 deg/s.
+
+    2 (v/200 + 0.2) = 2.10788 s of motion; the plan goes on at 3 s.
+    """
+    procedure = procedure_from(catalogue.Source("case", "case.toml", HALF_TURN))
+    site = procedure.entry.site.site()
+    asked = assembled(procedure, load_imu("ring-laser"), table_of(procedure), site, 20)
+    duration = rehearse(asked).duration
+    move = duration.steps[1]
+    assert (move.motion, move.settling, move.dwell) == pytest.approx(
+        (2.10788, 0.89212, 0), abs=1e-4
+    )
+    assert duration.settling == pytest.approx(0.89212, abs=1e-4)
+    assert (duration.dwell, duration.total) == pytest.approx((48.0, 51.0))
+
+
+# --- what time does to a unit
+
+
+def test_warmth_of_a_turn_that_starts_at_ninety_degrees():
+    """a t over one turn of w: cosine 2 a sin(b)/w, sine -2 a cos(b)/w from angle b; mean a T/2."""
+    unit = load_imu("hg9900")
+    per_kelvin, a, w = 1e-8, 0.1, 2 * np.pi / 60
+    unit = replace(unit, gyro=replace(unit.gyro, bias_temperature=per_kelvin))
+    warming = Temperature(np.array([0.0, 1000.0]), 25.0 + np.array([0.0, 100.0]))
+    scene = scene_of(unit, warming)
+    for angle in (0.0, np.pi / 2, 0.7):
+        stretch = Stretch("turn", 0.0, 60.0, Rotation.identity(), w, angle=angle)
+        gyro, accel = warmed([stretch], [np.zeros((3, 6))], scene)
+        by_hand = per_kelvin * a * np.array([30, 2 * np.sin(angle) / w, -2 * np.cos(angle) / w])
+        for channel in range(3):
+            own = gyro[channel::6, channel::6]
+            # sums of 400 in place of integrals: 1e-5
+            assert own == pytest.approx(np.outer(by_hand, by_hand), rel=1e-3, abs=1e-20)
+        assert not accel.any()
+
+
+def test_a_walk_has_begun_before_the_stretch():
+    """K sqrt(t) of a bias from the recording's start on: 105 s at the middle of 100 to 110 s."""
+    one = np.ones((1, 3, 3)) * np.eye(3)
+    nothing = np.zeros((1, 3))
+    made = Functional(
+        t=np.array([100.0, 110.0]),
+        gyro=2 * one,
+        accel=0 * one,
+        rate=nothing,
+        force=nothing,
+        motion=np.zeros((3, 3)),
+        C_nb=Rotation.identity(),
+    )
+    unit = Unit(Triad(random_walk=3e-9), Triad(random_walk=0.0))
+    walked = over_time(made, unit, scene_of(load_imu("ideal")))["gyro random walk"]
+    assert walked / 9e-18 == pytest.approx(4 * 105 * np.eye(3), rel=1e-9)
+    # two blocks share what came before them: K^2 (105 (2 + 3)^2 + 10 3^2)
+    two = np.concatenate([2 * one, 3 * one])
+    both = replace(
+        made,
+        t=np.array([100.0, 110.0, 120.0]),
+        gyro=two,
+        accel=0 * two,
+        rate=np.zeros((2, 3)),
+        force=np.zeros((2, 3)),
+    )
+    walked = over_time(both, unit, scene_of(load_imu("ideal")))["gyro random walk"]
+    assert walked / 9e-18 == pytest.approx((105 * 25 + 10 * 9) * np.eye(3), rel=1e-9)
