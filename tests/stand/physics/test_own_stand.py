@@ -24,10 +24,10 @@ from stand.physics.picture import pictures
 from stand.physics.servo import Servo
 from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.report import gallery, run_page
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.settings import Settings
+from stand.simulation.settings import Settings, assembled
 from stand.simulation.simulation import Simulation
 from stand.table.joints import JOINTS
 from stand.table.kinematics import base_arm
@@ -152,11 +152,11 @@ def settings(own):
     procedure = load_procedure(str(path))
     entry = procedure.entry
     return Settings(
-        procedure,
-        load_imu("ideal"),
-        load_table(str(own)),
-        entry.site.site(),
-        entry.estimate.options(),
+        procedure=procedure,
+        imu=load_imu("ideal"),
+        table=load_table(str(own)),
+        site=entry.site.site(),
+        options=entry.estimate.options(),
         rate_hz=50,
     )
 
@@ -307,9 +307,9 @@ def test_a_rocking_base_tells_estimators_of_its_lever_arm(own, settings):
     swaying = load_procedure("random-sway")
     unit = load_imu("ring-laser")
     for table, arm in ((load_table(str(own)), 1.16), (load_table("rocking-platform"), BASE_ARM)):
-        asked = request(swaying, unit, table, settings.site)
+        asked = assembled(swaying, unit, table, settings.site)
         assert asked.options.priors.lever_arm == pytest.approx(arm, abs=1e-12)
-    still = request(settings.procedure, unit, load_table(str(own)), settings.site)
+    still = assembled(settings.procedure, unit, load_table(str(own)), settings.site)
     assert still.options.priors.lever_arm == 0.0
 
 
@@ -390,7 +390,7 @@ def test_its_torque_is_judged(own, settings):
     """Twice the mass everywhere takes twice the torque, friction aside."""
 
     def greatest(table):
-        asked = request(settings.procedure, settings.imu, table, settings.site)
+        asked = assembled(settings.procedure, settings.imu, table, settings.site)
         margins = [m for step in rehearse(asked).feasibility for m in step.margins]
         return max((m for m in margins if m.quantity == "torque"), key=lambda m: m.ratio)
 
