@@ -1,6 +1,5 @@
 """Allan analysis of a recording: its rest, its data sheet, the result in a data sheet's units."""
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import ceil, floor, inf, isfinite, sqrt
@@ -28,10 +27,10 @@ from alignment.units import (
     MILLI_G,
 )
 from stand import toml_files as catalogue
-from stand.errors import StandError
+from stand.errors import StandError, located
 from stand.imu import ImuSpec, TriadSpec, imu_from, load_imu
 from stand.recording.mcap.reader import ImuLog, read_imu
-from stand.recording.metadata import NEVER
+from stand.recording.metadata import RUN, epoch_of, planned_stretches, settled_stretches
 
 HOUR = 3600.0
 RT_HOUR = 60.0  # root seconds in a root hour
@@ -164,8 +163,9 @@ def _rests(
     path: Path, log: ImuLog, t_from: float | None, t_to: float | None
 ) -> tuple[list[ImuReadings], list[str]]:
     """The samples to use, rest by rest, and what to say of the choice."""
-    epoch = log.metadata.get("run", {}).get("epoch_ns")
-    origin = int(log.t_ns[0]) if epoch is None else int(epoch)
+    with located(path):
+        ours = "epoch_ns" in log.metadata.get(RUN, {})
+        origin = epoch_of(log.metadata) if ours else int(log.t_ns[0])
     t = (log.t_ns - origin) * 1e-9
     t.flags.writeable = False
     readings = ImuReadings(t, log.w_ib_b, log.f_b)
@@ -192,22 +192,9 @@ Rest = tuple[str, float, float]  # its label, from when to when [s]
 
 def _dwells(path: Path, log: ImuLog) -> list[Rest]:
     """The dwells of a recording of ours, from when the table had settled."""
-    if "schedule" not in log.metadata:
-        return []
-    begins = log.metadata.get("settled", {})
-    try:
-        found = []
-        for step in json.loads(log.metadata["schedule"]["json"]):
-            if step["kind"] != "dwell" or step.get("turning") is not None:
-                continue
-            settled = begins.get(step["label"], "0")
-            if settled == NEVER:
-                continue
-            start = max(float(step.get("steady_from_s", step["t_from_s"])), float(settled))
-            found.append((step["label"], start, float(step.get("steady_to_s", step["t_to_s"]))))
-        return [rest for rest in found if rest[1] < rest[2]]
-    except (KeyError, TypeError, ValueError) as error:
-        raise StandError(f"{path}: metadata of the run is damaged: {error}") from error
+    with located(path):
+        stretches = settled_stretches(planned_stretches(log.metadata), log.metadata)
+    return [(s.label, s.t_from, s.t_to) for s in stretches if s.joint is None]
 
 
 def _still(

@@ -15,6 +15,7 @@ import numpy as np
 
 from alignment.allan import Channel, FoundTerm, MissingTerm
 from stand.evaluation.allan import DEVIATION, ORDER, UNITS, AllanReport, needs_hours
+from stand.folder import write_files
 from stand.report.page import INKS, data_uri, render
 from stand.report.tables import TableData
 
@@ -47,12 +48,9 @@ def write_pictures(report: AllanReport, folder: Path | None = None) -> list[Path
     """
     file = Path(report.path)
     folder = folder or file.with_name(f"{file.stem}_allan")
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / PNG, folder / HTML]
     light = picture(report, "light")
-    paths[0].write_bytes(light)
-    paths[1].write_text(page(report, light, picture(report, "dark")), encoding="utf-8")
-    return paths
+    html = page(report, light, picture(report, "dark"))
+    return write_files({folder / PNG: light, folder / HTML: html})
 
 
 def tables(report: AllanReport) -> list[TableData]:
