@@ -273,7 +273,12 @@ def _blocks(readings: ImuReadings) -> int:
 
 
 def _scatter(values: Array, means: Array) -> float:
-    """How far noise and rounding may move the block means (b, 3) of values (n, 3)."""
+    """How far noise and rounding may move the block means (b, 3) of values (n, 3).
+
+    Of two values nothing: there is no second difference, and their step may be motion.
+    """
+    if len(values) < 3:
+        return 0.0
     per_block = len(values) / len(means)
     second = np.abs(np.diff(values, 2, axis=0))
     sigma = 1.4826 / np.sqrt(6 * per_block) * np.median(second, axis=0)

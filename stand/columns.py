@@ -10,6 +10,7 @@ import numpy as np
 
 from alignment.arrays import Array, IntArray, set_owned
 from stand.errors import StandError
+from stand.folder import refuse_no_file
 
 LONGEST_SHOWN = 40  # characters of a wrong value
 COMMENT = "#"
@@ -45,6 +46,7 @@ def read_columns(path: Path, file: str, most_rows: int) -> Columns:
         shorter than the first, no row, or more than `most_rows`.
     """
     try:
+        refuse_no_file(path)
         with path.open(encoding="utf-8-sig", newline="") as stream:
             return _columns(_rows(stream, file), file, most_rows)
     except OSError as error:
@@ -102,6 +104,11 @@ def _number(cell: str) -> float | None:
         return float(cell)
     except ValueError:
         return None
+
+
+def cell(text: str) -> str:
+    """Text as a cell that no spreadsheet takes for a formula."""
+    return f"'{text}" if text.lstrip()[:1] in ("=", "+", "-", "@") and text else text
 
 
 def shown(text: str) -> str:

@@ -1,7 +1,8 @@
 """Known faults: each becomes one line and exit code 2 at the command line."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from alignment.errors import Fault
 
@@ -13,7 +14,21 @@ class StandError(Fault):
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__("".join(c if c.isprintable() else " " for c in message))
+        super().__init__(printable(message))
+
+
+@contextmanager
+def located(where: object) -> Iterator[None]:
+    """Known faults are told with where they lie: a file, a topic."""
+    try:
+        yield
+    except StandError as error:
+        raise StandError(f"{where}: {error}") from error
+
+
+def printable(text: str) -> str:
+    """The text without line breaks and control characters, which could steer a terminal."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
 
 
 def unknown(what: str, name: str, allowed: Iterable[str]) -> StandError:

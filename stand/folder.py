@@ -1,15 +1,19 @@
-"""The folder of a recording: whole or not there, and never overwritten unasked."""
+"""The one way to write: beside, then renamed; whole or not there, never overwritten unasked."""
 
+import errno
 import shutil
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from os import PathLike
 from pathlib import Path
-from tempfile import mkdtemp
+from secrets import token_hex
 
 from stand.errors import StandError
 
 RECORDINGS = Path("recordings")
+Content = bytes | str | Iterable[str]
+"""Of a file: bytes, or text in UTF-8, whole or in pieces."""
+_OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
 def recording_folder(out: str | PathLike[str] | None, name: str) -> Path:
@@ -20,14 +24,17 @@ def recording_folder(out: str | PathLike[str] | None, name: str) -> Path:
     Raises
     ------
     StandError
-        `out` is no folder of its own.
+        `out` is no folder of its own, or a link in a circle.
     """
     if out is None:
         return RECORDINGS / name
     folder = Path(out)
     if folder.name in ("", ".."):
         raise StandError(f"--out {folder}: must name a folder of its own")
-    return folder.resolve() if folder.is_symlink() else folder
+    try:
+        return folder.resolve() if folder.is_symlink() else folder
+    except (OSError, RuntimeError) as error:
+        raise StandError(f"--out {folder}: links that lead in a circle") from error
 
 
 def refuse_files(paths: Iterable[Path], option: str = "--out", *, force: bool = False) -> None:
@@ -48,34 +55,156 @@ def refuse_existing(out: Path, force: bool) -> None:
 
 
 @contextmanager
-def written_beside(out: Path) -> Iterator[Path]:
+def folder_beside(out: Path) -> Iterator[Path]:
     """A new folder beside `out`, which takes its place at the end; on any failure nothing is left.
+
+    Folders above it are made, and removed again on a failure. A message that names a file of the
+    new folder is told with the name that the file would have had.
 
     Raises
     ------
     StandError
-        It cannot be created.
+        It cannot be created or put in its place.
     """
-    beside = _new_folder(out)
-    try:
-        yield beside
-        _put_in_place(beside, out)
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+    beside = _unique(out)
+    with _new_parents(out, f"--out {out}"):
+        try:
+            with _named(beside, out, f"--out {out}"):
+                beside.mkdir()
+                yield beside
+                _put_in_place(beside, out)
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
 
 
-def _new_folder(out: Path) -> Path:
+@contextmanager
+def file_beside(path: Path) -> Iterator[Path]:
+    """A new, empty file beside `path`, which takes its place at the end; else nothing is left.
+
+    Folders above it are made, and removed again on a failure. A link is followed.
+
+    Raises
+    ------
+    StandError
+        It cannot be written, or `path` is something else than a file.
+    """
+    target = _followed(path)
+    beside = _unique(target)
+    with _new_parents(target, str(path)):
+        try:
+            with _named(beside, path, str(path)):
+                beside.open("xb").close()
+                yield beside
+                beside.replace(target)
+        finally:
+            with suppress(OSError):
+                beside.unlink(missing_ok=True)
+
+
+def write_files(contents: Mapping[Path, Content]) -> list[Path]:
+    """Write files that belong together: all are there at the end, or on a failure none is new.
+
+    Raises
+    ------
+    StandError
+        One of them cannot be written; the others are as they were.
+    """
+    with ExitStack() as stack:
+        for path, content in contents.items():
+            beside = stack.enter_context(file_beside(path))
+            with _named(beside, path, str(path)):
+                _write(beside, content)
+    return list(contents)
+
+
+def write_file(path: Path, content: Content) -> Path:
+    """Write one file, as `write_files` does."""
+    return write_files({path: content})[0]
+
+
+def refuse_no_file(path: Path) -> None:
+    """A pipe or a device is no input: files are read more than once, and a pipe may never speak.
+
+    What is not there, or a folder, is told by who opens it.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise StandError(f"{path}: is not a file")
+
+
+def _write(path: Path, content: Content) -> None:
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+        return
+    with path.open("w", encoding="utf-8", errors="replace", newline="") as file:
+        file.writelines([content] if isinstance(content, str) else content)
+
+
+def _unique(path: Path) -> Path:
+    """A hidden name beside `path` that nobody else uses, also of two writers at once."""
+    return path.with_name(f".{path.name}.{token_hex(4)}.partial")
+
+
+def _followed(path: Path) -> Path:
+    """Where a file is to be written; what is there and no file (a device, a folder) stays."""
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        return Path(mkdtemp(prefix=f".{out.name}.", suffix=".partial", dir=out.parent))
+        target = path.resolve() if path.is_symlink() else path
+        other = target.exists() and not target.is_file()
+    except (OSError, RuntimeError) as error:  # links in a circle
+        reason = error.strerror if isinstance(error, OSError) else "links that lead in a circle"
+        raise StandError(f"{path}: cannot write there: {reason}") from error
+    if other:
+        raise StandError(f"{path}: cannot write there: is not a file")
+    return target
+
+
+@contextmanager
+def _new_parents(path: Path, told: str) -> Iterator[None]:
+    """Make the folders above `path`; on a failure those that were made and are empty go again."""
+    made: list[Path] = []
+    try:
+        try:
+            for folder in reversed([path.parent, *path.parent.parents]):
+                if not folder.is_dir():
+                    folder.mkdir(exist_ok=True)
+                    made.append(folder)
+        except OSError as error:
+            raise StandError(f"{told}: cannot write there: {error.strerror}") from error
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for folder in reversed(made):
+                folder.rmdir()
+        raise
+
+
+@contextmanager
+def _named(beside: Path, out: Path, told: str) -> Iterator[None]:
+    """Faults of writing `beside` are told with the name of what it becomes."""
+    try:
+        yield
+    except StandError as error:
+        error.args = (str(error).replace(str(beside), str(out)),)
+        raise
     except OSError as error:
-        raise StandError(f"--out {out}: cannot write there: {error.strerror}") from error
+        if not error.filename and error.errno not in _OF_THE_DISK:
+            raise
+        where = Path(str(error.filename or beside))
+        if where != beside and beside not in where.parents:
+            raise  # of something else, which it names
+        within = "" if where == beside else f"{out / where.relative_to(beside)}"
+        raise StandError(f"{within or told}: cannot write there: {error.strerror}") from error
 
 
 def _put_in_place(beside: Path, out: Path) -> None:
+    """The old folder leaves only for a new one that has come."""
     old = beside.with_suffix(".old")
-    if out.exists():
+    there = out.exists()
+    if there:
         out.rename(old)
-    beside.chmod(0o755)  # temporary folders are made for their owner alone
-    beside.rename(out)
+    try:
+        beside.rename(out)
+    except OSError:
+        if there:
+            old.rename(out)
+        raise
     shutil.rmtree(old, ignore_errors=True)

@@ -17,7 +17,7 @@ from alignment.methods.vectors.solutions import SOLUTIONS
 from alignment.navigation import C_en, geodetic
 from stand.evaluation.drive_result import START_SIGMA, DriveResult, DriveSettings, result_json
 from stand.evaluation.score import Truths, score
-from stand.folder import recording_folder, refuse_existing, written_beside
+from stand.folder import folder_beside, recording_folder, refuse_existing, write_file
 from stand.imu import Imu
 from stand.recording.mcap.writer import EPOCH_NS, Satellites, write_drive
 from stand.recording.metadata import DRIVE, RUN, describe_drive, describe_estimate, describe_site
@@ -86,14 +86,14 @@ def run_drive(
     driven = _simulated(settings, lambda done: progress(0.4 * done))
     matchings, refusals = _solved(settings, driven, lambda done: progress(0.4 + 0.4 * done))
     result = _scored(settings, folder, driven, matchings, refusals)
-    with written_beside(folder) as beside:
+    with folder_beside(folder) as beside:
         text = json.dumps(result_json(result), indent=1, allow_nan=False)
         _record(beside / "run.mcap", result, driven, text)
         progress(0.9)
-        (beside / "result.json").write_text(text + "\n", encoding="utf-8")
+        write_file(beside / "result.json", text + "\n")
         path = settings.drive.path
         title = f"{settings.drive.title}: {settings.imu.title}, seed {settings.seed}"
-        (beside / PICTURE).write_bytes(picture(title, matchings, driven.fixes, path))
+        write_file(beside / PICTURE, picture(title, matchings, driven.fixes, path))
     progress(1.0)
     return result
 

@@ -24,7 +24,7 @@ from stand.evaluation.score import (
     spreads,
     suited,
 )
-from stand.folder import recording_folder, refuse_existing, written_beside
+from stand.folder import folder_beside, recording_folder, refuse_existing, write_file
 from stand.motion.plan import PlannedStep
 from stand.motion.polynomial import MotionKind
 from stand.physics.mjcf import contents_of
@@ -83,7 +83,7 @@ def run(
     folder = recording_folder(out, run_id(settings))
     refuse_existing(folder, force)
     simulation = Simulation(settings)
-    with written_beside(folder) as beside:
+    with folder_beside(folder) as beside:
         return _Run(simulation, beside).record(progress, folder)
 
 
@@ -108,6 +108,7 @@ class _Run:
             # rerun takes a second to import: it does so while the first samples are made
             background = stack.enter_context(ThreadPoolExecutor(1))
             review = background.submit(self._open_review)
+            stack.callback(background.submit, _abandon_review, review)
             mcap = stack.enter_context(self._open_mcap())
             for phase in self.phases:
                 self._tell(mcap, phase.t_from_ns, "INFO", f"{phase.kind}: {phase.label}")
@@ -129,7 +130,7 @@ class _Run:
                 refusals=tuple(refusals),
             )
             text = json.dumps(result_json(result), indent=1, allow_nan=False)
-            (self.folder / "result.json").write_text(text + "\n", encoding="utf-8")
+            write_file(self.folder / "result.json", text + "\n")
             found = self._innovations(dwells, [r.method for r in refusals])
             attached = {"result.json": ("application/json", text.encode())}
             if found:
@@ -325,6 +326,12 @@ def _write_review(
     review: "Future[Any]", truth: TruthBlock, imu: ImuBlock, following: Array | None
 ) -> None:
     review.result().write(truth, imu, following)
+
+
+def _abandon_review(review: "Future[Any]") -> None:
+    """After whatever waits for the writer; of a review that is closed nothing is left to do."""
+    if review.exception() is None:
+        review.result().abandon()
 
 
 def _settled(begins: Mapping[str, float | None]) -> dict[str, dict[str, str]]:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from stand.errors import StandError, unknown
+from stand.folder import refuse_no_file
 
 LONGEST_SHOWN = 60  # characters of a wrong value
 STEP_KINDS = (
@@ -81,6 +82,7 @@ def find(folder: str, what: str, name: str) -> Source:
 
 def _read_file(what: str, path: Path) -> Source:
     try:
+        refuse_no_file(path)
         return Source(path.stem, str(path), path.read_text(encoding="utf-8"))
     except OSError as error:
         raise StandError(f"{path}: cannot read this {what}: {error.strerror}") from error
@@ -97,10 +99,24 @@ def parse(source: Source, model: type[EntryT]) -> EntryT:
         One line: file, place, key, value, what is allowed; how many further faults there are.
     """
     data = _data(source)
+    return checked(source.name, data, model, _tuples(data))
+
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def checked(name: str, data: Any, model: type[ModelT], taken: Any = None) -> ModelT:
+    """Check what was read from a file against a model; `taken` is what the model is given instead.
+
+    Raises
+    ------
+    StandError
+        As `parse`; the line begins with `name`.
+    """
     try:
-        return model.model_validate(_tuples(data))
+        return model.model_validate(data if taken is None else taken)
     except ValidationError as error:
-        raise StandError(_one_line(source.name, data, error.errors())) from error
+        raise StandError(_one_line(name, data, error.errors())) from error
 
 
 def faults(source: Source, model: type[Entry]) -> list[tuple[str, str]]:

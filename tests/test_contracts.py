@@ -24,7 +24,7 @@ from stand.motion.limits import check
 from stand.motion.planner import plan
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import load_procedure
-from stand.procedure.steps import Dwell as DwellStep
+from stand.procedure.steps import DwellStep as DwellStep
 from stand.samples import TruthBlock
 from stand.table.kinematics import attitude
 from stand.table.table import load_table

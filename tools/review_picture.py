@@ -23,6 +23,7 @@ import numpy as np
 from rerun.experimental import ViewerClient, ViewerState
 
 from stand.errors import StandError
+from stand.folder import write_file
 from stand.recording.viewer import LOOPBACK, checked_recording, quiet_environment, viewer_binary
 
 TIMELINE = "sim_time"
@@ -70,7 +71,7 @@ def pictures(
         for name, second in zip(names, seconds, strict=True):
             moment = np.timedelta64(round(second * 1e9), "ns")
             viewer.set_time(TIMELINE, duration=moment, play_state="paused")
-            name.write_bytes(_settled(viewer))
+            write_file(name, _settled(viewer))
         _show_all_tabs(viewer)
         return names, viewer.get_state()
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from stand.errors import StandError, unknown
+from stand.folder import write_file
 from stand.physics.picture import pictures, png
 from stand.table.joints import JOINTS
 
@@ -55,7 +56,7 @@ def _main() -> None:
     given = parser.parse_args()
     try:
         image = picture(dict(given.angles), given.camera, *given.size, model=given.model)
-        given.out.write_bytes(image)
+        write_file(given.out, image)
     except StandError as error:
         sys.exit(f"error: {error}")
 

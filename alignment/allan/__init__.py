@@ -8,9 +8,9 @@ long it must be to show the rest.
 from alignment.allan.analysis import (
     Analysis,
     Channel,
-    Found,
-    Missing,
-    Stretch,
+    FoundTerm,
+    MissingTerm,
+    RestRecord,
     analyse,
     channel,
 )
@@ -19,10 +19,10 @@ from alignment.allan.stretches import Interruption
 __all__ = [
     "Analysis",
     "Channel",
-    "Found",
+    "FoundTerm",
     "Interruption",
-    "Missing",
-    "Stretch",
+    "MissingTerm",
+    "RestRecord",
     "analyse",
     "channel",
 ]

@@ -49,7 +49,7 @@ Sheet = Mapping[tuple[str, str], float]  # (sensor, term) -> value in SI
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FoundTerm:
     """A term that the record shows, with its 95 % interval, in SI (see `terms`)."""
 
     term: str
@@ -59,7 +59,7 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True)
-class Missing:
+class MissingTerm:
     """A term that the record does not show.
 
     `upper` is the largest value that the record allows (95 %; SI); `needed` [s] how long a record
@@ -110,8 +110,8 @@ class Channel:
     low: Array
     high: Array
     values: Array
-    found: tuple[Found, ...]
-    missing: tuple[Missing, ...]
+    found: tuple[FoundTerm, ...]
+    missing: tuple[MissingTerm, ...]
     first_tau: float
     onset: float
     model_error: float
@@ -134,7 +134,7 @@ class Channel:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
+class RestRecord:
     """A part of a record at rest, without interruption: its stamps [s] and what it read on average.
 
     `interval` [s] is that of its samples; `w_ib_b` (3,) [rad/s], `f_b` (3,) [m/s^2] their means.
@@ -160,7 +160,7 @@ class Analysis:
     """
 
     channels: tuple[Channel, ...]
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[RestRecord, ...]
     interruptions: tuple[Interruption, ...]
     notes: tuple[str, ...] = ()
 
@@ -291,9 +291,9 @@ def _stretches(rests: Sequence[ImuReadings]) -> tuple[list[Part], list[Interrupt
     return alike or [best], events, notes
 
 
-def _stretch(part: ImuReadings, step: float) -> Stretch:
+def _stretch(part: ImuReadings, step: float) -> RestRecord:
     means = part.w_ib_b.mean(axis=0), part.f_b.mean(axis=0)
-    return Stretch(float(part.t[0]), float(part.t[-1]), len(part), step, *means)
+    return RestRecord(float(part.t[0]), float(part.t[-1]), len(part), step, *means)
 
 
 def _new_ones(
@@ -380,7 +380,7 @@ def channel(
     for k, key in enumerate(KEYS):
         ends = rounding.taken(interval(fitted, k)) if k == _N else interval(fitted, k)
         if weights[k] > 0 and shown(fitted, k):
-            found.append(Found(key, *(value(w, k, step) for w in (weights[k], *ends))))
+            found.append(FoundTerm(key, *(value(w, k, step) for w in (weights[k], *ends))))
         else:
             missing.append(_missing(curve, fitted, k, ends[1], stated[key]))
     smoothing = 2 * max(0.0, -fitted.weights[_Q]) / max(fitted.weights[_N], 1e-300) * step
@@ -455,7 +455,7 @@ def _unresolved(
         "K": size * np.sqrt(3 / span),
         "R": size * np.sqrt(2) / span,
     }
-    missing = tuple(Missing(key, most[key], most[key], None) for key in KEYS)
+    missing = tuple(MissingTerm(key, most[key], most[key], None) for key in KEYS)
     zeros, first = np.zeros(len(KEYS)), float(curve.tau[0])
     deviations = np.sqrt(curve.variance)
     return Channel(
@@ -486,23 +486,23 @@ def _bounds(curve: Deviation, weights: Array) -> tuple[Array, Array]:
 def _silent(sensor: str, axis: str, curve: Deviation) -> Channel:
     """A constant signal shows nothing, however long it is."""
     none = np.zeros(len(curve.m))
-    missing = tuple(Missing(key, 0.0, 0.0, None) for key in KEYS)
+    missing = tuple(MissingTerm(key, 0.0, 0.0, None) for key in KEYS)
     zeros = np.zeros(len(KEYS))
     return Channel(
         sensor, axis, curve.tau, none, none, none, zeros, (), missing, float(curve.tau[0]), 0.0, 0.0
     )
 
 
-def _missing(curve: Deviation, fitted: Fit, term: int, upper: float, stated: float) -> Missing:
+def _missing(curve: Deviation, fitted: Fit, term: int, upper: float, stated: float) -> MissingTerm:
     step = curve.interval
     largest = upper if np.isfinite(upper) else float(np.max(curve.variance))
     if term == _Q and -fitted.weights[_Q] > largest:  # a low-pass may hide as much as it takes
         hidden = value(-float(fitted.weights[_Q]), term, step)
-        return Missing(KEYS[term], hidden, hidden, None)
+        return MissingTerm(KEYS[term], hidden, hidden, None)
     assumed = min(weight(stated, term, step), largest) if stated > 0 else largest
     asked, own = holding(fitted.problem, fitted.solution, term)
     others = asked.physical(solve(asked, term, assumed, near=np.maximum(own, 0.0)))
-    return Missing(
+    return MissingTerm(
         KEYS[term],
         value(largest, term, step),
         value(assumed, term, step),

@@ -1,12 +1,13 @@
 """What a procedure can tell, before there are readings: Fisher information of it.
 
-`information` takes the stretches a table will give (`Stretch`), the instrument (`Unit`) and what
-is known of the table (`Setting`), and answers with predicted sigmas, their contributions, the rank
-of what the readings alone determine, and in words what they cannot tell apart.
+`information` takes the stretches a table will give (`Stretch`), the instrument's own
+(`InstrumentErrors`) and what is known of the table (`Setting`), and answers with predicted sigmas,
+their contributions, the rank of what the readings alone determine, and in words what they cannot
+tell apart.
 """
 
 from alignment.information.drift import GaussMarkov
-from alignment.information.model import Setting, Stretch, Triad, Unit, assumed
+from alignment.information.model import InstrumentErrors, Setting, Stretch, TriadErrors, assumed
 from alignment.information.result import Information, information
 from alignment.information.words import Combination
 
@@ -14,10 +15,10 @@ __all__ = [
     "Combination",
     "GaussMarkov",
     "Information",
+    "InstrumentErrors",
     "Setting",
     "Stretch",
-    "Triad",
-    "Unit",
+    "TriadErrors",
     "assumed",
     "information",
 ]

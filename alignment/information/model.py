@@ -91,7 +91,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Triad:
+class TriadErrors:
     """Three like sensors: standard deviations of their errors, per axis (a number: all alike).
 
     With u for rad/s or m/s^2. 0: there is none, or it is known; infinite: nothing is known of it.
@@ -135,11 +135,11 @@ class Triad:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Unit:
+class InstrumentErrors:
     """An instrument; `lag` [s]: standard deviation of its delay beyond what is accounted for."""
 
-    gyro: Triad = field(default_factory=Triad)
-    accel: Triad = field(default_factory=Triad)
+    gyro: TriadErrors = field(default_factory=TriadErrors)
+    accel: TriadErrors = field(default_factory=TriadErrors)
     lag: float = 0.0
 
     def __post_init__(self) -> None:
@@ -174,23 +174,23 @@ class Setting:
         _sigmas([self.latitude, self.gravity, 0.0], "latitude, gravity")
 
 
-def assumed(priors: Priors, latitude_known: bool = True) -> tuple[Unit, Setting]:
+def assumed(priors: Priors, latitude_known: bool = True) -> tuple[InstrumentErrors, Setting]:
     """Instrument and table as a fit of positions takes them that is told `priors`.
 
     A bias of 0 there means that nobody knows it. The gains of this are the estimator's own, and
     what they make of another unit is `Information.contributions` with that gain.
     """
     unknown = 0.0 if latitude_known else np.inf
-    return Unit(_assumed_triad(priors, "gyro"), _assumed_triad(priors, "accel")), Setting(
-        placement=priors.turn, latitude=unknown, gravity=unknown
-    )
+    return InstrumentErrors(
+        _assumed_triad(priors, "gyro"), _assumed_triad(priors, "accel")
+    ), Setting(placement=priors.turn, latitude=unknown, gravity=unknown)
 
 
-def _assumed_triad(priors: Priors, sensor: str) -> Triad:
+def _assumed_triad(priors: Priors, sensor: str) -> TriadErrors:
     def told(name: str) -> float:
         return getattr(priors, f"{sensor}_{name}")
 
-    return Triad(
+    return TriadErrors(
         noise=told("walk"),
         bias=told("bias") or np.inf,
         ramp=told("ramp"),
@@ -255,7 +255,7 @@ _UNITS = {
 }
 
 
-def _triad_parameters(triad: Triad, sensor: str) -> list[Parameter]:
+def _triad_parameters(triad: TriadErrors, sensor: str) -> list[Parameter]:
     found = []
     for name in BY_AXIS:
         unit, per, usual = _UNITS[name][sensor != "gyro"]
@@ -272,7 +272,9 @@ def _triad_parameters(triad: Triad, sensor: str) -> list[Parameter]:
     return found
 
 
-def parameters(stretches: Sequence[Stretch], unit: Unit, setting: Setting) -> list[Parameter]:
+def parameters(
+    stretches: Sequence[Stretch], unit: InstrumentErrors, setting: Setting
+) -> list[Parameter]:
     """Every error there can be, in the order of the columns of `sensitivities`."""
 
     def three(
@@ -300,7 +302,7 @@ def parameters(stretches: Sequence[Stretch], unit: Unit, setting: Setting) -> li
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Columns:
+class ParameterColumns:
     """Where parameters stand, from the end of the two triads on."""
 
     lag: int
@@ -310,7 +312,7 @@ class Columns:
     placement: tuple[slice, ...]
 
     @classmethod
-    def of(cls, found: Sequence[Parameter]) -> "Columns":
+    def of(cls, found: Sequence[Parameter]) -> "ParameterColumns":
         """The places in `parameters`."""
         sources = [p.source for p in found]
         m, d = sources.index("mounting"), sources.index("placement")
@@ -338,7 +340,7 @@ def felt(stretch: Stretch, C_np: Rotation, site: Site) -> tuple[Array, Array, Ar
 
 
 def sensitivities(
-    stretch: Stretch, number: int, C_np: Rotation, site: Site, columns: Columns
+    stretch: Stretch, number: int, C_np: Rotation, site: Site, columns: ParameterColumns
 ) -> Array:
     """Of the stretch's coefficients (h, 6) to all p parameters: (h, 6, p), first order."""
     w, f, C_bn, project = felt(stretch, C_np, site)
@@ -377,7 +379,7 @@ def coefficient_weights(stretch: Stretch) -> Array:
     return np.array([1.0, 2.0, 2.0] if stretch.rate else [1.0])
 
 
-def white_variances(stretch: Stretch, unit: Unit) -> Array:
+def white_variances(stretch: Stretch, unit: InstrumentErrors) -> Array:
     """Of the coefficients (h, 6), by white noise; infinite without a sensor."""
     density = np.concatenate([unit.gyro.noise, unit.accel.noise]) ** 2
     return coefficient_weights(stretch)[:, None] * density / stretch.span.length

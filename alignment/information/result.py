@@ -23,12 +23,12 @@ from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.information.drift import Span, gauss_markov, random_walk
 from alignment.information.model import (
-    Columns,
+    InstrumentErrors,
     Parameter,
+    ParameterColumns,
     Setting,
     Stretch,
-    Triad,
-    Unit,
+    TriadErrors,
     coefficient_weights,
     parameters,
     sensitivities,
@@ -134,7 +134,7 @@ class Information:
     def attitude_rows(self, stretch: int = 0) -> Array:
         """Sensitivity (3, p) of the small rotation about n that took b to where it is."""
         C_nb = (self.C_np * self.stretches[stretch].C_pb).as_matrix()
-        columns = Columns.of(self.parameters)
+        columns = ParameterColumns.of(self.parameters)
         rows = np.zeros((3, len(self.parameters)))
         rows[:, :3] = np.eye(3)
         rows[:, columns.mounting] = C_nb
@@ -262,7 +262,7 @@ def information(
     stretches: Sequence[Stretch],
     C_np: Rotation,
     site: Site,
-    unit: Unit,
+    unit: InstrumentErrors,
     setting: Setting | None = None,
 ) -> Information:
     """Fisher information of the stretches of a procedure.
@@ -300,7 +300,7 @@ def information(
             raise ValueError(f"{b.label}: begins before {a.label} has ended")
     setting = setting or Setting()
     found = tuple(parameters(stretches, unit, setting))
-    columns = Columns.of(found)
+    columns = ParameterColumns.of(found)
     J = np.concatenate(
         [
             sensitivities(stretch, k, C_np, site, columns).reshape(-1, len(found))
@@ -322,7 +322,7 @@ def information(
 
 
 def _noises(
-    stretches: Sequence[Stretch], unit: Unit
+    stretches: Sequence[Stretch], unit: InstrumentErrors
 ) -> tuple[tuple[str, ...], Array, NDArray[np.bool_]]:
     """Names, covariances (k, m, m) of coefficients and which of them there are (m,)."""
     spans = [stretch.span for stretch in stretches]
@@ -341,7 +341,7 @@ def _noises(
     return tuple(parts), np.array(list(parts.values())), used
 
 
-def _drift(spans: Sequence[Span], triad: Triad) -> tuple[Array, Array]:
+def _drift(spans: Sequence[Span], triad: TriadErrors) -> tuple[Array, Array]:
     h = sum(len(span.orders) for span in spans)
     instability: Array = np.zeros((h, h))
     for process in triad.drift:

@@ -79,7 +79,7 @@ def combinations(
     result = []
     for scaled, pivot in echelon:
         vector = scaled * sizes
-        told = _told(scaled, vector, pivot, names, found, poses[0] if one_place else None)
+        told = _sentence(scaled, vector, pivot, names, found, poses[0] if one_place else None)
         vector[:3] = axes @ vector[:3]
         result.append(Combination(vector, names[pivot], f"{where}: {told}"))
     return tuple(result)
@@ -120,7 +120,7 @@ def _situation(stretches: Sequence[Stretch], poses: Rotation, one_place: bool) -
     return " and ".join(said)
 
 
-def _told(
+def _sentence(
     scaled: Array,
     vector: Array,
     pivot: int,

@@ -74,7 +74,7 @@ def integrate(
     return earth * start * Rotation.from_quat(q)
 
 
-def drift_covariance(
+def integrated_drift_covariance(
     variance_rate: Array, t: Array, window: float, offset: Array | None = None
 ) -> Array:
     """Variance (m, 3) [rad^2] about b of integrated white rate noise after offset removal.
@@ -121,7 +121,7 @@ def _track(
     elapsed = t - dwell.t_from
     few = len(dwell.window(0.0, options.offset_window)) <= BLOCKS  # tell less than the record
     own = None if few else offset.variances[:3]
-    about_b = drift_covariance(variance_rate, elapsed, options.offset_window, own)
+    about_b = integrated_drift_covariance(variance_rate, elapsed, options.offset_window, own)
     # bias of later readings against that of the window: the two differ by the Allan deviation
     late = np.maximum(elapsed - options.offset_window, 0.0)
     about_b += 2 * (priors.gyro_instability * late[:, None]) ** 2

@@ -136,11 +136,11 @@ def _in_time(dwells: Ordered[Dwell]) -> list[Dwell]:
 def _summaries(dwells: Ordered[Dwell]) -> list[tuple[Array, Array]]:
     for dwell in dwells:
         check_at_rest(dwell)
-        _told(dwell)
+        _nominal_of(dwell)
     return [mean_and_variance(dwell.window()) for dwell in dwells]
 
 
-def _told(dwell: Dwell) -> Rotation:
+def _nominal_of(dwell: Dwell) -> Rotation:
     if dwell.nominal is None:
         raise AlignmentError(f"{dwell.label}: nobody said the attitude that the table was told")
     return dwell.nominal
@@ -148,7 +148,7 @@ def _told(dwell: Dwell) -> Rotation:
 
 def _widest_turn(dwells: Ordered[Dwell]) -> float:
     """Largest turn [rad] between any two nominal attitudes."""
-    quats = np.array([_told(dwell).as_quat() for dwell in dwells])
+    quats = np.array([_nominal_of(dwell).as_quat() for dwell in dwells])
     return float(2 * np.arccos(np.clip(np.abs(quats @ quats.T).min(), 0, 1)))
 
 
@@ -163,8 +163,8 @@ def _estimates(
     spans = np.array([dwell.t_to - dwell.t_from for dwell in dwells])
     t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
     variances = pooled_variances(scatter, spans)
-    first = _told(dwells[0]).inv()
-    relative = np.array([(first * _told(dwell)).as_matrix() for dwell in dwells])
+    first = _nominal_of(dwells[0]).inv()
+    relative = np.array([(first * _nominal_of(dwell)).as_matrix() for dwell in dwells])
     latitude, gravity = local_vectors(site)
     if latitude is not None:
         site.horizontal_rate()  # refuses at a pole
@@ -184,7 +184,7 @@ def _estimates(
             t_from,
             t_to,
             site.plumb * Rotation.from_matrix(fit.C_nb[k]),
-            options.rule.sequence_for(_told(dwell).inv().apply([0.0, 0.0, -1.0])),
+            options.rule.sequence_for(_nominal_of(dwell).inv().apply([0.0, 0.0, -1.0])),
             covariance=growth * fit.covariance[k],
             latitude=None if fit.latitude is None else float(fit.latitude) - site.deflection[0],
             latitude_sigma=None

@@ -5,6 +5,7 @@ Heavy imports (MuJoCo, SciPy, rerun) wait inside the commands, so that `--help` 
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from typing import TYPE_CHECKING, Annotated, Any
@@ -55,8 +56,19 @@ for name, command in COMMANDS.items():
 def main() -> None:
     """Entry point: known faults become one line and exit code 2."""
     set_driver_aside()
+    _set_streams()
     signal.signal(signal.SIGTERM, _interrupt)
     sys.exit(guarded(lambda: app(standalone_mode=False)))
+
+
+def _set_streams() -> None:
+    """Output that a terminal of few letters, or none at all, can take."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by who called
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        else:
+            stream.reconfigure(errors="replace")
 
 
 def _interrupt(signum: int, frame: object) -> None:
@@ -92,7 +104,9 @@ def guarded(command: Callable[[], Any]) -> int:
 
 
 def _complain(message: str, code: int = 2) -> int:
-    print(f"stand: {' '.join(message.split())}", file=sys.stderr)
+    from stand.errors import printable  # not before, as above
+
+    print(f"stand: {' '.join(printable(message).split())}", file=sys.stderr)
     return code
 
 

@@ -1,6 +1,5 @@
 """Allan analysis of a recording: its rest, its data sheet, the result in a data sheet's units."""
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import ceil, floor, inf, isfinite, sqrt
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from alignment import ImuReadings
-from alignment.allan import Analysis, Channel, Missing
+from alignment.allan import Analysis, Channel, MissingTerm
 from alignment.allan import analyse as analyse_readings
 from alignment.allan.deviation import FEWEST
 from alignment.allan.fit import MEMORY
@@ -28,40 +27,40 @@ from alignment.units import (
     MILLI_G,
 )
 from stand import toml_files as catalogue
-from stand.errors import StandError
+from stand.errors import StandError, located
 from stand.imu import ImuSpec, TriadSpec, imu_from, load_imu
 from stand.recording.mcap.reader import ImuLog, read_imu
-from stand.recording.metadata import NEVER
+from stand.recording.metadata import RUN, epoch_of, planned_stretches, settled_stretches
 
 HOUR = 3600.0
 RT_HOUR = 60.0  # root seconds in a root hour
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class TermUnit:
     """How a term is written: multiply by `si` to come in, divide to go out."""
 
     name: str
     si: float
 
 
-UNITS: Mapping[tuple[str, str], Unit] = {
-    ("gyro", "N"): Unit("deg/rt-h", DEG_PER_RT_HOUR),
-    ("gyro", "B"): Unit("deg/h", DEG_PER_HOUR),
-    ("gyro", "K"): Unit("deg/h/rt-h", DEG_PER_HOUR / RT_HOUR),
-    ("gyro", "Q"): Unit("arc second", ARC_SECOND),
-    ("gyro", "R"): Unit("deg/h/h", DEG_PER_HOUR / HOUR),
-    ("accel", "N"): Unit("m/s/rt-h", M_S_PER_RT_HOUR),
-    ("accel", "B"): Unit("ug", MICRO_G),
-    ("accel", "K"): Unit("ug/rt-h", MICRO_G / RT_HOUR),
-    ("accel", "Q"): Unit("m/s", 1.0),
-    ("accel", "R"): Unit("ug/h", MICRO_G / HOUR),
+UNITS: Mapping[tuple[str, str], TermUnit] = {
+    ("gyro", "N"): TermUnit("deg/rt-h", DEG_PER_RT_HOUR),
+    ("gyro", "B"): TermUnit("deg/h", DEG_PER_HOUR),
+    ("gyro", "K"): TermUnit("deg/h/rt-h", DEG_PER_HOUR / RT_HOUR),
+    ("gyro", "Q"): TermUnit("arc second", ARC_SECOND),
+    ("gyro", "R"): TermUnit("deg/h/h", DEG_PER_HOUR / HOUR),
+    ("accel", "N"): TermUnit("m/s/rt-h", M_S_PER_RT_HOUR),
+    ("accel", "B"): TermUnit("ug", MICRO_G),
+    ("accel", "K"): TermUnit("ug/rt-h", MICRO_G / RT_HOUR),
+    ("accel", "Q"): TermUnit("m/s", 1.0),
+    ("accel", "R"): TermUnit("ug/h", MICRO_G / HOUR),
 }
 ORDER = ("N", "B", "K", "Q", "R")
-STEPS = {"gyro": Unit("deg/s", DEG), "accel": Unit("mg", MILLI_G)}
+STEPS = {"gyro": TermUnit("deg/s", DEG), "accel": TermUnit("mg", MILLI_G)}
 SLIP = 0.02  # relative, to one of the known mix-ups of units
 ROUNDING_TOLD = 0.1  # of N: less white noise of the rounding is not worth a word
-DEVIATION = {"gyro": Unit("deg/h", DEG_PER_HOUR), "accel": Unit("ug", MICRO_G)}
+DEVIATION = {"gyro": TermUnit("deg/h", DEG_PER_HOUR), "accel": TermUnit("ug", MICRO_G)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +124,7 @@ def analyse(
     except AlignmentError as error:
         raise type(error)(f"{path}: {error}") from error
     title = f"{spec.title} ({spec.id})" if spec else None
-    notes += _told(result, known)
+    notes += _notes(result, known)
     return AllanReport(str(path), log.topic, result, sheet, title, tuple(notes))
 
 
@@ -164,8 +163,9 @@ def _rests(
     path: Path, log: ImuLog, t_from: float | None, t_to: float | None
 ) -> tuple[list[ImuReadings], list[str]]:
     """The samples to use, rest by rest, and what to say of the choice."""
-    epoch = log.metadata.get("run", {}).get("epoch_ns")
-    origin = int(log.t_ns[0]) if epoch is None else int(epoch)
+    with located(path):
+        ours = "epoch_ns" in log.metadata.get(RUN, {})
+        origin = epoch_of(log.metadata) if ours else int(log.t_ns[0])
     t = (log.t_ns - origin) * 1e-9
     t.flags.writeable = False
     readings = ImuReadings(t, log.w_ib_b, log.f_b)
@@ -192,22 +192,9 @@ Rest = tuple[str, float, float]  # its label, from when to when [s]
 
 def _dwells(path: Path, log: ImuLog) -> list[Rest]:
     """The dwells of a recording of ours, from when the table had settled."""
-    if "schedule" not in log.metadata:
-        return []
-    begins = log.metadata.get("settled", {})
-    try:
-        found = []
-        for step in json.loads(log.metadata["schedule"]["json"]):
-            if step["kind"] != "dwell" or step.get("turning") is not None:
-                continue
-            settled = begins.get(step["label"], "0")
-            if settled == NEVER:
-                continue
-            start = max(float(step.get("steady_from_s", step["t_from_s"])), float(settled))
-            found.append((step["label"], start, float(step.get("steady_to_s", step["t_to_s"]))))
-        return [rest for rest in found if rest[1] < rest[2]]
-    except (KeyError, TypeError, ValueError) as error:
-        raise StandError(f"{path}: metadata of the run is damaged: {error}") from error
+    with located(path):
+        stretches = settled_stretches(planned_stretches(log.metadata), log.metadata)
+    return [(s.label, s.t_from, s.t_to) for s in stretches if s.joint is None]
 
 
 def _still(
@@ -248,7 +235,7 @@ def _advice(rests: list[ImuReadings]) -> str:
     return f"choose a rest with --from and --to: --from {begin:g} --to {end:g} is one"
 
 
-def _told(result: Analysis, known: Mapping[str, float]) -> list[str]:
+def _notes(result: Analysis, known: Mapping[str, float]) -> list[str]:
     """What was read on average, interruptions and misfits, in words."""
     notes = [_means(result), *result.notes]
     gaps = [event for event in result.interruptions if event.kind == "gap"]
@@ -390,7 +377,7 @@ def _missing(report: AllanReport, channel: Channel) -> list[dict[str, Any]]:
     return entries
 
 
-def needs_hours(missing: Missing) -> float | None:
+def needs_hours(missing: MissingTerm) -> float | None:
     """How long the record must be [h]; None if no length would do."""
     return None if missing.needed is None else missing.needed / HOUR
 

@@ -22,7 +22,7 @@ from alignment.errors import AlignmentError
 from alignment.units import DEG
 from stand.errors import StandError
 from stand.evaluation.score import circular, suited
-from stand.evaluation.statistics import Found, Outcome, Tally, tally
+from stand.evaluation.statistics import EstimateErrors, Outcome, Tally, tally
 from stand.imu import ImuSpec
 from stand.motion.plan import Plan
 from stand.simulation.monte_carlo import Trials
@@ -131,7 +131,9 @@ class _Bench:
         return Outcome(method=method, seed=seed, found=found, seconds=seconds)
 
 
-def against_truth(e: AttitudeEstimate, truth: Rotation, floor: tuple[float, float]) -> Found:
+def against_truth(
+    e: AttitudeEstimate, truth: Rotation, floor: tuple[float, float]
+) -> EstimateErrors:
     """An estimate's errors beside its own sigmas and the floors of heading and tilt [rad]."""
     assert e.C_nb is not None
     error, off = rotation_error(e.C_nb, truth), float(heading_errors(e.C_nb, truth))
@@ -141,7 +143,7 @@ def against_truth(e: AttitudeEstimate, truth: Rotation, floor: tuple[float, floa
         if np.linalg.matrix_rank(e.covariance, hermitian=True) == len(error):
             nees = float(error @ np.linalg.solve(e.covariance, error))
     sigma = nan if e.heading_sigma is None else e.heading_sigma
-    return Found(
+    return EstimateErrors(
         heading=off,
         north=float(error[0]),
         east=float(error[1]),

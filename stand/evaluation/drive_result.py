@@ -17,6 +17,7 @@ from stand.vehicle.scenario import Drive, priors_of
 from stand.versions import versions
 
 LOWEST_RATE_HZ = 20  # means over longer samples are not exact: see `Path.means`
+MOST_SAMPLES = 10_000_000  # of a drive: they are held at once, some hundred bytes each
 START_SIGMA = 0.5 * DEG  # of the programmed start about each axis, as published
 
 
@@ -33,6 +34,12 @@ class DriveSettings:
         if not LOWEST_RATE_HZ <= self.rate_hz <= HIGHEST_RATE_HZ:
             raise StandError(
                 f"rate = {self.rate_hz} Hz: must be {LOWEST_RATE_HZ} to {HIGHEST_RATE_HZ}"
+            )
+        samples = self.drive.path.duration * self.rate_hz
+        if samples > MOST_SAMPLES:
+            raise StandError(
+                f"rate = {self.rate_hz} Hz: {samples:.3g} samples in "
+                f"{self.drive.path.duration:g} s, must be at most {MOST_SAMPLES:.3g}"
             )
         if self.seed < 0:
             raise StandError(f"seed = {self.seed}: must be 0 or more")

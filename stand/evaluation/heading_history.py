@@ -60,7 +60,7 @@ def _of(method: str, run: Watched, settings: Settings) -> list[History]:
 
 
 def _tracked(method: str, track: AttitudeTrack, run: Watched) -> History:
-    error, sigma = heading_errors(track.C_nb, run.C_nb(track.t), track.covariance)
+    error, sigma = heading_error_over_time(track.C_nb, run.C_nb(track.t), track.covariance)
     good = np.isfinite(error)
     return History(
         method=method,
@@ -90,7 +90,7 @@ def _grown(
                 assert e.C_nb is not None
                 C = e.C_nb.as_matrix()[None]
                 true = _true(e, so_far, truth, run)
-                error, sigma = heading_errors(
+                error, sigma = heading_error_over_time(
                     Rotation.from_matrix(C), true, np.asarray(e.covariance)[None]
                 )
                 points.append((float(t), float(error[0]), float(sigma[0])))
@@ -121,7 +121,9 @@ def _true(
     return run.C_nb(np.array([min(e.t_to, dwell.t_to)]))
 
 
-def heading_errors(C_nb: Rotation, true: Rotation, covariance: Array) -> tuple[Array, Array]:
+def heading_error_over_time(
+    C_nb: Rotation, true: Rotation, covariance: Array
+) -> tuple[Array, Array]:
     """Heading errors (m,) of m attitudes and their sigmas [rad] by covariances (m, 3, 3).
 
     NaN where X1 is steeper than 45 deg.

@@ -23,7 +23,7 @@ LINEAR = 8 * DEG  # heading sigma above which errors are no longer proportional 
 FREEDOM = 3  # of one attitude
 
 
-class Found(NamedTuple):
+class EstimateErrors(NamedTuple):
     """One estimate against the truth, as numbers [rad]; NaN where there is none.
 
     `north`, `east`: the small rotation about N and E that takes truth to estimate, and its
@@ -46,7 +46,7 @@ class Outcome(NamedTuple):
 
     method: str
     seed: int
-    found: tuple[Found, ...] = ()
+    found: tuple[EstimateErrors, ...] = ()
     seconds: float = 0.0
     refusal: str = ""
 

@@ -103,7 +103,7 @@ class LowPass:
         self._lagging = 2 * (as_mean if self._means else at_end).real
         seen = 2 * (phi[1] if self._means else phi[0])  # of what was before
         self._into = seen * at_end
-        unit = innovations(abs(pole), sampling)
+        unit = noise_innovations(abs(pole), sampling)
         self._direct, self._kick = sigma * unit.direct, sigma * unit.kick
         before = np.zeros(3, complex)
         if start is not None:
@@ -176,7 +176,7 @@ def _phi(pole: complex) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Innovations:
+class NoiseInnovations:
     """Filtered white noise of unit strength, of one number e_k per sample.
 
     ``y_k = Re x_(k-1) + direct e_k``, ``x_k = exp(l) x_(k-1) + kick e_k``; `start` (2, 2) takes two
@@ -189,7 +189,7 @@ class Innovations:
 
 
 @cache
-def innovations(w0: float, sampling: Sampling) -> Innovations:
+def noise_innovations(w0: float, sampling: Sampling) -> NoiseInnovations:
     """The stationary Kalman filter of the samples: their innovations make the process anew.
 
     Notes
@@ -221,7 +221,7 @@ def innovations(w0: float, sampling: Sampling) -> Innovations:
     phi = _phi(whole)
     kick = complex(2 * (phi[1] if row else phi[0]) * own * unit)
     direct = unit / 2**doublings if row else unit
-    return Innovations(float(direct), kick, _stationary(kick, whole))
+    return NoiseInnovations(float(direct), kick, _stationary(kick, whole))
 
 
 def _over_a_step(w0: float) -> tuple[Array, Array]:

@@ -31,7 +31,7 @@ FINEST, COARSEST = 33, 8  # bits in a range
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class PresetFinding:
     """One thing that is wrong ('error') or unusual ('warning'), where, and why."""
 
     severity: Literal["error", "warning"]
@@ -68,14 +68,14 @@ class _Sensor:
         return f"{self.value(field):g} {self.bands[self.key_of[field]].unit}"
 
 
-def lint(source: catalogue.Source) -> list[Finding]:
+def lint(source: catalogue.Source) -> list[PresetFinding]:
     """What is wrong with a preset's text, errors first; never raises for what is in it.
 
     A preset that cannot be loaded gets its faults alone: the rules need values.
     """
     faults = catalogue.faults(source, ImuEntry)
     if faults:
-        return [Finding("error", place or source.name, message) for place, message in faults]
+        return [PresetFinding("error", place or source.name, message) for place, message in faults]
     entry = catalogue.parse(source, ImuEntry)
     findings = list(_all(entry))
     return sorted(findings, key=lambda f: f.severity != "error")
@@ -91,7 +91,7 @@ def grade_of(text: str) -> str | None:
     return next((w for w in words if w in (*GRADES, REFERENCE)), None)
 
 
-def _all(entry: ImuEntry) -> Iterator[Finding]:
+def _all(entry: ImuEntry) -> Iterator[PresetFinding]:
     grade = grade_of(entry.grade)
     sensors = [
         _sensor("gyro", entry, GYRO_KEYS, GYRO_BANDS, grade),
@@ -107,7 +107,7 @@ def _all(entry: ImuEntry) -> Iterator[Finding]:
     if grade is None:
         known = ", ".join((*GRADES, REFERENCE))
         message = f"{entry.grade!r} names none of {known}: checked against all of them together"
-        yield Finding("warning", "grade", message)
+        yield PresetFinding("warning", "grade", message)
     yield from _in_bands("sampling", sampling, SAMPLING_BANDS, grade)
     for sensor in sensors:
         outside = list(_in_bands(sensor.name, sensor.stated, sensor.bands, grade))
@@ -143,34 +143,34 @@ def _sensor(
 # --- where the values come from
 
 
-def _provenance(entry: ImuEntry, grade: str | None) -> Iterator[Finding]:
+def _provenance(entry: ImuEntry, grade: str | None) -> Iterator[PresetFinding]:
     if entry.evidence == "none" and grade != REFERENCE:
         message = (
             "'none' for a unit of a real grade: state where the values come from, "
             f"or call it grade {REFERENCE!r}"
         )
-        yield Finding("warning", "evidence", message)
+        yield PresetFinding("warning", "evidence", message)
 
 
-def _sources(name: str, stated: Mapping[str, Stated], evidence: str) -> Iterator[Finding]:
+def _sources(name: str, stated: Mapping[str, Stated], evidence: str) -> Iterator[PresetFinding]:
     for key, value in stated.items():
         place = f"{name}, {key}"
         words = re.sub("[^a-z]", "", value.source.lower())
         if words in PLACEHOLDERS:
             message = f"source = {value.source!r}: a placeholder; name the document and page"
-            yield Finding("error", place, message)
+            yield PresetFinding("error", place, message)
         elif len(value.source) < SHORTEST_SOURCE:
             message = f"source = {value.source!r}: too short to find; name the document and page"
-            yield Finding("warning", place, message)
+            yield PresetFinding("warning", place, message)
         if value.kind == "assumed" and evidence != "none":
             message = f"{value.value:g} is assumed in a unit with evidence {evidence}"
-            yield Finding("warning", place, message)
+            yield PresetFinding("warning", place, message)
         elif value.kind != "assumed" and evidence == "none":
             message = f"kind = {value.kind!r} without evidence: must be 'assumed'"
-            yield Finding("error", place, message)
+            yield PresetFinding("error", place, message)
 
 
-def _missing(sensor: _Sensor) -> Iterator[Finding]:
+def _missing(sensor: _Sensor) -> Iterator[PresetFinding]:
     missing = [
         ("bias", "every unit is the same"),
         ("noise", "samples have no noise"),
@@ -184,7 +184,7 @@ def _missing(sensor: _Sensor) -> Iterator[Finding]:
         other = stated_instead.get(field, field)
         if not sensor.value(field) and not sensor.value(other):
             message = f"not stated, so zero: {effect}"
-            yield Finding("warning", sensor.place(field), message)
+            yield PresetFinding("warning", sensor.place(field), message)
 
 
 # --- one value at a time
@@ -192,7 +192,7 @@ def _missing(sensor: _Sensor) -> Iterator[Finding]:
 
 def _in_bands(
     name: str, stated: Mapping[str, Stated], bands: Mapping[str, Band], grade: str | None
-) -> Iterator[Finding]:
+) -> Iterator[PresetFinding]:
     for key, entry in stated.items():
         band, value = bands[key], entry.value
         low, high = band.of(grade)
@@ -202,13 +202,13 @@ def _in_bands(
         meant = [f"{u} (then {v:.3g} {band.unit})" for u, v in slips(value, band.unit, (low, high))]
         end = f"; is it in {' or '.join(meant)}?" if meant else ""
         message = f"{value:g} {band.unit}: {range_text}{end}"
-        yield Finding("error" if meant else "warning", f"{name}, {key}", message)
+        yield PresetFinding("error" if meant else "warning", f"{name}, {key}", message)
 
 
 # --- two values against each other
 
 
-def _crossing(sensor: _Sensor) -> Iterator[Finding]:
+def _crossing(sensor: _Sensor) -> Iterator[PresetFinding]:
     """White noise against bias instability: see the top of this file."""
     noise, instability = sensor.si("noise"), sensor.si("instability")
     if not (noise and instability):
@@ -226,7 +226,7 @@ def _crossing(sensor: _Sensor) -> Iterator[Finding]:
     hints = list(_crossing_hints(sensor, tau))
     severity = "error" if impossible or hints else "warning"
     end = f"; is {' or '.join(hints)}?" if hints else ""
-    yield Finding(severity, sensor.place("noise"), f"{both}: {why}{end}")
+    yield PresetFinding(severity, sensor.place("noise"), f"{both}: {why}{end}")
 
 
 def _crossing_hints(sensor: _Sensor, tau: float) -> Iterator[str]:
@@ -242,7 +242,7 @@ def _crossing_hints(sensor: _Sensor, tau: float) -> Iterator[str]:
             yield f"{key} in {other} (then {right:.3g} {unit})"
 
 
-def _drifts(sensor: _Sensor) -> Iterator[Finding]:
+def _drifts(sensor: _Sensor) -> Iterator[PresetFinding]:
     """Bias instability against what must lie above and below it."""
     bias, instability = sensor.si("bias"), sensor.si("instability")
     if bias and instability > bias:
@@ -250,7 +250,7 @@ def _drifts(sensor: _Sensor) -> Iterator[Finding]:
             f"{sensor.shown('instability')} in a run, but only {sensor.shown('bias')} from run to "
             "run: no one could measure the latter"
         )
-        yield Finding("error", sensor.place("instability"), message)
+        yield PresetFinding("error", sensor.place("instability"), message)
     # N^2/tau + K^2 tau/3 is least at tau = sqrt3 N/K
     floor = sqrt(2 * sensor.si("noise") * sensor.si("random_walk") / sqrt(3))
     if 0 < instability < 0.9 * floor:
@@ -260,10 +260,10 @@ def _drifts(sensor: _Sensor) -> Iterator[Finding]:
             f"{sensor.shown('instability')}: white noise and random walk alone leave "
             f"{least:.3g} {unit} at every averaging time"
         )
-        yield Finding("warning", sensor.place("instability"), message)
+        yield PresetFinding("warning", sensor.place("instability"), message)
 
 
-def _resolution(sensor: _Sensor) -> Iterator[Finding]:
+def _resolution(sensor: _Sensor) -> Iterator[PresetFinding]:
     step, noise, limit = sensor.si("resolution"), sensor.si("noise"), sensor.si("range")
     if not step:
         return
@@ -277,26 +277,26 @@ def _resolution(sensor: _Sensor) -> Iterator[Finding]:
             f"{sensor.shown('resolution')}: more than twice the noise of a sample, {sample:.2g} "
             f"{unit}; readings will stick"
         )
-        yield Finding("warning", sensor.place("resolution"), message)
+        yield PresetFinding("warning", sensor.place("resolution"), message)
     if limit and not COARSEST <= (bits := log2(2 * limit / step)) <= FINEST:
         message = f"{sensor.shown('resolution')}: {bits:.0f} bits in {sensor.shown('range')}"
-        yield Finding("error", sensor.place("resolution"), message)
+        yield PresetFinding("error", sensor.place("resolution"), message)
 
 
-def _bandwidth(sensor: _Sensor) -> Iterator[Finding]:
+def _bandwidth(sensor: _Sensor) -> Iterator[PresetFinding]:
     bandwidth, rate = sensor.value("bandwidth"), sensor.output_rate
     if not rate or bandwidth <= rate / 2:
         return
     above = "the output rate" if bandwidth > rate else "half the output rate"
     message = f"{bandwidth:g} Hz: above {above}, {rate:g} Hz; faster motion is folded back"
     severity = "error" if bandwidth > rate else "warning"
-    yield Finding(severity, sensor.place("bandwidth"), message)
+    yield PresetFinding(severity, sensor.place("bandwidth"), message)
 
 
-def _outputs(sensors: Sequence[_Sensor], sampling: SamplingEntry) -> Iterator[Finding]:
+def _outputs(sensors: Sequence[_Sensor], sampling: SamplingEntry) -> Iterator[PresetFinding]:
     """A rounding that the chosen kind of output does not use."""
     unused = "increment_lsb" if sampling.output == "rate" else "resolution"
     for sensor in sensors:
         if sensor.value(unused):
             message = f"{sensor.shown(unused)}: without effect on output = {sampling.output!r}"
-            yield Finding("warning", sensor.place(unused), message)
+            yield PresetFinding("warning", sensor.place(unused), message)

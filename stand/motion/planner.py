@@ -27,22 +27,22 @@ from stand.motion.waves import coning, fade_of, scorsby, sines
 from stand.procedure.procedure import Procedure
 from stand.procedure.steps import (
     Background,
-    Coning,
-    Dwell,
-    Move,
-    Profile,
+    ConingStep,
+    DwellStep,
+    MoveStep,
+    ProfileStep,
     RampsEntry,
-    Rate,
-    Scorsby,
+    RateStep,
     ScorsbyMotion,
-    Sine,
+    ScorsbyStep,
     SineMotion,
+    SineStep,
     Step,
-    Sway,
     SwayMotion,
-    Sweep,
-    Vibration,
+    SwayStep,
+    SweepStep,
     VibrationMotion,
+    VibrationStep,
 )
 from stand.table.joints import JOINTS, StandModel
 from stand.table.kinematics import attitude, gimbal_angles
@@ -122,12 +122,12 @@ class _Track:
         self.rests.append(~moving)
         self.t = t_to
 
-    def dwell(self, number: int, step: Dwell) -> None:
+    def dwell(self, number: int, step: DwellStep) -> None:
         self.pieces.append(rest_piece(self.joints, step.duration_s))
         end = self.t + step.duration_s
         self.note(number, step, end, (self.t, end), np.zeros(len(JOINTS), bool))
 
-    def move(self, number: int, step: Move) -> None:
+    def move(self, number: int, step: MoveStep) -> None:
         target = _target(self.procedure, number, step, self.joints, self.model, self.table)
         moving = self.joints != target
         limits = _limits(self.procedure, number, step, moving, self.table, _MOVE_LIMITS)
@@ -143,16 +143,16 @@ class _Track:
         self.pieces += [piece, rest_piece(target, end - arrival)]
         self.note(number, step, end, (arrival, end), moving)
 
-    def turn(self, number: int, step: Rate | Sweep) -> None:
-        rates = (step.rate_deg_s,) if isinstance(step, Rate) else step.rates_deg_s
+    def turn(self, number: int, step: RateStep | SweepStep) -> None:
+        rates = (step.rate_deg_s,) if isinstance(step, RateStep) else step.rates_deg_s
         both = step.directions == "both"
         for rate in rates:
-            name = step.label if isinstance(step, Rate) else f"{step.label} {rate:g} deg/s"
+            name = step.label if isinstance(step, RateStep) else f"{step.label} {rate:g} deg/s"
             self._turn_once(number, step, rate * DEG, f"{name} +" if both else name)
             if both:
                 self._turn_once(number, step, -rate * DEG, f"{name} -")
 
-    def _turn_once(self, number: int, step: Rate | Sweep, rate: float, label: str) -> None:
+    def _turn_once(self, number: int, step: RateStep | SweepStep, rate: float, label: str) -> None:
         axis = JOINTS.index(step.axis)
         time = step.duration_s
         if time is None:
@@ -176,7 +176,7 @@ class _Track:
         self.note(number, step, end, (steady, steady + time), moving, label, turning)
 
     def _ramp_limits(
-        self, number: int, step: Rate | Sweep, moving: np.ndarray, axis: int
+        self, number: int, step: RateStep | SweepStep, moving: np.ndarray, axis: int
     ) -> tuple[float, float]:
         keys = _MOVE_LIMITS[1:]
         limits = _limits(self.procedure, number, step, moving, self.table, keys)
@@ -189,9 +189,11 @@ class _Track:
         relative = attitude(self.model, self.joints).inv() * attitude(self.model, turned)
         return relative.as_rotvec()
 
-    def wave(self, number: int, step: Sine | Scorsby | Coning | Sway | Vibration) -> None:
+    def wave(
+        self, number: int, step: SineStep | ScorsbyStep | ConingStep | SwayStep | VibrationStep
+    ) -> None:
         lead = fade_of(step)
-        if isinstance(step, Coning):
+        if isinstance(step, ConingStep):
             motion = self._guarded(
                 number, lambda: coning(step, step.duration_s, lead, self.joints, self.model)
             )
@@ -204,7 +206,7 @@ class _Track:
         moving = np.any(motion.coefficients != 0, axis=(0, 1))
         self.note(number, step, self.t + length, (steady, steady + step.duration_s), moving)
 
-    def profile(self, number: int, step: Profile) -> None:
+    def profile(self, number: int, step: ProfileStep) -> None:
         path = self.procedure.folder / step.file
         motion = self._guarded(number, lambda: profile(path, self.joints, step.file))
         self.pieces.append(Piece(motion.knots, motion.coefficients))
@@ -273,16 +275,16 @@ class _Track:
 
 
 _ADD: dict[type, Callable] = {
-    Dwell: _Track.dwell,
-    Move: _Track.move,
-    Rate: _Track.turn,
-    Sweep: _Track.turn,
-    Sine: _Track.wave,
-    Scorsby: _Track.wave,
-    Coning: _Track.wave,
-    Sway: _Track.wave,
-    Vibration: _Track.wave,
-    Profile: _Track.profile,
+    DwellStep: _Track.dwell,
+    MoveStep: _Track.move,
+    RateStep: _Track.turn,
+    SweepStep: _Track.turn,
+    SineStep: _Track.wave,
+    ScorsbyStep: _Track.wave,
+    ConingStep: _Track.wave,
+    SwayStep: _Track.wave,
+    VibrationStep: _Track.wave,
+    ProfileStep: _Track.profile,
 }
 
 
@@ -291,7 +293,7 @@ def _whole_second(t: float) -> float:
 
 
 def _target(
-    procedure: Procedure, index: int, step: Move, joints: Array, model: StandModel, table: Table
+    procedure: Procedure, index: int, step: MoveStep, joints: Array, model: StandModel, table: Table
 ) -> Array:
     if step.joints_deg is not None:
         target = np.array(joints)

@@ -15,7 +15,7 @@ STANDS = 1e-9  # rad: a demand that changes by less stands still
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class StepSpan:
     """A planned step [s]; `rest` if it is one in which axes should stand still."""
 
     t_from: float
@@ -44,7 +44,7 @@ class Followed:
         span, where that is shorter). None: never, or not to stand still.
     """
 
-    span: Span
+    span: StepSpan
     greatest_error: Array
     rms_error: Array
     saturated_s: Array
@@ -73,7 +73,7 @@ class Followed:
 class _Tally:
     """What is known of a span so far; steps `first` to `last` - 1 are its own."""
 
-    span: Span
+    span: StepSpan
     first: int
     last: int
     axes: int
@@ -91,7 +91,7 @@ class _Tally:
         self.lowest, self.highest = np.full(self.axes, np.inf), np.full(self.axes, -np.inf)
         self.settled = np.full(self.axes, self.first, dtype=np.int64)
 
-    def add(self, first: int, rows: "Rows", within: float) -> None:
+    def add(self, first: int, rows: "ServoSteps", within: float) -> None:
         """Count rows of a block; `first` is the number of their first step."""
         error, torque = np.abs(rows.error), np.abs(rows.torque)
         self.greatest = np.maximum(self.greatest, error.max(axis=0))
@@ -106,7 +106,7 @@ class _Tally:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class ServoSteps:
     """Of n steps, each at its start: `demand`, `error` [rad] and motor `torque` [N m].
 
     `error` is demand minus realised angle; `limit` (axes,) is that of the torque.
@@ -117,10 +117,10 @@ class Rows:
     torque: Array
     limit: Array
 
-    def part(self, first: int, last: int) -> "Rows":
+    def part(self, first: int, last: int) -> "ServoSteps":
         """Rows `first` to `last` - 1."""
         cut = slice(first, last)
-        return Rows(self.demand[cut], self.error[cut], self.torque[cut], self.limit)
+        return ServoSteps(self.demand[cut], self.error[cut], self.torque[cut], self.limit)
 
 
 class Account:
@@ -137,17 +137,17 @@ class Account:
     """
 
     def __init__(
-        self, table: Table, start: float, step: float, spans: Sequence[Span], axes: int
+        self, table: Table, start: float, step: float, spans: Sequence[StepSpan], axes: int
     ) -> None:
         self._within, self._hold, self._step = table.settle_within, table.settle_hold, step
         self._done = 0  # spans before this one are over
         self._tallies = [self._tally(span, start, axes) for span in spans]
 
-    def _tally(self, span: Span, start: float, axes: int) -> _Tally:
+    def _tally(self, span: StepSpan, start: float, axes: int) -> _Tally:
         first, last = (ceil((t - start) / self._step - SAME_STEP) for t in (span.t_from, span.t_to))
         return _Tally(span, max(first, 0), max(last, first + 1, 1), axes)
 
-    def add(self, first: int, rows: Rows) -> None:
+    def add(self, first: int, rows: ServoSteps) -> None:
         """Count the next block, whose first step has the number `first`."""
         end = first + len(rows.error)
         for tally in self._tallies[self._done :]:

@@ -41,7 +41,7 @@ from stand.physics.dynamics import (
     tilting_moments,
     weights_model,
 )
-from stand.physics.following import Account, Followed, Rows, Span
+from stand.physics.following import Account, Followed, ServoSteps, StepSpan
 from stand.physics.stiffness import check_stiffness
 from stand.table.table import Table
 
@@ -53,7 +53,7 @@ RUNAWAY = 30 * DEG  # following error of a servo that has lost its axis
 BALANCING = 50  # rounds that find where a servo without integrator balances a load
 
 
-class Drive:
+class MotorDrive:
     """The stand's model with its motors, and what their servos are told.
 
     Parameters
@@ -145,7 +145,7 @@ class Drive:
         return np.clip(torque, -self.limit, self.limit, out=torque)
 
 
-class _Told(NamedTuple):
+class _Controls(NamedTuple):
     """Demanded angles (BLOCK + 2, 6), a step before and after included; inputs of the motors."""
 
     demand: Array
@@ -155,7 +155,7 @@ class _Told(NamedTuple):
 class _Stepped(NamedTuple):
     """Angles, rates and activations (BLOCK, ...) before each step; angles `after` each."""
 
-    told: _Told
+    told: _Controls
     angles: Array
     rates: Array
     act: Array
@@ -168,7 +168,7 @@ class Servo:
     Parameters
     ----------
     model, table, payload, step
-        As `Drive`.
+        As `MotorDrive`.
     demand : Motion
         What the axes are to do; held before its start and after its end.
     spans : sequence of Span
@@ -177,7 +177,7 @@ class Servo:
     Raises
     ------
     StandError
-        As `Drive`; and from `covering` and `followed`, with time and axis, when the simulation
+        As `MotorDrive`; and from `covering` and `followed`, with time and axis, when the simulation
         diverges or an axis runs away from its demand.
 
     Notes
@@ -195,9 +195,9 @@ class Servo:
         demand: Motion,
         payload: Payload = NO_PAYLOAD,
         step: float = STEP,
-        spans: Sequence[Span] = (),
+        spans: Sequence[StepSpan] = (),
     ) -> None:
-        self.drive, self.step = Drive(model, table, payload, step), step
+        self.drive, self.step = MotorDrive(model, table, payload, step), step
         self._table, self._demand, self._start = table, demand, demand.start
         self._names = [self.drive.model.joint(i).name for i in range(self.drive.model.njnt)]
         self._batch = Batch(self.drive.model, 1, nthread=1)
@@ -269,13 +269,13 @@ class Servo:
         self._pieces.append(self._splined(samples))
         self._first = following
 
-    def _told(self, first: int) -> _Told:
+    def _told(self, first: int) -> _Controls:
         """What the servos are told over `BLOCK` steps from step `first` on."""
         t = self._start + self.step * np.arange(first - 1, first + BLOCK + 1)
         demand = self._demand.covering(float(t[0]), float(t[-1])).joints(t)[0]
-        return _Told(demand, self.drive.controls(demand))
+        return _Controls(demand, self.drive.controls(demand))
 
-    def _stepped(self, told: _Told) -> _Stepped:
+    def _stepped(self, told: _Controls) -> _Stepped:
         """The steps of a block; the batch is where the last one ended."""
         before = [self._batch.bind(name).copy() for name in ("qpos", "qvel", "act")]
         with _quiet():
@@ -286,10 +286,10 @@ class Servo:
         )
         return _Stepped(told, angles, rates, act, out["qpos"][0])
 
-    def _rows(self, stepped: _Stepped, error: Array) -> Rows:
+    def _rows(self, stepped: _Stepped, error: Array) -> ServoSteps:
         inputs, limit = stepped.told.inputs, self.drive.limit
         torque = self.drive.torques(inputs, stepped.angles, stepped.rates, stepped.act)
-        return Rows(stepped.told.demand[1:-1], error, torque, limit)
+        return ServoSteps(stepped.told.demand[1:-1], error, torque, limit)
 
     def _splined(self, samples: Array) -> Array:
         """A block's pieces (6, n, 6); the samples reach `OVERLAP` knots farther on either side."""

@@ -17,7 +17,16 @@ from alignment.angles import SequenceRule
 from alignment.units import ARC_SECOND, DEG
 from stand import toml_files as catalogue
 from stand.errors import StandError, unknown
-from stand.procedure.steps import Background, Dwell, LimitsEntry, Positive, Rate, Step, Sweep, Text
+from stand.procedure.steps import (
+    Background,
+    DwellStep,
+    LimitsEntry,
+    Positive,
+    RateStep,
+    Step,
+    SweepStep,
+    Text,
+)
 from stand.table.table import Table, load_table
 from stand.table.table_errors import TableErrorsEntry
 
@@ -187,7 +196,7 @@ class ProcedureEntry(catalogue.Entry):
     def _labels(self) -> "ProcedureEntry":
         seen: dict[str, int] = {}
         for number, step in enumerate(self.step, start=1):
-            if not isinstance(step, Dwell | Rate | Sweep):
+            if not isinstance(step, DwellStep | RateStep | SweepStep):
                 continue
             if step.label in seen:
                 raise ValueError(
@@ -230,7 +239,7 @@ class ProcedureEntry(catalogue.Entry):
         window = self.estimate.offset_window_s
         needed = any(ESTIMATORS[m].needs_offset for m in self.estimate.methods)
         for index, step in enumerate(self.step if needed else ()):
-            if isinstance(step, Dwell) and step.duration_s < window:
+            if isinstance(step, DwellStep) and step.duration_s < window:
                 raise ValueError(
                     f'step {index + 1} "{step.label}", duration_s = {step.duration_s:g}: '
                     f"must be at least offset_window_s = {window:g}"

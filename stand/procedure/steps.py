@@ -77,7 +77,7 @@ class AttitudeEntry(catalogue.Entry):
     sequence: Annotated[Sequence, Field(strict=False)] = Sequence.YAW_PITCH_ROLL
 
 
-class Dwell(catalogue.Entry):
+class DwellStep(catalogue.Entry):
     """Stand still (on a base that may rock behind it)."""
 
     kind: Literal["dwell"]
@@ -85,7 +85,7 @@ class Dwell(catalogue.Entry):
     duration_s: Duration
 
 
-class Move(LimitsEntry):
+class MoveStep(LimitsEntry):
     """Go to joint angles (axes not named stay), or turn the gimbals to an attitude."""
 
     kind: Literal["move"]
@@ -94,7 +94,7 @@ class Move(LimitsEntry):
     attitude_deg: AttitudeEntry | None = None
 
     @model_validator(mode="after")
-    def _one_target(self) -> "Move":
+    def _one_target(self) -> "MoveStep":
         if (self.joints_deg is None) == (self.attitude_deg is None):
             has = "neither" if self.joints_deg is None else "both"
             raise ValueError(f"joints_deg, attitude_deg: has {has}, must have one of them")
@@ -104,7 +104,7 @@ class Move(LimitsEntry):
         return self
 
 
-class Turning(RampsEntry):
+class TurningEntry(RampsEntry):
     """Constant rate for a time or for turns; ramps of limited jerk before and after it."""
 
     axis: Joint
@@ -113,14 +113,14 @@ class Turning(RampsEntry):
     directions: Literal["one", "both"] = "one"
 
     @model_validator(mode="after")
-    def _one_length(self) -> "Turning":
+    def _one_length(self) -> "TurningEntry":
         if (self.duration_s is None) == (self.turns is None):
             has = "neither" if self.turns is None else "both"
             raise ValueError(f"duration_s, turns: has {has}, must have one of them")
         return self
 
 
-class Rate(Turning):
+class RateStep(TurningEntry):
     """One constant rate (negative: backward); with directions = "both" there and back again."""
 
     kind: Literal["rate"]
@@ -128,13 +128,13 @@ class Rate(Turning):
     rate_deg_s: AngleDeg
 
     @model_validator(mode="after")
-    def _turns(self) -> "Rate":
+    def _turns(self) -> "RateStep":
         if self.rate_deg_s == 0:
             raise ValueError("rate_deg_s = 0: must not be 0; a dwell stands still")
         return self
 
 
-class Sweep(Turning):
+class SweepStep(TurningEntry):
     """Constant rates one after another."""
 
     kind: Literal["sweep"]
@@ -142,7 +142,7 @@ class Sweep(Turning):
     rates_deg_s: Annotated[tuple[AngleDeg, ...], Field(min_length=1, max_length=1000)]
 
     @model_validator(mode="after")
-    def _turns(self) -> "Sweep":
+    def _turns(self) -> "SweepStep":
         if 0 in self.rates_deg_s:
             raise ValueError("rates_deg_s: must not contain 0; a dwell stands still")
         return self
@@ -259,7 +259,7 @@ class ProfileMotion(catalogue.Entry):
     file: Text
 
 
-class Sine(SineMotion):
+class SineStep(SineMotion):
     """Sines as a step."""
 
     kind: Literal["sine"]
@@ -267,7 +267,7 @@ class Sine(SineMotion):
     duration_s: Duration
 
 
-class Scorsby(ScorsbyMotion):
+class ScorsbyStep(ScorsbyMotion):
     """Scorsby motion as a step."""
 
     kind: Literal["scorsby"]
@@ -275,7 +275,7 @@ class Scorsby(ScorsbyMotion):
     duration_s: Duration
 
 
-class Coning(ConingMotion):
+class ConingStep(ConingMotion):
     """Coning as a step."""
 
     kind: Literal["coning"]
@@ -283,7 +283,7 @@ class Coning(ConingMotion):
     duration_s: Duration
 
 
-class Sway(SwayMotion):
+class SwayStep(SwayMotion):
     """Random rocking as a step."""
 
     kind: Literal["sway"]
@@ -291,7 +291,7 @@ class Sway(SwayMotion):
     duration_s: Duration
 
 
-class Vibration(VibrationMotion):
+class VibrationStep(VibrationMotion):
     """Broad-band jitter as a step."""
 
     kind: Literal["vibration"]
@@ -299,7 +299,7 @@ class Vibration(VibrationMotion):
     duration_s: Duration
 
 
-class Profile(ProfileMotion):
+class ProfileStep(ProfileMotion):
     """A profile as a step: as long as the file."""
 
     kind: Literal["profile"]
@@ -338,7 +338,16 @@ class VibrationBehind(VibrationMotion, Behind):
 
 
 Step = Annotated[
-    Dwell | Move | Rate | Sweep | Sine | Scorsby | Coning | Sway | Vibration | Profile,
+    DwellStep
+    | MoveStep
+    | RateStep
+    | SweepStep
+    | SineStep
+    | ScorsbyStep
+    | ConingStep
+    | SwayStep
+    | VibrationStep
+    | ProfileStep,
     Field(discriminator="kind"),
 ]
 Background = Annotated[

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alignment.arrays import Array, IntArray, set_owned
+from stand.columns import cell
 
 ANGLES = ("roll", "yaw", "pitch")
 
@@ -78,7 +79,7 @@ def innovations_csv(curves: Sequence[InnovationCurves]) -> str:
     axes = [f"{kind}_{axis}_m" for kind in ("innovation", "sigma") for axis in "NED"]
     rows = [",".join(["method", "label", "time_s", *axes])]
     for curve in curves:
-        name = f'{curve.method},"{curve.label.replace(chr(34), chr(34) * 2)}"'
+        name = f'{curve.method},"{cell(curve.label).replace(chr(34), chr(34) * 2)}"'
         numbers = np.column_stack([curve.values, curve.sigmas])
         for t, row in zip(curve.t_ns, numbers.tolist(), strict=True):
             rows.append(f"{name},{t * 1e-9:.9f}," + ",".join(f"{x:.6g}" for x in row))

@@ -11,7 +11,7 @@ import numpy as np
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G, STANDARD_GRAVITY
 from stand.errors import StandError, unknown
-from stand.folder import refuse_files
+from stand.folder import file_beside, refuse_files, refuse_no_file
 from stand.recording.mcap.writer import EPOCH_NS, write_imu_log
 from stand.recording.metadata import RUN
 from stand.versions import VERSION
@@ -65,7 +65,8 @@ def import_foreign(
         As `load_foreign`; `out` is there (and not `force`), is the log itself, or has no folder.
     """
     refuse_files([out], force=force)
-    if out.is_dir() or out.resolve() == file.resolve():
+    itself = out.exists() and file.exists() and out.samefile(file)
+    if out.is_dir() or itself:
         raise StandError(f"--out {out}: must be a new file")
     if not out.parent.is_dir():
         raise StandError(f"--out {out}: no folder {out.parent}")
@@ -79,8 +80,7 @@ def import_foreign(
         "epoch_ns": str(log.epoch_ns),
         "stand_version": VERSION,
     }
-    beside = out.with_name(f".{out.name}.partial")
-    try:
+    with file_beside(out) as beside:
         write_imu_log(
             beside,
             t_ns=log.t_ns,
@@ -89,9 +89,6 @@ def import_foreign(
             epoch_ns=log.epoch_ns,
             metadata={RUN: record},
         )
-        beside.replace(out)
-    finally:
-        beside.unlink(missing_ok=True)
     return log
 
 
@@ -161,6 +158,7 @@ def _unit(what: str, name: str, allowed: dict[str, float]) -> float:
 
 
 def _table(path: Path, file_format: str | None, width: int) -> Array:
+    refuse_no_file(path)
     if file_format is None:
         file_format = "csv" if path.suffix.lower() in (".csv", ".txt", ".tsv") else "f8le"
     if file_format not in FORMATS:

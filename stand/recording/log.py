@@ -8,17 +8,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Options, Site, Turn
+from alignment.arrays import Array
 from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE
-from stand.errors import StandError
+from stand.errors import StandError, located
 from stand.evaluation.score import Truths
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
 from stand.recording.mcap.reader import ImuLog, LogFile, TruthLog
 from stand.recording.metadata import (
-    DRIVE,
     RUN,
+    SCHEDULE,
     LoggedStretch,
     drive_of,
+    epoch_of,
     planned_stretches,
     settings_of,
     settled_stretches,
@@ -101,24 +103,21 @@ def _parted(
     if len(imu) < 2:
         raise StandError(f"{path}: one IMU message on {imu.topic}, at least 2 are needed")
     metadata = imu.metadata if "stand_version" in imu.metadata.get(RUN, {}) else {}
-    drive = metadata.get(DRIVE)
-    vehicle = vehicle or (None if drive is None else Vehicle())
-    simulated = "schedule" in metadata
-    try:
-        origin = int(metadata[RUN]["epoch_ns"]) if metadata else int(imu.t_ns[0])
+    simulated = SCHEDULE in metadata
+    with located(path):
+        origin = epoch_of(metadata) if metadata else int(imu.t_ns[0])
         site, options, methods = settings_of(metadata)
-        planned = planned_stretches(metadata) if simulated else []
-        told = None if drive is None else drive_of(drive)
-        stretches = settled_stretches(planned, metadata.get("settled", {}))
-    except (KeyError, ValueError, TypeError) as error:
-        raise StandError(f"{path}: metadata of the run is damaged: {error}") from error
+        planned = planned_stretches(metadata)
+        drive = drive_of(metadata)
+        stretches = settled_stretches(planned, metadata)
+    vehicle = vehicle or (None if drive is None else Vehicle())
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
     t.flags.writeable = False
     readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
     truths: list[Truths]
     if vehicle is not None:
         stretch = _chosen(path, readings, [], *limits)
-        dwells = [vehicle_dwell(file, stretch, readings, origin, told, vehicle)]
+        dwells = [vehicle_dwell(file, stretch, readings, origin, drive, vehicle)]
         truths = [Truths()]
         if drive is not None:
             truths = [Truths(_true_attitude(file.truth(), origin, dwells[0].t_to))]
@@ -178,29 +177,43 @@ def _dwell(
     if stretch.joint is None or encoders is None:
         return Dwell(stretch.label, *times, readings=readings, nominal=nominal)
     part = readings.between(*times)
-    try:
+    with located(path):
         angle = encoders.angle(stretch.joint, part.t)
         turn = Turn(axis_of_turn(stretch, part, angle), angle)
-    except StandError as error:
-        raise StandError(f"{path}: {error}") from error
     return Dwell(stretch.label, *times, readings=part, nominal=nominal, turn=turn)
 
 
 def _true_attitude(truth: TruthLog, origin: int, t: float) -> Rotation:
     """``C_nb`` at a time between samples, turned evenly from one to the next."""
     stamps = (truth.t_ns - origin) * 1e-9
+    if len(stamps) < 2 or not stamps[0] - EDGE <= t <= stamps[-1] + EDGE:
+        raise _untrue(truth, stamps, t)
     return C_NW * turned_evenly(stamps, truth.q_wb, np.array([t]))[0]
 
 
 def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -> list[Truths]:
     t = (truth.t_ns - origin) * 1e-9
     last = np.searchsorted(t, [dwell.t_to + 1e-6 for dwell in dwells]) - 1
+    for k, dwell in zip(last, dwells, strict=True):
+        if k < 0:
+            raise _untrue(truth, t, dwell.t_to)
     return [
-        Truths(_told(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell), dwell.nominal, site.latitude)
+        Truths(
+            _judged_attitude(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell),
+            dwell.nominal,
+            site.latitude,
+        )
         for k, dwell in zip(last, dwells, strict=True)
     ]
 
 
-def _told(C_nb: Rotation, dwell: Dwell) -> Rotation:
+def _untrue(truth: TruthLog, stamps: Array, t: float) -> StandError:
+    return StandError(
+        f"{truth.path}: the truth runs from {stamps[0]:.3f} to {stamps[-1]:.3f} s, "
+        f"{t:.3f} s must lie within"
+    )
+
+
+def _judged_attitude(C_nb: Rotation, dwell: Dwell) -> Rotation:
     """The attitude an estimate speaks of: of a turning stretch that at encoder angle zero."""
     return C_nb if dwell.turn is None else dwell.turn.back(C_nb)

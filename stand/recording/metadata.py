@@ -3,8 +3,10 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from math import pi
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json, RootModel
 from scipy.spatial.transform import Rotation
 
 from alignment import DEFAULT_METHOD, Options, Priors, Site
@@ -12,11 +14,17 @@ from alignment.angles import SequenceRule
 from alignment.readings import EDGE, Fixes
 from alignment.units import ARC_SECOND, DEG
 from stand.table.joints import JOINTS
+from stand.toml_files import checked
 
 if TYPE_CHECKING:  # planning takes a while to import, and reading needs none of it
     from stand.motion.plan import PlannedStep, Turning
 
 
+Metadata = Mapping[str, Mapping[str, str]]
+"""Of a recording: {record: {key: value}}."""
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+_DAMAGED = "metadata of the run is damaged"
 RUN = "run"  # the metadata record that marks a recording of ours
 DRIVE = "drive"  # that of a vehicle's: its programmed start, the satellites' errors
 PRIOR_UNITS = {
@@ -54,6 +62,7 @@ FIX_UNITS = {
     "velocity_drift": "m_s",
     "drift_time": "s",
 }
+SCHEDULE = "schedule"  # the steps as they ran
 MODEL_FOLDER = "model/"  # of the attached files of a stand of one's own
 NEVER = "never"  # of a dwell in the record `settled`: the table did not come to rest
 
@@ -146,33 +155,157 @@ class LoggedStretch:
     axis_b: tuple[float, ...] | None = None
 
 
-def planned_stretches(metadata: Mapping[str, Mapping[str, str]]) -> list[LoggedStretch]:
+class _Record(BaseModel):
+    """Base of the records as they are read: numbers as text or as JSON, finite; more keys pass."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+
+# Stamps of ROS end in 2038: no recording lasts longer, and nanoseconds stay within int64.
+_LATEST = 2**31
+Seconds = Annotated[float, Field(ge=-_LATEST, le=_LATEST)]
+# Standard deviations in SI: a thousand of whatever unit is no knowledge any more.
+Sigma = Annotated[float, Field(ge=0, le=1e3)]
+
+
+def _unit(numbers: tuple[float, ...]) -> tuple[float, ...]:
+    if abs(sum(x * x for x in numbers) - 1.0) > 1e-6:
+        raise ValueError(f"{list(numbers)}: must be of length 1")
+    return numbers
+
+
+Quaternion = Annotated[tuple[float, float, float, float], AfterValidator(_unit)]
+UnitVector = Annotated[tuple[float, float, float], AfterValidator(_unit)]
+
+
+class RunRecord(_Record):
+    """The record `run`, as far as it decides anything."""
+
+    epoch_ns: Annotated[int, Field(ge=0, lt=_LATEST * 10**9)]
+
+
+class SiteRecord(_Record):
+    """What `describe_site` writes; the slack is for rounding from radians and back."""
+
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)] | None = None
+    height_m: Annotated[float, Field(ge=-1000, le=20000)] = 0.0
+    gravity_m_s2: Annotated[float, Field(gt=9, lt=10.5)] | None = None
+    longitude_deg: Annotated[float, Field(ge=-360.1, le=360.1)] = 0.0
+    deflection_north_arc_s: Annotated[float, Field(ge=-200.1, le=200.1)] = 0.0
+    deflection_east_arc_s: Annotated[float, Field(ge=-200.1, le=200.1)] = 0.0
+
+    def site(self) -> Site:
+        """The same in SI."""
+        deflection = self.deflection_north_arc_s, self.deflection_east_arc_s
+        return Site(
+            latitude=None if self.latitude_deg is None else self.latitude_deg * DEG,
+            height=self.height_m,
+            local_gravity=self.gravity_m_s2,
+            longitude=self.longitude_deg * DEG,
+            deflection=(deflection[0] * ARC_SECOND, deflection[1] * ARC_SECOND),
+        )
+
+
+Angles = Annotated[tuple[float, ...], Field(min_length=len(JOINTS), max_length=len(JOINTS))]
+
+
+class TurningRecord(_Record):
+    """The axis of a step at constant rate."""
+
+    axis: str
+    axis_b: UnitVector
+
+
+class StepRecorded(_Record):
+    """A step as it ran, as `describe_schedule` writes it; older recordings know less of it."""
+
+    kind: str
+    label: str
+    t_from_s: Seconds
+    t_to_s: Seconds
+    steady_from_s: Seconds | None = None
+    steady_to_s: Seconds | None = None
+    joints_deg: Angles = ()
+    C_nb_xyzw: Quaternion
+    turning: TurningRecord | None = None
+
+
+class ScheduleRecord(_Record):
+    """What `describe_schedule` writes."""
+
+    json_: Annotated[Json[tuple[StepRecorded, ...]], Field(alias="json")]
+
+
+class SettledRecord(RootModel[dict[str, Annotated[float, Field(ge=-_LATEST)]]]):
+    """When each dwell had settled; also infinity, for what never did."""
+
+
+class EstimateRecord(_Record):
+    """What `describe_estimate` writes, apart from the priors."""
+
+    methods: str = DEFAULT_METHOD
+    offset_window_s: Annotated[float, Field(gt=0, le=_LATEST)] = Options().offset_window
+    sequences: SequenceRule = SequenceRule.REGULAR
+
+
+class Sigmas(RootModel[dict[str, Sigma]]):
+    """Standard deviations by their keys."""
+
+
+class DriveRecord(_Record):
+    """What `describe_drive` writes, apart from the errors of the fixes."""
+
+    id: str
+    start_C_nb_xyzw: Json[Quaternion]
+    start_sigma_rad: Annotated[float, Field(gt=0, le=pi)]
+
+
+def epoch_of(metadata: Metadata) -> int:
+    """Unix time of a recording's time zero [ns].
+
+    Raises
+    ------
+    StandError
+        As all that read a record here: one line with the record, the key, the value and what is
+        allowed.
+    """
+    return _read(metadata, RUN, RunRecord).epoch_ns
+
+
+def recorded_steps(metadata: Metadata) -> tuple[StepRecorded, ...]:
+    """The schedule's steps; none where there is no schedule."""
+    return _read(metadata, SCHEDULE, ScheduleRecord).json_ if SCHEDULE in metadata else ()
+
+
+def _read(metadata: Metadata, name: str, model: type[ModelT]) -> ModelT:
+    return checked(f"{_DAMAGED}: {name}", dict(metadata.get(name, {})), model)
+
+
+def planned_stretches(metadata: Metadata) -> list[LoggedStretch]:
     """The stretches of the schedule; older recordings know of dwells alone."""
-    found = []
-    for step in json.loads(metadata["schedule"]["json"]):
-        turning = step.get("turning")
-        if step["kind"] == "dwell" or turning is not None:
-            found.append(
-                LoggedStretch(
-                    label=step["label"],
-                    t_from=float(step.get("steady_from_s", step["t_from_s"])),
-                    t_to=float(step.get("steady_to_s", step["t_to_s"])),
-                    nominal=tuple(step["C_nb_xyzw"]),
-                    joint=None if turning is None else turning["axis"],
-                    axis_b=None if turning is None else tuple(turning["axis_b"]),
-                )
-            )
-    return found
+    return [
+        LoggedStretch(
+            label=step.label,
+            t_from=step.t_from_s if step.steady_from_s is None else step.steady_from_s,
+            t_to=step.t_to_s if step.steady_to_s is None else step.steady_to_s,
+            nominal=step.C_nb_xyzw,
+            joint=None if step.turning is None else step.turning.axis,
+            axis_b=None if step.turning is None else step.turning.axis_b,
+        )
+        for step in recorded_steps(metadata)
+        if step.kind == "dwell" or step.turning is not None
+    ]
 
 
-def settled_stretches(
-    planned: Sequence[LoggedStretch], begins: Mapping[str, str]
-) -> list[LoggedStretch]:
+def settled_stretches(planned: Sequence[LoggedStretch], metadata: Metadata) -> list[LoggedStretch]:
     """The stretches from when the table had settled; what never did is left out."""
+    record = metadata.get("settled", {})
+    times = {label: text for label, text in record.items() if text != NEVER}
+    begins = checked(f"{_DAMAGED}: settled", times, SettledRecord).root
     settled = [
-        replace(s, t_from=max(s.t_from, float(begins.get(s.label, s.t_from))))
+        replace(s, t_from=max(s.t_from, begins.get(s.label, s.t_from)))
         for s in planned
-        if begins.get(s.label) != NEVER
+        if record.get(s.label) != NEVER
     ]
     return [s for s in settled if s.t_from < s.t_to - EDGE]
 
@@ -187,44 +320,28 @@ class LoggedDrive:
     errors: dict[str, float]
 
 
-def drive_of(record: Mapping[str, str]) -> LoggedDrive:
-    return LoggedDrive(
-        record["id"],
-        tuple(json.loads(record["start_C_nb_xyzw"])),
-        float(record["start_sigma_rad"]),
-        {key: float(record[f"{key}_{unit}"]) for key, unit in FIX_UNITS.items()},
-    )
+def drive_of(metadata: Metadata) -> LoggedDrive | None:
+    """What the recording says of a drive; None where it is none."""
+    if DRIVE not in metadata:
+        return None
+    record = _read(metadata, DRIVE, DriveRecord)
+    errors = _sigmas(metadata[DRIVE], DRIVE, {k: f"{k}_{unit}" for k, unit in FIX_UNITS.items()})
+    return LoggedDrive(record.id, record.start_C_nb_xyzw, record.start_sigma_rad, errors)
 
 
-def settings_of(
-    metadata: Mapping[str, Mapping[str, str]],
-) -> tuple[Site, Options, tuple[str, ...]]:
-    site, estimate = metadata.get("site", {}), metadata.get("estimate", {})
-
-    def number(key: str, unit: float) -> float:
-        return float(site.get(key, "0")) * unit
-
-    return (
-        Site(
-            latitude=number("latitude_deg", DEG) if "latitude_deg" in site else None,
-            height=number("height_m", 1.0),
-            local_gravity=number("gravity_m_s2", 1.0) if "gravity_m_s2" in site else None,
-            longitude=number("longitude_deg", DEG),
-            deflection=(
-                number("deflection_north_arc_s", ARC_SECOND),
-                number("deflection_east_arc_s", ARC_SECOND),
-            ),
-        ),
-        Options(
-            float(estimate.get("offset_window_s", Options().offset_window)),
-            SequenceRule(estimate.get("sequences", SequenceRule.REGULAR.value)),
-            _priors(estimate),
-        ),
-        tuple(estimate["methods"].split(",")) if "methods" in estimate else (DEFAULT_METHOD,),
-    )
-
-
-def _priors(estimate: Mapping[str, str]) -> Priors:
-    """The recorded priors; older recordings have none."""
+def settings_of(metadata: Metadata) -> tuple[Site, Options, tuple[str, ...]]:
+    """Site, options with priors (older recordings have none), and methods."""
+    site = _read(metadata, "site", SiteRecord).site()
+    estimate = _read(metadata, "estimate", EstimateRecord)
     keys = {name: f"prior_{name}_{unit}" for name, unit in PRIOR_UNITS.items()}
-    return Priors(**{name: float(estimate.get(key, "0")) for name, key in keys.items()})
+    there = metadata.get("estimate", {})
+    priors = Priors(**_sigmas(dict.fromkeys(keys.values(), "0") | dict(there), "estimate", keys))
+    options = Options(estimate.offset_window_s, estimate.sequences, priors)
+    return site, options, tuple(estimate.methods.split(","))
+
+
+def _sigmas(record: Mapping[str, str], name: str, keys: Mapping[str, str]) -> dict[str, float]:
+    """The standard deviations {name: of its key}, all of which must be there."""
+    there = {key: record.get(key) for key in keys.values()}
+    found = checked(f"{_DAMAGED}: {name}", there, Sigmas).root
+    return {own: found[key] for own, key in keys.items()}

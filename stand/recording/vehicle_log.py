@@ -14,7 +14,7 @@ from alignment.arrays import Array
 from alignment.navigation import C_en, ecef
 from alignment.readings import EDGE, Fixes
 from alignment.units import DEG
-from stand.errors import StandError
+from stand.errors import StandError, located
 from stand.recording.mcap.reader import FixLog, LogFile, VelocityLog
 from stand.recording.metadata import LoggedDrive, LoggedStretch
 from stand.table.kinematics import C_NW
@@ -81,11 +81,9 @@ def vehicle_dwell(
 ) -> Dwell:
     """A vehicle's stretch from its first fix to its last."""
     places, velocities = file.fixes(), file.velocities()
-    try:
+    with located(file.path):
         errors = {} if told is None else told.errors
         fixes = _fixes(places, velocities, origin, stretch, errors, vehicle)
-    except StandError as error:
-        raise StandError(f"{file.path}: {error}") from error
     first = float(fixes.t[0])
     start, sigma = vehicle.start, vehicle.start_sigma
     label = stretch.label if told is None else told.label

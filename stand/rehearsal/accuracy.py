@@ -6,14 +6,14 @@ from functools import partial
 from alignment import ESTIMATORS, Method
 from alignment.errors import AlignmentError
 from alignment.gains import Answer, Gains
-from alignment.information import Information, Stretch, Unit
+from alignment.information import Information, InstrumentErrors, Stretch
 from alignment.methods.position_gains import known_to
 from alignment.units import DEG
 from stand.motion.plan import Plan, PlannedStep
 from stand.rehearsal.instrument import unit_of
 from stand.rehearsal.planned import planned_stretch
 from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse
-from stand.rehearsal.response import Errors, Response
+from stand.rehearsal.response import ReadingErrors, Response
 from stand.rehearsal.result import Observability, Prediction
 from stand.rehearsal.rocking import over_time, readings_of, turned_by_heading
 from stand.rehearsal.scene import Scene
@@ -41,7 +41,7 @@ def _refused(method: str, reason: str) -> Prediction:
     return Prediction(method, "", "", "heading", "deg", DEG, None, (), reason)
 
 
-def _method(name: str, scene: Scene, unit: Unit) -> Predicted:
+def _method(name: str, scene: Scene, unit: InstrumentErrors) -> Predicted:
     method = ESTIMATORS[name]
     if method.gains is not None:
         return _by_gains(name, method.gains, scene, unit)
@@ -50,7 +50,7 @@ def _method(name: str, scene: Scene, unit: Unit) -> Predicted:
     raise AlignmentError(f"no prediction is made: {method.no_prediction}; see --verify")
 
 
-def _by_gains(name: str, gains: Gains, scene: Scene, unit: Unit) -> Predicted:
+def _by_gains(name: str, gains: Gains, scene: Scene, unit: InstrumentErrors) -> Predicted:
     """Of a method for rests or steady turns."""
     method = ESTIMATORS[name]
     steps = [s for s in scene.plan.stretches if method.for_motion(turning=s.turning is not None)]
@@ -64,10 +64,10 @@ def _by_gains(name: str, gains: Gains, scene: Scene, unit: Unit) -> Predicted:
     answers = gains(stretches, scene.site, scene.options)
     if not answers:
         raise AlignmentError("every dwell ends with its offset window: nothing is left to estimate")
-    errors: dict[int, Errors] = {}  # answers of one fit share their stretches
+    errors: dict[int, ReadingErrors] = {}  # answers of one fit share their stretches
     for answer in answers:
         if id(answer.stretches) not in errors:
-            errors[id(answer.stretches)] = Errors(answer, steps, scene, unit)
+            errors[id(answer.stretches)] = ReadingErrors(answer, steps, scene, unit)
     responses = [Response(answer, errors[id(answer.stretches)]) for answer in answers]
     check_vertical([r for r in responses if r.answer.window_gain is not None])
     known = partial(_known, stretches=stretches, scene=scene)
@@ -111,7 +111,7 @@ def _observed(method: str, known: Information) -> Observability:
     )
 
 
-def _over_time(name: str, method: Method, scene: Scene, unit: Unit) -> Predicted:
+def _over_time(name: str, method: Method, scene: Scene, unit: InstrumentErrors) -> Predicted:
     """Of a method for any motion."""
     assert method.functional is not None
     truth = scene.truth()

@@ -58,7 +58,7 @@ def with_advice(settings: Settings) -> Rehearsal:
     advice: list[Advice] = []
     for quantity in failing:
         found = whole or _remedies(settings, data, (quantity,), tried)
-        advice += [_told(quantity, data, trial) for trial in found[:_KEPT]]
+        advice += [_advice_of(quantity, data, trial) for trial in found[:_KEPT]]
         if not found:
             advice.append(_nothing(quantity, data, tried))
     return replace(result, advice=tuple(advice))
@@ -251,7 +251,7 @@ def _stretched(data: Data, factor: float) -> Data:
 # --- words ---------------------------------------------------------------------------------------
 
 
-def _told(quantity: str, before: Data, trial: _Trial) -> Advice:
+def _advice_of(quantity: str, before: Data, trial: _Trial) -> Advice:
     changes = tuple(_changes(before, trial.data))
     judged = _judged(trial.result.judgements, quantity)
     duration = trial.result.duration.total

@@ -2,14 +2,17 @@
 
 import csv
 from collections.abc import Iterator
+from io import StringIO
+from itertools import chain
 from math import ceil
 from pathlib import Path
 
 import numpy as np
 
 from alignment.units import DEG
+from stand.columns import cell
 from stand.errors import StandError
-from stand.folder import refuse_files
+from stand.folder import refuse_files, write_files
 from stand.motion.plan import Plan
 from stand.motion.planner import plan
 from stand.motion.profile import MOST_ROWS, SUFFIXES, TIME
@@ -69,17 +72,19 @@ def export(planned: Plan, out: Path) -> int:
             f"{out}: {count} rows at {PER_SECOND} Hz, at most {MOST_ROWS} can be read back"
         )
     columns = [f"{joint}{suffix}" for joint in JOINTS for suffix in SUFFIXES]
-    with out.open("w", newline="", encoding="utf-8") as file:
-        file.write(",".join([TIME, *columns]) + "\n")
-        for lines in _lines(planned, count):
-            file.write(lines)
-    with steps_file(out).open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(STEP_COLUMNS)
-        for s in planned.steps:
-            times = (s.t_from, s.t_to, s.steady_from, s.steady_to)
-            writer.writerow([s.number + 1, s.kind, s.label, *(f"{t:.9f}" for t in times)])
+    head = ",".join([TIME, *columns]) + "\n"
+    write_files({out: chain([head], _lines(planned, count)), steps_file(out): _steps(planned)})
     return count
+
+
+def _steps(planned: Plan) -> str:
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(STEP_COLUMNS)
+    for s in planned.steps:
+        times = (s.t_from, s.t_to, s.steady_from, s.steady_to)
+        writer.writerow([s.number + 1, s.kind, cell(s.label), *(f"{t:.9f}" for t in times)])
+    return text.getvalue()
 
 
 def _lines(planned: Plan, count: int) -> Iterator[str]:

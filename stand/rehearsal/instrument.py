@@ -1,8 +1,8 @@
 """What the data sheets of unit and table say, as errors to first order.
 
-The unit's become a `Unit` of `alignment.information`. The table's are small rotations of b at each
-attitude, worked out from the stand's own axes: what a class states of one axis turns and leans it
-the same way in every position, so much of it cancels and some of it does not.
+The unit's become `InstrumentErrors` of `alignment.information`. The table's are small rotations of
+b at each attitude, worked out from the stand's own axes: what a class states of one axis turns and
+leans it the same way in every position, so much of it cancels and some of it does not.
 """
 
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray, set_owned
-from alignment.information import GaussMarkov, Triad, Unit
+from alignment.information import GaussMarkov, InstrumentErrors, TriadErrors
 from alignment.information.model import NODES
 from stand.imu import ImuSpec
 from stand.imu.filter import LAG, noise_variance
 from stand.imu.preset import TriadSpec
 from stand.imu.processes import plateau
-from stand.rehearsal.known_errors import Size, Stated
+from stand.rehearsal.known_errors import Size, StatedErrors
 from stand.table.joints import JOINTS, StandModel
 
 _NOTHING = 1e-15  # of a step squared: waves below it are none
@@ -30,15 +30,17 @@ _BLURRED = 60.0  # exp(-30) of a wave is none
 _TOWARD = {"base_pitch": 0, "base_yaw": 1, "outer": 1, "middle": 3, "inner": 4}
 
 
-def unit_of(imu: ImuSpec) -> Unit:
+def unit_of(imu: ImuSpec) -> InstrumentErrors:
     """The instrument's errors as standard deviations, but for `roundings_of` its samples."""
     delay = LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
-    return Unit(_triad(imu.gyro, imu), _triad(imu.accel, imu), float(delay + imu.clock.latency))
+    return InstrumentErrors(
+        _triad(imu.gyro, imu), _triad(imu.accel, imu), float(delay + imu.clock.latency)
+    )
 
 
-def _triad(spec: TriadSpec, imu: ImuSpec) -> Triad:
+def _triad(spec: TriadSpec, imu: ImuSpec) -> TriadErrors:
     height = spec.instability / plateau(imu.corners)
-    return Triad(
+    return TriadErrors(
         noise=spec.noise,
         bias=spec.bias,
         ramp=spec.ramp,
@@ -165,7 +167,7 @@ class Leaning:
 
 
 def leanings(
-    stated: Stated, model: StandModel, joints: Array, round_axis: IntArray | None = None
+    stated: StatedErrors, model: StandModel, joints: Array, round_axis: IntArray | None = None
 ) -> list[Leaning]:
     """Every error that is stated, and how it turns b at joint angles (k, 6) [rad].
 

@@ -35,7 +35,7 @@ class Wave(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Stated:
+class StatedErrors:
     """What is stated of one table: its class, and what a procedure sets instead.
 
     `ideal`: joints follow the plan. A simulated servo has its own ripple in place of the stated.
@@ -116,6 +116,6 @@ class Stated:
         return [Wave(size, cos(phase), sin(phase))]
 
 
-def stated(table: Table, entry: TableErrorsEntry | None, ideal: bool = True) -> Stated:
+def stated(table: Table, entry: TableErrorsEntry | None, ideal: bool = True) -> StatedErrors:
     """Of a table class and a procedure's [table_errors], None where it has none."""
-    return Stated(table, TableErrorsEntry() if entry is None else entry, ideal)
+    return StatedErrors(table, TableErrorsEntry() if entry is None else entry, ideal)

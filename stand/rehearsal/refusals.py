@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from alignment.errors import AlignmentError
-from alignment.information import Unit
+from alignment.information import InstrumentErrors
 from alignment.information.result import DETERMINED
 from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT
 from alignment.nominal import WRONG_POSITION
@@ -24,7 +24,9 @@ STEEPEST = 0.07
 UNITS, MOSTLY = 1000, 0.5  # of which a method must answer for the other half
 
 
-def check_quiet(steps: Sequence[PlannedStep], scene: Scene, unit: Unit, turning: bool) -> None:
+def check_quiet(
+    steps: Sequence[PlannedStep], scene: Scene, unit: InstrumentErrors, turning: bool
+) -> None:
     """Raise where a method that checks for rest would mostly take the unit's noise for motion.
 
     It looks at means of `REST_BLOCK`: at rates of three axes (two across a turn's axis), and at

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray
 from alignment.gains import Answer
-from alignment.information import Setting, Unit, information
+from alignment.information import InstrumentErrors, Setting, information
 from alignment.information.model import coefficient_weights, felt
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.instrument import leanings, roundings_of
@@ -22,7 +22,7 @@ SENSORS = ("gyro", "accelerometer")
 _NORTH = Rotation.identity()
 
 
-class Errors:
+class ReadingErrors:
     """What errors of unit and table do to the coefficients of some stretches.
 
     `true` has the unit's. Of the table's l errors: `sources`, `sigmas` (l,) of those drawn, values
@@ -32,7 +32,7 @@ class Errors:
     """
 
     def __init__(
-        self, answer: Answer, planned: Sequence[PlannedStep], scene: Scene, unit: Unit
+        self, answer: Answer, planned: Sequence[PlannedStep], scene: Scene, unit: InstrumentErrors
     ) -> None:
         stretches, steps = answer.stretches, [planned[k] for k in answer.planned]
         self.true = information(stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
@@ -105,7 +105,7 @@ class Errors:
 class Response:
     """How one answer responds to every error of unit and table."""
 
-    def __init__(self, answer: Answer, errors: Errors) -> None:
+    def __init__(self, answer: Answer, errors: ReadingErrors) -> None:
         self.answer, self.true, self.errors = answer, errors.true, errors
 
     def attitude(self) -> Parts:

@@ -12,7 +12,7 @@ from alignment import ImuReadings
 from alignment.arrays import Array
 from alignment.constant_errors import BY_AXIS
 from alignment.gains import Functional
-from alignment.information import GaussMarkov, Unit
+from alignment.information import GaussMarkov, InstrumentErrors
 from stand.imu.recursion import Recursion
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
@@ -44,7 +44,7 @@ def steps_as_noise(scene: Scene) -> tuple[float, float]:
     return gyro.step / sqrt(12 * scene.rate_hz), accel.step / sqrt(12 * scene.rate_hz)
 
 
-def over_time(run: Functional, unit: Unit, scene: Scene) -> Parts:
+def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
     """Covariances about n at the end of a stretch, by source."""
     rounding = steps_as_noise(scene)
     spans = np.diff(run.t)

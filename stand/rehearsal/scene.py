@@ -10,7 +10,7 @@ from stand.motion.limits import Torque
 from stand.motion.plan import Plan
 from stand.motion.polynomial import MotionKind
 from stand.physics.truth import Truth
-from stand.rehearsal.known_errors import Stated, stated
+from stand.rehearsal.known_errors import StatedErrors, stated
 from stand.simulation.settings import Settings
 from stand.table.joints import StandModel
 from stand.table.table import Table
@@ -60,7 +60,7 @@ class Scene:
         return self.settings.rate_hz
 
     @property
-    def stated(self) -> Stated:
+    def stated(self) -> StatedErrors:
         """What is stated of the table's errors, and what the procedure sets of them."""
         made = self.settings
         entry = made.procedure.entry.table_errors

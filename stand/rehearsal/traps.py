@@ -28,7 +28,7 @@ def from_margins(steps: Sequence[StepFeasibility]) -> Iterator[Finding]:
         for margin in step.margins:
             if margin.first_violation is not None:
                 where = f'step {step.number} "{step.label}"'
-                text = f"{where}: {_told(margin)}"
+                text = f"{where}: {_margin_text(margin)}"
                 yield Finding(Severity.ERROR, margin.quantity, step.label, text)
 
 
@@ -38,7 +38,7 @@ def from_sheet(imu: ImuSpec) -> Iterator[Finding]:
         yield Finding(Severity.WARNING, "data sheet", "", sentence)
 
 
-def _told(m: Margin) -> str:
+def _margin_text(m: Margin) -> str:
     value, limit = f"{abs(m.value):.4g} {m.unit}", f"{m.limit:.4g} {m.unit}"
     if m.quantity in ("sensor rate", "sensor force"):
         return f"{m.axis} would feel {value}, its range is {limit} (from {m.first_violation:.3f} s)"
@@ -54,7 +54,7 @@ def _told(m: Margin) -> str:
     )
 
 
-def doubts(
+def procedure_doubts(
     plan: Plan,
     imu: ImuSpec,
     site: Site,

@@ -36,7 +36,7 @@ BIASES = tuple(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") f
 Key = tuple[str, str, str, str]  # method, window, label, quantity
 
 
-class Found(NamedTuple):
+class RunErrors(NamedTuple):
     """One run: errors [SI] by what they are of, and why methods refused."""
 
     errors: dict[Key, float]
@@ -188,19 +188,19 @@ def _came_to(sums: "Sums", key: Key, unit: str, per: float, predicted: float | N
 # --- one run -------------------------------------------------------------------------------------
 
 
-def _ready(settings: Settings, methods: Sequence[str]) -> Callable[[int], Found]:
+def _ready(settings: Settings, methods: Sequence[str]) -> Callable[[int], RunErrors]:
     return partial(_trial, Trials(settings), methods)
 
 
-def _trial(trials: Trials, methods: Sequence[str], seed: int) -> Found:
+def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
     settings = trials.settings
     try:
         dwells, attitudes = trials.readings(seed)
     except StandError as error:  # a sway drawn anew may be beyond the table
-        return Found({}, dict.fromkeys(methods, f"seed {seed}: {error}"))
+        return RunErrors({}, dict.fromkeys(methods, f"seed {seed}: {error}"))
     truths = {d.label: Truths(C) for d, C in zip(dwells, attitudes, strict=True)}
     biases = trials.biases(seed)
-    found = Found({}, {})
+    found = RunErrors({}, {})
     for method in methods:
         try:
             own = suited(method, dwells)
@@ -248,7 +248,7 @@ class Sums:
     def __iter__(self) -> Iterator[Key]:
         return iter(self._of)
 
-    def add(self, found: Found) -> None:
+    def add(self, found: RunErrors) -> None:
         """One run."""
         self.runs += 1
         for key, error in found.errors.items():

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from alignment.allan import Channel, Found, Missing
+from alignment.allan import Channel, FoundTerm, MissingTerm
 from stand.evaluation.allan import DEVIATION, ORDER, UNITS, AllanReport, needs_hours
+from stand.folder import write_files
 from stand.report.page import INKS, data_uri, render
 from stand.report.tables import TableData
 
@@ -47,12 +48,9 @@ def write_pictures(report: AllanReport, folder: Path | None = None) -> list[Path
     """
     file = Path(report.path)
     folder = folder or file.with_name(f"{file.stem}_allan")
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / PNG, folder / HTML]
     light = picture(report, "light")
-    paths[0].write_bytes(light)
-    paths[1].write_text(page(report, light, picture(report, "dark")), encoding="utf-8")
-    return paths
+    html = page(report, light, picture(report, "dark"))
+    return write_files({folder / PNG: light, folder / HTML: html})
 
 
 def tables(report: AllanReport) -> list[TableData]:
@@ -85,14 +83,14 @@ def _table(report: AllanReport, sensor: str) -> TableData:
     return TableData(title, tuple(columns), tuple(rows))
 
 
-def _outcome(channel: Channel, term: str) -> Found | Missing:
+def _outcome(channel: Channel, term: str) -> FoundTerm | MissingTerm:
     return next(o for o in (*channel.found, *channel.missing) if o.term == term)
 
 
 def _cell(channel: Channel, term: str) -> str:
     outcome = _outcome(channel, term)
     si = UNITS[channel.sensor, term].si
-    if isinstance(outcome, Found):
+    if isinstance(outcome, FoundTerm):
         return in_percent(outcome.value / si, outcome.low / si, outcome.high / si)
     if not channel.resolved:
         return f"< {outcome.upper / si:.2g}, below resolution"
@@ -110,7 +108,7 @@ def in_percent(value: float, low: float, high: float) -> str:
     return f"{shown} -{below:.2g}/+{above:.2g} %"
 
 
-def needs_text(missing: Missing) -> str:
+def needs_text(missing: MissingTerm) -> str:
     """'needs 12 h', or that no length would do."""
     hours = needs_hours(missing)
     return "no length shows it" if hours is None else f"needs {_hours(hours * 3600)}"
@@ -160,8 +158,8 @@ def verdict(report: AllanReport, sensor: str, term: str) -> str:
     return ", ".join(f"{''.join(axes)} {word}" for word, axes in words.items())
 
 
-def _judged(outcome: Found | Missing, stated: float) -> str:
-    if isinstance(outcome, Missing):
+def _judged(outcome: FoundTerm | MissingTerm, stated: float) -> str:
+    if isinstance(outcome, MissingTerm):
         return "better" if outcome.upper < stated else "not shown"
     if outcome.low <= stated <= outcome.high:
         return "agrees"
@@ -353,7 +351,7 @@ def _sensor(report: AllanReport, sensor: str) -> dict[str, Any]:
 
 def _page_cell(channel: Channel, term: str) -> dict[str, str]:
     outcome, si = _outcome(channel, term), UNITS[channel.sensor, term].si
-    if isinstance(outcome, Found):
+    if isinstance(outcome, FoundTerm):
         value, _, bounds = with_bounds(
             outcome.value / si, outcome.low / si, outcome.high / si
         ).partition(" ")

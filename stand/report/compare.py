@@ -19,7 +19,7 @@ from alignment.units import ARC_SECOND, DEG
 from stand.evaluation.comparison import Comparison
 from stand.evaluation.heading_history import History, histories
 from stand.evaluation.statistics import Tally
-from stand.folder import RECORDINGS
+from stand.folder import RECORDINGS, write_file
 from stand.report.document import number, sigma_text
 from stand.report.tables import TableData
 from stand.simulation.settings import run_id
@@ -144,10 +144,7 @@ def write_first_run(comparison: Comparison, folder: Path | None = None) -> Path:
 
 def write_picture(comparison: Comparison, found: Sequence[History], folder: Path) -> Path:
     """Write `PNG` into a folder, which is made; one that is there is replaced."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / PNG
-    path.write_bytes(picture(comparison, found))
-    return path
+    return write_file(folder / PNG, picture(comparison, found))
 
 
 def picture(comparison: Comparison, found: Sequence[History]) -> bytes:

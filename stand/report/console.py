@@ -10,6 +10,7 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
+from stand.errors import printable
 from stand.report.tables import TableData
 
 WIDTH = 132  # where no terminal says its own
@@ -31,8 +32,8 @@ def wide(file: TextIO) -> Console:
 
 def render(table: TableData) -> RenderableType:
     """A table with its title above and its notes below."""
-    notes = [Text(f"  {note}", style="dim") for note in table.notes]
-    return Group(Text(table.title, style="bold cyan"), _grid(table), *notes)
+    notes = [Text(printable(f"  {note}"), style="dim") for note in table.notes]
+    return Group(Text(printable(table.title), style="bold cyan"), _grid(table), *notes)
 
 
 def _grid(table: TableData) -> Table:
@@ -44,12 +45,17 @@ def _grid(table: TableData) -> Table:
         numbers = bool(table.optional) or k == 0 or (single and not left)
         heading = name if table.optional or not numbers else name.replace(" ", "\n")
         justify = "left" if left else "right"
-        grid.add_column(heading, justify=justify, no_wrap=numbers, overflow="fold")
+        grid.add_column(_text(heading), justify=justify, no_wrap=numbers, overflow="fold")
     for k, row in enumerate(table.rows):
-        grid.add_row(*map(Text, row), end_section=k == len(table.rows) - 1)
+        grid.add_row(*map(_text, row), end_section=k == len(table.rows) - 1)
     for row in table.footers:
-        grid.add_row(*map(Text, row), style="dim")
+        grid.add_row(*map(_text, row), style="dim")
     return grid
+
+
+def _text(cell: str) -> Text:
+    """A cell that may hold text of a file: whatever would steer the terminal is blank."""
+    return Text("\n".join(map(printable, cell.split("\n"))))
 
 
 def fitted(out: Console, table: TableData) -> TableData:

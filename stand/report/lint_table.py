@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from stand.imu.lint import Finding, count
+from stand.imu.lint import PresetFinding, count
 from stand.report.tables import TableData
 
 
-def findings_table(findings: Sequence[Finding]) -> TableData:
+def findings_table(findings: Sequence[PresetFinding]) -> TableData:
     """Findings as a table, with their count in the title."""
     errors = sum(f.severity == "error" for f in findings)
     title = f"{count(errors, 'error')}, {count(len(findings) - errors, 'warning')}"

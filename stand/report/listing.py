@@ -9,7 +9,7 @@ from stand import toml_files as catalogue
 from stand.errors import unknown
 from stand.imu import Stated, load_imu
 from stand.procedure.procedure import load_procedure
-from stand.procedure.steps import Move, Profile, Rate, Step, Sweep
+from stand.procedure.steps import MoveStep, ProfileStep, RateStep, Step, SweepStep
 from stand.report.tables import TableData
 from stand.table.joints import JOINTS
 from stand.table.table import Table, load_table
@@ -66,12 +66,12 @@ def _procedures() -> list[Row]:
 
 def _steady(step: Step) -> float:
     """How long a step does what it is for [s]; moves, ramps and profiles need a plan to tell."""
-    if isinstance(step, Move | Profile):
+    if isinstance(step, MoveStep | ProfileStep):
         return 0.0
-    rates = step.rates_deg_s if isinstance(step, Sweep) else ()
-    if isinstance(step, Rate):
+    rates = step.rates_deg_s if isinstance(step, SweepStep) else ()
+    if isinstance(step, RateStep):
         rates = (step.rate_deg_s,)
-    if not isinstance(step, Rate | Sweep):
+    if not isinstance(step, RateStep | SweepStep):
         return step.duration_s
     ways = 2 if step.directions == "both" else 1
     if step.duration_s is not None:

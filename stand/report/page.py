@@ -6,20 +6,15 @@ are imported where they are used: they take a second to start.
 
 from __future__ import annotations
 
-import os
 import re
 import warnings
 from base64 import b64encode
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from io import StringIO
-from pathlib import Path
-from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any
 
-from stand.errors import StandError
 from stand.report.tables import TableData
 from stand.versions import VERSION
 
@@ -193,32 +188,6 @@ def _numeric(table: TableData, column: int) -> bool:
     rows = (*table.rows, *table.footers)
     cells = [row[column] for row in rows if row[column] not in _NO_NUMBERS]
     return column > 0 and bool(cells) and all(_NUMBER.fullmatch(cell) for cell in cells)
-
-
-def write_whole(path: Path, text: str) -> Path:
-    """Write a file beside its place and rename it: nobody ever sees half of it."""
-    with _beside(path) as beside:
-        beside.write_text(text, encoding="utf-8")
-    return path
-
-
-@contextmanager
-def _beside(path: Path) -> Iterator[Path]:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
-    except OSError as error:
-        raise StandError(f"{path}: cannot write there: {error.strerror}") from error
-    os.close(handle)
-    beside = Path(name)
-    try:
-        yield beside
-        beside.chmod(0o644)  # temporary files are made for their owner alone
-        beside.replace(path)
-    except OSError as error:
-        raise StandError(f"{path}: cannot write there: {error.strerror}") from error
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def span_text(seconds: float) -> str:

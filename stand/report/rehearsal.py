@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stand.folder import refuse_files
+from stand.folder import refuse_files, write_files
 from stand.rehearsal.result import (
     Advice,
     Finding,
@@ -29,7 +29,7 @@ from stand.report.document import method_text
 from stand.report.figures import Against, Bar, Budget, budget, requirements, timeline
 from stand.report.gallery import Position, gallery
 from stand.report.junit import junit
-from stand.report.page import render, span_text, write_whole
+from stand.report.page import render, span_text
 from stand.report.provenance import provenance
 from stand.report.tables import TableData
 from stand.report.verified import fact, outcome, section
@@ -90,7 +90,7 @@ def write_report(result: Rehearsal, folder: Path, *, force: bool = False) -> lis
     refuse_report(folder, force)
     machine = json.dumps(rehearsal_json(result), indent=1, allow_nan=False) + "\n"
     texts = (page(result), machine, junit(result))
-    return [write_whole(path, text) for path, text in zip(files_of(folder), texts, strict=True)]
+    return write_files(dict(zip(files_of(folder), texts, strict=True)))
 
 
 def page(result: Rehearsal) -> str:

@@ -6,7 +6,6 @@ the recording holds, not what was once written beside it.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,24 +16,23 @@ import numpy as np
 
 from alignment import ESTIMATORS
 from alignment.angles import angles_from_C_nb, near_singular
-from alignment.units import ARC_SECOND, DEG
-from stand.errors import StandError
+from alignment.units import DEG
+from stand.errors import StandError, located
 from stand.evaluation.score import Refusal, Score, evaluate_each, suited
-from stand.folder import refuse_files
+from stand.folder import refuse_files, write_file
 from stand.imu.preset import ImuEntry
 from stand.procedure.procedure import ProcedureEntry
 from stand.recording.curves import AngleCurves
 from stand.recording.log import Log, load_log
 from stand.recording.mcap.reader import read_attachments
-from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN
+from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN, recorded_steps
 from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 from stand.report.figures import Bar, errors, timeline
 from stand.report.gallery import Gallery, Position, gallery
-from stand.report.page import render, span_text, write_whole
+from stand.report.page import render, span_text
 from stand.report.provenance import provenance, sha256_of_file, sha256_of_text
 from stand.report.tables import TableData
-from stand.simulation.step_record import StepRecord
-from stand.table.joints import JOINTS
+from stand.simulation.step_record import StepRecord, records_from_json
 from stand.table.table import TableEntry
 from stand.toml_files import Source, parse
 
@@ -65,7 +63,7 @@ def write_run_page(run: Path, out: Path | None = None, *, force: bool = False) -
     if target.is_dir():
         raise StandError(f"--out {target}: must be a file")
     refuse_files([target], force=force)
-    return write_whole(target, page(file))
+    return write_file(target, page(file))
 
 
 def page(file: Path) -> str:
@@ -133,7 +131,7 @@ def _read(file: Path) -> _Recorded:
         subtitle=", on ".join(filter(None, (_title(key, metadata) for key in ("imu", "table")))),
         log=log,
         metadata=metadata,
-        steps=tuple(json.loads(metadata.get("schedule", {}).get("json", "[]"))),
+        steps=tuple(step.model_dump() for step in recorded_steps(metadata)),
         records=_records(beside["result.json"]),
         sha256=hashes,
     )
@@ -153,28 +151,10 @@ def _records(path: Path) -> tuple[StepRecord, ...]:
     if not path.is_file():
         return ()
     try:
-        steps = json.loads(path.read_text(encoding="utf-8")).get("steps", [])
-        return tuple(_record(step) for step in steps)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise StandError(f"{path}: not a result of stand run: {error}") from error
-
-
-def _record(step: Mapping[str, Any]) -> StepRecord:
-    def by_joint(key: str, unit: float) -> np.ndarray:
-        return np.array([step[key][joint] for joint in JOINTS]) * unit
-
-    return StepRecord(
-        label=step["label"],
-        kind=step["kind"],
-        t_from=step["t_from_s"],
-        t_to=step["t_to_s"],
-        following_max=by_joint("following_max_arc_s", ARC_SECOND),
-        following_rms=by_joint("following_rms_arc_s", ARC_SECOND),
-        saturated=by_joint("saturated_s", 1.0),
-        torque_ratio=by_joint("torque_percent", 0.01),
-        rests=step["rests"],
-        settled=step["settled_after_s"],
-    )
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise StandError(f"{path}: cannot be read: {error}") from error
+    return records_from_json(str(path), text)
 
 
 # What is shown -----------------------------------------------------------------------------------
@@ -254,7 +234,7 @@ def _positions(steps: Sequence[Mapping[str, Any]]) -> list[Position]:
     return [
         Position(step["label"], np.radians(step["joints_deg"]))
         for step in steps
-        if "joints_deg" in step and (step["kind"] == "dwell" or step.get("turning"))
+        if step["joints_deg"] and (step["kind"] == "dwell" or step["turning"])
     ]
 
 
@@ -263,16 +243,22 @@ def _gallery(recorded: _Recorded, file: Path) -> Gallery:
     positions, main = _positions(recorded.steps), recorded.metadata[RUN].get("model")
     if main is None:
         return gallery(positions)
-    with TemporaryDirectory() as folder:
-        for name, data in read_attachments(file).items():
-            if not name.startswith(MODEL_FOLDER):
-                continue
-            path = Path(folder, name)
-            if ".." in path.parts:
-                raise StandError(f"{file}: attached file {name!r} would leave its folder")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
-        return gallery(positions, Path(folder, MODEL_FOLDER, main))
+    with TemporaryDirectory() as folder, located(file):
+        return gallery(positions, _own_model(file, MODEL_FOLDER + main, Path(folder)))
+
+
+def _own_model(file: Path, main: str, folder: Path) -> Path:
+    """The MJCF `main` that is attached to a recording, written into a folder with its files."""
+    attached = read_attachments(file)
+    if main not in attached:
+        raise StandError(f"run: model: {main!r} is not attached")
+    for name, data in attached.items():
+        if not name.startswith(MODEL_FOLDER):
+            continue
+        if ".." in Path(name).parts or "\0" in name:
+            raise StandError(f"attached file {name!r} would leave its folder")
+        write_file(folder / name, data)
+    return folder / main
 
 
 def _settings(run: Mapping[str, str], log: Log) -> TableData:

@@ -24,21 +24,21 @@ from stand.motion.polynomial import MotionKind
 from stand.physics.geometry import with_errors
 from stand.physics.mjcf import load_model
 from stand.physics.truth import Truth, sample_count, stamps_ns
-from stand.procedure.steps import Sway, SwayBehind, Vibration, VibrationBehind
+from stand.procedure.steps import SwayBehind, SwayStep, VibrationBehind, VibrationStep
 from stand.samples import Sensed, TruthBlock
 from stand.simulation.collector import NS, DwellCollector, ticks_of
 from stand.simulation.settings import Settings, table_errors_of, temperature_of
 from stand.simulation.simulation import Block, Simulation, begins_of
 from stand.table.kinematics import C_NW
 
-RANDOM = (Sway, SwayBehind, Vibration, VibrationBehind)
+RANDOM = (SwayStep, SwayBehind, VibrationStep, VibrationBehind)
 CHUNK = 20_000  # samples: bounds the memory of a run, and costs no speed
 KEPT = 400_000  # samples of truth that are kept for the next run, 300 bytes each
 
 Readings = tuple[list[Dwell], list[Rotation]]
 
 
-class _Felt(NamedTuple):
+class _Sensing(NamedTuple):
     """Some samples before the unit has made anything of them."""
 
     truth: TruthBlock
@@ -67,7 +67,7 @@ class Trials:
         )
         self._model = load_model(settings.table.model)
         self._same = not self._drawn and first.errors.perfect and first.imu.spec.clock.perfect
-        self._felt: list[_Felt] = []
+        self._felt: list[_Sensing] = []
         self._blocks: list[Block] = []
         self._begins: dict[str, float | None] = {}
         self._truth: Truth | None = None
@@ -117,7 +117,7 @@ class Trials:
             self._spec, settings.seed, settings.rate_hz, temperature, sampling=settings.sampling
         )
 
-    def _of(self, settings: Settings, planned: Plan) -> Iterator[_Felt]:
+    def _of(self, settings: Settings, planned: Plan) -> Iterator[_Sensing]:
         total = sample_count(planned.motion.duration, settings.rate_hz)
         if not self._same or total > KEPT:
             yield from self._evaluated(settings, planned, total)
@@ -126,7 +126,7 @@ class Trials:
             self._felt = list(self._evaluated(settings, planned, total))
         yield from self._felt
 
-    def _evaluated(self, settings: Settings, planned: Plan, total: int) -> Iterator[_Felt]:
+    def _evaluated(self, settings: Settings, planned: Plan, total: int) -> Iterator[_Sensing]:
         truth = self._truth
         if truth is None or not self._same:
             errors = table_errors_of(settings)
@@ -138,13 +138,13 @@ class Trials:
             elif step is None or step.turning is None:
                 yield self._at_rest(truth, planned, settings, first, last)
             else:
-                yield _Felt(
+                yield _Sensing(
                     *truth.felt(planned.motion, settings.rate_hz, settings.sampling, first, last)
                 )
 
     def _at_rest(
         self, truth: Truth, planned: Plan, settings: Settings, first: int, last: int
-    ) -> _Felt:
+    ) -> _Sensing:
         """Without the joints, which only a turn is asked for."""
         ticks = np.arange(first, last + 1)
         over = truth.over(planned.motion, ticks / settings.rate_hz, settings.sampling)
@@ -157,10 +157,10 @@ class Trials:
             joints=six,
             joint_rates=six,
         )
-        return _Felt(block, over.sensed(stamps, settings.sampling))
+        return _Sensing(block, over.sensed(stamps, settings.sampling))
 
 
-def _nothing(first: int, last: int, rate_hz: int) -> _Felt:
+def _nothing(first: int, last: int, rate_hz: int) -> _Sensing:
     """Samples that no method uses."""
     n = last - first
     stamps = stamps_ns(np.arange(first + 1, last + 1), rate_hz)
@@ -168,7 +168,7 @@ def _nothing(first: int, last: int, rate_hz: int) -> _Felt:
     truth = TruthBlock(
         t_ns=stamps, w_ib_b=three, f_b=three, q_wb=np.zeros((n, 4)), joints=six, joint_rates=six
     )
-    return _Felt(truth, Sensed(stamps, three, three))
+    return _Sensing(truth, Sensed(stamps, three, three))
 
 
 def spans(

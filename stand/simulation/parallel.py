@@ -56,7 +56,7 @@ def campaign(
         workers = max(1, min(os.cpu_count() or 1, len(seeds) // LEAST_SHARE))
     if workers == 1:
         make = trial or ready()
-        yield from (_told(make, seed) for seed in seeds)
+        yield from (_made_or_named(make, seed) for seed in seeds)
         return
     size = max(1, min(_LARGEST_CHUNK, len(seeds) // (8 * workers)))
     chunks = (seeds[k : k + size] for k in range(0, len(seeds), size))
@@ -87,7 +87,7 @@ class RunFailed(RuntimeError):
     """A bug in a run: not a fault of the input. The message names the seed that shows it."""
 
 
-def _told(make: Callable[[int], T], seed: int) -> T:
+def _made_or_named(make: Callable[[int], T], seed: int) -> T:
     """A run; a fault of it is told with its seed, and a bug keeps its traceback."""
     try:
         return make(seed)
@@ -143,4 +143,4 @@ def _end_with(parent: Any) -> None:
 
 def _share(seeds: Sequence[int]) -> list[Any]:
     assert _trial is not None
-    return [_told(_trial, seed) for seed in seeds]
+    return [_made_or_named(_trial, seed) for seed in seeds]

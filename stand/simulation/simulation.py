@@ -20,7 +20,7 @@ from stand.motion.plan import Plan, PlannedStep
 from stand.motion.planner import plan
 from stand.motion.polynomial import Motion, MotionKind
 from stand.physics.dynamics import Payload, required_torque
-from stand.physics.following import Followed, Span
+from stand.physics.following import Followed, StepSpan
 from stand.physics.geometry import with_errors
 from stand.physics.mjcf import describe, load_model
 from stand.physics.servo import Servo
@@ -50,7 +50,7 @@ class Block(NamedTuple):
     sensed: Sensed
 
 
-class _Felt(NamedTuple):
+class _Sensing(NamedTuple):
     truth: TruthBlock
     sensed: Sensed
     motion: Motion
@@ -99,7 +99,7 @@ class Simulation:
         )
         self._drive: Motion | Servo = self.plan.motion
         if servo:
-            spans = [Span(s.t_from, s.t_to, s.kind == "dwell") for s in self.plan.steps]
+            spans = [StepSpan(s.t_from, s.t_to, s.kind == "dwell") for s in self.plan.steps]
             self._drive = Servo(model, table, self.plan.motion, load, spans=spans)
 
     def replanned(self, seed: int) -> Plan:
@@ -125,7 +125,7 @@ class Simulation:
         size = max(BLOCK, self.settings.rate_hz)
         starts = range(0, self.total, size)
         with ThreadPoolExecutor(1, thread_name_prefix="truth") as ahead:
-            coming: Future[_Felt] | None = None
+            coming: Future[_Sensing] | None = None
             for first in starts:
                 felt = (coming or ahead.submit(self._felt, first, size)).result()
                 more = first + size < self.total
@@ -133,7 +133,7 @@ class Simulation:
                 readings = self.imu.report(felt.sensed)
                 yield Block(felt.truth, readings, felt.motion, felt.sensed)
 
-    def _felt(self, first: int, size: int) -> "_Felt":
+    def _felt(self, first: int, size: int) -> "_Sensing":
         """Truth, and what the sensors feel, of up to `size` samples after the `first`."""
         settings = self.settings
         last = min(first + size, self.total)
@@ -141,7 +141,7 @@ class Simulation:
         truth, sensed = self._truth.felt(motion, settings.rate_hz, settings.sampling, first, last)
         if not self.imu.spec.clock.perfect:
             sensed = self._at_own_times(truth, first)
-        return _Felt(truth, sensed, motion)
+        return _Sensing(truth, sensed, motion)
 
     def _at_own_times(self, truth: TruthBlock, first: int) -> Sensed:
         """What the sensors feel over the intervals of a clock that is wrong."""

@@ -1,11 +1,15 @@
 """What the table's servo did in each step: following error, saturation, torque, settling."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json
 
 from alignment.arrays import Array, set_owned
 from alignment.units import ARC_SECOND
 from stand.table.joints import JOINTS
+from stand.toml_files import checked
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,5 +72,74 @@ def record_to_json(record: StepRecord) -> dict[str, Any]:
     }
 
 
+def records_from_json(name: str, text: str) -> tuple[StepRecord, ...]:
+    """The records in the text of a `result.json`; none in that of a drive, which has no servo.
+
+    Raises
+    ------
+    StandError
+        One line: `name`, the key, the value, what is allowed.
+    """
+    steps = checked(name, {"result": text}, _Result).result.steps
+    return tuple(step.record() for step in steps)
+
+
 def _by_axis(values: Array) -> dict[str, float]:
     return dict(zip(JOINTS, values.tolist(), strict=True))
+
+
+def _all_axes(values: dict[str, float]) -> dict[str, float]:
+    if set(values) != set(JOINTS):
+        raise ValueError(f"must name the axes {', '.join(JOINTS)}")
+    return values
+
+
+_ByAxis = Annotated[dict[str, Annotated[float, Field(ge=0)]], AfterValidator(_all_axes)]
+
+
+class _Read(BaseModel):
+    """Base of what is read back: finite numbers; more keys pass."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+
+class _Step(_Read):
+    """What `record_to_json` writes."""
+
+    label: str
+    kind: str
+    t_from_s: float
+    t_to_s: float
+    following_max_arc_s: _ByAxis
+    following_rms_arc_s: _ByAxis
+    saturated_s: _ByAxis
+    torque_percent: _ByAxis
+    rests: bool
+    settled_after_s: float | None
+
+    def record(self) -> StepRecord:
+        """The same in SI."""
+        return StepRecord(
+            label=self.label,
+            kind=self.kind,
+            t_from=self.t_from_s,
+            t_to=self.t_to_s,
+            following_max=_in_order(self.following_max_arc_s, ARC_SECOND),
+            following_rms=_in_order(self.following_rms_arc_s, ARC_SECOND),
+            saturated=_in_order(self.saturated_s, 1.0),
+            torque_ratio=_in_order(self.torque_percent, 0.01),
+            rests=self.rests,
+            settled=self.settled_after_s,
+        )
+
+
+class _Steps(_Read):
+    steps: tuple[_Step, ...] = ()
+
+
+class _Result(_Read):
+    result: Json[_Steps]
+
+
+def _in_order(values: dict[str, float], unit: float) -> Array:
+    return np.array([values[joint] for joint in JOINTS]) * unit

@@ -27,6 +27,7 @@ _STEP = np.array([70.0, -315.0, 540.0, -420.0, 126.0, 0, 0, 0, 0, 0])
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _LONGEST_STEP = 0.5  # s of the place's integration: dense output of 7th order, 1e-9 m at 1 m/s^3
 _CHUNK = 20000  # samples whose quadrature nodes are held at once
+_LOWEST, _HIGHEST = -12_000.0, 120_000.0  # m: from the sea's floor to where air ends
 _NEAR_POLE = 1e-3  # cosine of latitude: beyond, north and longitude turn too fast
 
 
@@ -142,6 +143,11 @@ class Path:
             place = _placed(self.start, x, scale)
             if cos(place[0]) < _NEAR_POLE:
                 raise StandError("path: comes within 6 km of a pole")
+            if not _LOWEST <= place[2] <= _HIGHEST:
+                raise StandError(
+                    f"path: {place[2]:.0f} m high after {t:.0f} s, must be from {_LOWEST:.0f} to "
+                    f"{_HIGHEST:.0f} m"
+                )
             return _place_rates(*place, self._v_n(np.array([t]))[0]) * scale
 
         times, pieces, x = [0.0], [], np.zeros(3)

@@ -18,9 +18,20 @@ from stand.imu import Imu, ImuSpec
 from stand.samples import ImuBlock, Sensed
 from stand.vehicle.path import Change, Path, Start
 
-Positive = Annotated[float, Field(gt=0)]
-Zero = Annotated[float, Field(ge=0)]
+LONGEST = 14400.0
+"""Of a drive [s]: its readings are held at once, and its place is integrated in steps of 0.5 s."""
+MOST_TURNS = 5000
+"""Of all legs' headings together: at each the integration begins anew."""
+MOST_FIXES = 50_000
+"""Of a drive: solutions go from fix to fix in Python."""
+FASTEST = 3000.0
+"""m/s: beyond what flies within the atmosphere."""
+
+Duration = Annotated[float, Field(ge=0.01, le=LONGEST)]  # shorter is a jolt, not a manoeuvre
+Speed = Annotated[float, Field(ge=0, le=FASTEST)]
+Angle = Annotated[float, Field(ge=-36000, le=36000)]  # 100 turns, as in procedures
 Slope = Annotated[float, Field(ge=-60, le=60)]
+Time = Annotated[float, Field(ge=0, le=1e9)]
 
 Progress = Callable[[float], None]
 
@@ -34,8 +45,8 @@ class StartEntry(catalogue.Entry):
     latitude_deg: Annotated[float, Field(ge=-89.9, le=89.9)]
     longitude_deg: Annotated[float, Field(ge=-180, le=360)] = 0.0
     height_m: Annotated[float, Field(ge=-1000, le=20000)] = 0.0
-    heading_deg: float = 0.0
-    speed_m_s: Zero = 0.0
+    heading_deg: Angle = 0.0
+    speed_m_s: Speed = 0.0
     climb_deg: Slope = 0.0
     roll_deg: Slope = 0.0
 
@@ -60,11 +71,11 @@ class Leg(catalogue.Entry):
     """
 
     label: Annotated[str, Field(min_length=1)]
-    duration_s: Positive
-    speed_m_s: Zero | None = None
+    duration_s: Duration
+    speed_m_s: Speed | None = None
     climb_deg: Slope | None = None
     roll_deg: Slope | None = None
-    turn_deg: float = 0.0
+    turn_deg: Angle = 0.0
     weave_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     weaves: Annotated[int, Field(ge=0, le=1000)] = 0
 
@@ -94,13 +105,14 @@ class SatelliteEntry(catalogue.Entry):
     of times.
     """
 
-    interval_s: Positive = 1.0
-    position_noise_m: Positive = 5.0
-    velocity_noise_m_s: Positive = 0.05
-    position_drift_m: Zero = 0.0
-    velocity_drift_m_s: Zero = 0.0
-    drift_time_s: Positive = 100.0
-    outages_s: tuple[tuple[Zero, Zero], ...] = ()
+    interval_s: Annotated[float, Field(ge=0.01, le=3600)] = 1.0
+    # from a thousandth of a millimetre to what is no fix any more
+    position_noise_m: Annotated[float, Field(ge=1e-6, le=1e5)] = 5.0
+    velocity_noise_m_s: Annotated[float, Field(ge=1e-9, le=1e3)] = 0.05
+    position_drift_m: Annotated[float, Field(ge=0, le=1e5)] = 0.0
+    velocity_drift_m_s: Annotated[float, Field(ge=0, le=1e3)] = 0.0
+    drift_time_s: Annotated[float, Field(ge=1e-3, le=1e7)] = 100.0
+    outages_s: Annotated[tuple[tuple[Time, Time], ...], Field(max_length=1000)] = ()
 
     @model_validator(mode="after")
     def _outages_last(self) -> "SatelliteEntry":
@@ -127,6 +139,20 @@ class DriveEntry(catalogue.Entry):
     start: StartEntry
     leg: Annotated[tuple[Leg, ...], Field(min_length=1)]
     satellite: SatelliteEntry = SatelliteEntry()
+
+    @model_validator(mode="after")
+    def _bounded(self) -> "DriveEntry":
+        duration = sum(leg.duration_s for leg in self.leg)
+        turns = sum(2 * leg.weaves + 1 for leg in self.leg)
+        fixes = duration / self.satellite.interval_s
+        for what, found, most in (
+            ("leg: together they take {:g} s", duration, LONGEST),
+            ("leg: together they turn {} times", turns, MOST_TURNS),
+            ("satellite: {:.0f} fixes", fixes, MOST_FIXES),
+        ):
+            if found > most:
+                raise ValueError(f"{what.format(found)}, must be at most {most:g}")
+        return self
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -171,6 +171,12 @@ def test_tilt_of_half_a_degree_is_the_bound():
         check_at_rest(leaning(radians(0.505)))
 
 
+def test_of_two_samples_no_noise_is_known():
+    check_at_rest(leaning(radians(0.49), n=2))  # noise tilts by 1e-3/9.81 rad = 0.006 deg
+    with pytest.raises(NotAtRest, match=r"tilt 0\.5[12] deg.*allowed 0\.5 deg, 0\.1 deg/s"):
+        check_at_rest(leaning(radians(0.515), n=2))
+
+
 def swinging(rate, axis, n=1020):
     t, w, f = at_rest(n)
     w[:, axis] += np.where(np.arange(n) < n // 2, rate, -rate)

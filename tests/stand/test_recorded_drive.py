@@ -356,7 +356,7 @@ def test_a_damaged_record_of_a_drive_is_one_line(driven, tmp_path, monkeypatch):
         return replace(log, metadata=log.metadata | {"drive": record})
 
     monkeypatch.setattr(LogFile, "imu", damaged)
-    with pytest.raises(StandError, match=r"metadata of the run is damaged: could not convert"):
+    with pytest.raises(StandError, match=r"is damaged: drive: start_sigma_rad = 'much': must be"):
         load_log(driven[0] / "run.mcap", None, None, None)
 
 

@@ -260,7 +260,7 @@ def test_a_failure_leaves_nothing_behind(tmp_path, monkeypatch):
     monkeypatch.setattr("stand.recorded_run.evaluate_each", lambda *a: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         record(settings("six-position", rate_hz=2), tmp_path / "deep" / "run")
-    assert list((tmp_path / "deep").iterdir()) == []
+    assert list(tmp_path.iterdir()) == []  # not even the folder above
 
 
 def test_force_replaces_a_recording_and_nothing_else(tmp_path):

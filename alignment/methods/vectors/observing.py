@@ -27,7 +27,7 @@ MOST = 1000  # fixes: memory grows with their square, some 0.5 GB here
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class WhitenedRows:
     """The matching as whitened rows, velocity then place of each fix in turn (2 m rows).
 
     `y` (2m, 3) in i, `x` (2m, 3) in b0, `a` (2m, 2) how start place and velocity enter; `white`
@@ -169,7 +169,7 @@ def _rows(
     place_g: Array,
     drifts: Array,
     options: VectorOptions,
-) -> Rows:
+) -> WhitenedRows:
     k, priors, s = np.flatnonzero(record.at_fix), options.priors, record.sensed
     T = fixes.t - fixes.t[0]
     y_v = record.v_i - record.v_i[0] - velocity_g[k]
@@ -189,7 +189,7 @@ def _rows(
         return np.ascontiguousarray(flat.reshape(rows.shape))  # the solver's are column by column
 
     enters = _interleaved(np.stack([0 * T, 1 + 0 * T], 1), np.stack([1 + 0 * T, T], 1))
-    return Rows(
+    return WhitenedRows(
         whitened(_interleaved(y_v, y_r)),
         whitened(_interleaved(s.velocity[k], s.place[k])),
         whitened(enters),
@@ -221,7 +221,7 @@ def _isotropic(T: Array, fixes: Fixes, walk: float) -> Array:
 
 
 def _solved(
-    rows: Rows, count: int, turn: Array, options: VectorOptions
+    rows: WhitenedRows, count: int, turn: Array, options: VectorOptions
 ) -> tuple[Solution | None, str]:
     """The rotation that fits the first `count` rows best, or nothing and why."""
     y, x, a = rows.y[:count], rows.x[:count], rows.a[:count]
@@ -259,7 +259,7 @@ def _refusal(sigma: float) -> str:
     return f"refused: predicted sigma {np.degrees(sigma):.3g} deg about one axis"
 
 
-def _start(rows: Rows, count: int, C: Array) -> Array:
+def _start(rows: WhitenedRows, count: int, C: Array) -> Array:
     """Place and velocity (2, 3) of the start, less those of the first fix, that fit best."""
     rest = rows.y[:count] - rows.x[:count] @ C.T
     return np.linalg.lstsq(rows.a[:count], rest, rcond=None)[0]

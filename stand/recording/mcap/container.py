@@ -5,8 +5,10 @@ scattered into time order; no Python object exists per message. mcap.dev/spec ha
 """
 
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from os import SEEK_END
 from pathlib import Path
 from typing import Any, Self
 
@@ -92,27 +94,30 @@ class Container:
     Raises
     ------
     StandError
-        The file cannot be created.
+        The file cannot be created, or what follows cannot be written.
     """
 
     def __init__(self, path: str | Path, topics: Sequence[Topic]) -> None:
+        self._path = path
         try:
             self._file = open(path, "wb")  # noqa: SIM115 (lives as long as the container)
         except OSError as error:
-            raise StandError(f"{path}: cannot be written: {error.strerror}") from error
+            raise self._fault(error) from error
         self._schemas = _schemas(topics)
         self._channels = _channels(topics, self._schemas)
         self._compressor = zstandard.ZstdCompressor(level=_ZSTD_LEVEL)
         self._index = _Index()
         self._position = 0
         self._crc = 0
-        self._write(MAGIC)
-        self._write(_records([Header("ros2", _LIBRARY), *self._schemas, *self._channels]))
+        head = _records([Header("ros2", _LIBRARY), *self._schemas, *self._channels])
+        self._write(MAGIC + head)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """A Metadata record."""
         start = self._position
-        self._write(_records([Metadata(name, dict(values))]))
+        # a file's name may be no text in UTF-8, which all strings here must be
+        texts = {k: v.encode("utf-8", "replace").decode() for k, v in values.items()}
+        self._write(_records([Metadata(name, texts)]))
         self._index.metadata.append(MetadataIndex(start, self._position - start, name))
 
     def attachment(self, name: str, media_type: str, data: bytes, time_ns: int) -> None:
@@ -153,21 +158,38 @@ class Container:
                 uncompressed_size=len(data),
             )
         )
-        self._file.flush()
+        with self._told():
+            self._file.flush()
 
     def finish(self) -> None:
-        """Write what follows the data, and close the file."""
+        """Write what follows the data, close the file, and read back what every reader needs.
+
+        Raises
+        ------
+        StandError
+            It is not there as it was written. The chunks are not read again: what the operating
+            system took without a complaint it gives back.
+        """
         self._write(_records([DataEnd(self._crc)]))
         start = self._position
         summary, offsets = _summary(self._summary_groups(), start)
         footer = Footer(start, start + len(summary), 0)
         footer.summary_crc = zlib.crc32(summary + offsets + _records([footer])[:-4])
-        self._write(summary + offsets + _records([footer]) + MAGIC)
-        self._file.close()
+        end = summary + offsets + _records([footer]) + MAGIC
+        self._write(end)
+        with self._told():
+            self._file.close()
+            with open(self._path, "rb") as file:
+                size = file.seek(0, SEEK_END)
+                file.seek(start)
+                whole = size == self._position and file.read() == end
+        if not whole:
+            raise StandError(f"{self._path}: cannot be written: its end is not there")
 
     def abandon(self) -> None:
         """Close the file as it is: whole chunks, no summary, no footer."""
-        self._file.close()
+        with suppress(OSError):  # of a full disk once more: that was told
+            self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -178,8 +200,21 @@ class Container:
         else:
             self.abandon()
 
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Faults of the disk end the file, and are told with its name."""
+        try:
+            yield
+        except OSError as error:
+            self.abandon()
+            raise self._fault(error) from error
+
+    def _fault(self, error: OSError) -> StandError:
+        return StandError(f"{self._path}: cannot be written: {error.strerror}")
+
     def _write(self, data: bytes) -> None:
-        self._file.write(data)
+        with self._told():
+            self._file.write(data)
         self._position += len(data)
         self._crc = zlib.crc32(data, self._crc)
 

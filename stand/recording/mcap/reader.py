@@ -1,20 +1,17 @@
 """Reading logs of IMUs, joints and satellite fixes from MCAP files, our own and foreign ones."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, IntArray, owned
-from stand.errors import StandError, unknown
+from stand.errors import StandError, located, unknown
 from stand.recording.mcap import schemas
 from stand.recording.mcap.cdr import Bytes
 from stand.recording.mcap.decode import (
@@ -33,6 +30,7 @@ from stand.recording.mcap.records import (
     directory,
     faults_of,
     opened,
+    parsed,
     records,
     segments,
 )
@@ -62,6 +60,15 @@ _LABELS = {
     "angles": "position",
     "place": "latitude, longitude (rad), altitude",
     "v": "twist.linear",
+}
+
+# What no unit reports and no vehicle reaches, some orders beyond: sums of squares stay numbers.
+_MOST = {
+    "w_ib_b": 1e6,  # rad/s
+    "f_b": 1e9,  # m/s^2
+    "angles": 1e9,  # rad
+    "place": 1e9,  # m; its angles have bounds of their own
+    "v": 1e9,  # m/s
 }
 
 Batch = ImuBatch | JointBatch | FixBatch | VelocityBatch
@@ -268,10 +275,12 @@ class LogFile:
         )
 
     def truth(self) -> TruthLog:
-        """The truth of a recorded run, from /imu/truth."""
+        """The truth of a recorded run, from /imu/truth; its orientations have length 1."""
         with faults_of(self.path):
             topic = _chosen(self._found, TRUTH_TOPIC, _IMU_TYPES, IMU_TOPIC)
             columns = self._columns(topic, decode_imu, ("t_ns", "q", "w_ib_b", "f_b"))
+            with located(topic):
+                _check_turns(columns["q"])
         return TruthLog(path=self.path, q_wb=columns.pop("q"), **columns)
 
     def joints(self, topic: str | None = None) -> JointLog:
@@ -385,15 +394,15 @@ def read_attachments(path: str | Path) -> dict[str, bytes]:
     StandError
         Not a whole MCAP file.
     """
-    with opened(path) as file:
+    with opened(path) as file, faults_of(path):
         contents = [content for _, content in records(file, (Opcode.ATTACHMENT,))]
-    found = [Attachment.read(ReadDataStream(BytesIO(content))) for content in contents]
+        found = [parsed(Attachment.read, content) for content in contents]
     return {record.name: record.data for record in found}
 
 
 def _metadata(file: BinaryIO) -> dict[str, dict[str, str]]:
     contents = [content for _, content in records(file, (Opcode.METADATA,))]
-    found = [Metadata.read(ReadDataStream(BytesIO(content))) for content in contents]
+    found = [parsed(Metadata.read, content) for content in contents]
     return {record.name: record.metadata for record in found}
 
 
@@ -428,7 +437,7 @@ def _columns(
         for name in names:
             values = getattr(batch, name)
             growing.setdefault(name, _Growing(values)).extend(values)
-    with _told_of(topic):
+    with located(topic):
         if not growing:
             raise StandError("has no messages")
         columns = {name: growing[name].whole() for name in names}
@@ -463,15 +472,6 @@ class _Growing:
         self._values.resize((rows, *self._values.shape[1:]), refcheck=False)
 
 
-@contextmanager
-def _told_of(topic: str) -> Iterator[None]:
-    """Faults of the messages, not of the file, are told with their topic."""
-    try:
-        yield
-    except StandError as error:
-        raise StandError(f"{topic}: {error}") from error
-
-
 def _channel_ids(found: Directory, topic: str) -> list[int]:
     channels = [channel for channel in found.channels.values() if channel.topic == topic]
     for channel in channels:
@@ -484,24 +484,31 @@ def _batches(
     file: BinaryIO, found: Directory, topic: str, decode: Decode
 ) -> Iterator[tuple[Any, ...]]:
     """Decoded messages, chunk by chunk."""
-    with _told_of(topic):
+    with located(topic):
         channel_ids = _channel_ids(found, topic)
     count = 0
     for segment in segments(file, found):
         rows = np.isin(segment.channel, channel_ids)
         start, size = segment.start[rows], segment.size[rows]
         if len(start):
-            with _told_of(topic):
+            with located(topic):
                 yield decode(segment.data, start, size, count)
             count += len(start)
 
 
 def _check(columns: Mapping[str, NDArray[Any]]) -> None:
     for name, values in columns.items():
-        odd = np.flatnonzero(~np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
+        within = tuple(range(1, values.ndim))
+        odd = np.flatnonzero(~np.isfinite(values).all(axis=within))
         if len(odd):
             i = int(odd[0])
             raise StandError(f"message {i}: {_LABELS[name]} {values[i].tolist()} is not finite")
+        most = _MOST.get(name, np.inf)
+        odd = np.flatnonzero((np.abs(values) > most).any(axis=within))
+        if len(odd):
+            i = int(odd[0])
+            told = f"{_LABELS[name]} {values[i].tolist()}: must be at most {most:g}"
+            raise StandError(f"message {i}: {told}")
     t_ns = columns["t_ns"]
     back = np.flatnonzero(np.diff(t_ns) <= 0)
     if len(back):
@@ -510,6 +517,13 @@ def _check(columns: Mapping[str, NDArray[Any]]) -> None:
             f"message {i + 1}: header stamp {t_ns[i + 1]} ns is not later than "
             f"{t_ns[i]} ns before it; stamps must increase"
         )
+
+
+def _check_turns(q: Array) -> None:
+    odd = np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1.0) > 1e-6)
+    if len(odd):
+        i = int(odd[0])
+        raise StandError(f"message {i}: {_LABELS['q']} {q[i].tolist()}: must be of length 1")
 
 
 Log = ImuLog | TruthLog | JointLog | FixLog | VelocityLog

@@ -2,23 +2,24 @@
 
 import struct
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 import numpy as np
 import zstandard
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, Footer, Schema
-from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 
 from alignment.arrays import IntArray
 from stand.errors import StandError
+from stand.folder import refuse_no_file
 from stand.recording.mcap.cdr import Bytes
 from stand.recording.mcap.container import MAGIC, MESSAGE_HEAD, OPCODE_AND_SIZE
 from stand.recording.mcap.decode import gather
@@ -27,6 +28,8 @@ _HEAD = struct.Struct("<BQ")
 _FOOTER_SIZE = _HEAD.size + 20
 _CRC_SIZE = 4
 _SEGMENT_BYTES = 1 << 20
+MOST_CHUNK_BYTES = 256 << 20
+"""Of a chunk when it is expanded: ours have some 100 kB, those of others a few MB."""
 _COMPRESSIONS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
 
@@ -57,12 +60,11 @@ class Directory:
 
     def add(self, opcode: int, content: bytes) -> None:
         """Take in a Schema or Channel record."""
-        stream = ReadDataStream(BytesIO(content))
         if opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
+            schema = parsed(Schema.read, content)
             self.schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream)
+            channel = parsed(Channel.read, content)
             self.channels[channel.id] = channel
 
     def type_name(self, channel: Channel) -> str:
@@ -80,6 +82,7 @@ def opened(path: str | Path) -> BinaryIO:
         Missing, a folder, not MCAP, cut off.
     """
     with faults_of(path):
+        refuse_no_file(Path(path))
         file = open(path, "rb")  # noqa: SIM115  the caller closes it
         try:
             _check_ends(file)
@@ -101,20 +104,20 @@ def faults_of(path: str | Path) -> Iterator[None]:
     except OSError as error:
         raise StandError(f"{path}: cannot be read: {error.strerror}") from error
     except StandError as error:
-        raise StandError(f"{path}: {error}") from error
-    except _DAMAGE as error:
-        raise StandError(f"{path}: damaged: {str(error) or 'a record is too short'}") from error
+        raise StandError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
 
 
-# What the mcap package and the decompressors raise on bytes that make no sense.
-_DAMAGE = (
-    CRCValidationError,
-    McapError,
-    zstandard.ZstdError,
-    RuntimeError,
-    struct.error,
-    UnicodeDecodeError,
-)
+RecordT = TypeVar("RecordT")
+
+
+def parsed(read: Callable[[ReadDataStream], RecordT], content: bytes) -> RecordT:
+    """A record as the mcap package reads it; `StandError` where its bytes make no sense."""
+    try:
+        return read(ReadDataStream(BytesIO(content)))
+    except (EndOfFile, struct.error, OverflowError) as error:  # lengths up to 2^64
+        raise StandError("damaged: a record is too short") from error
+    except UnicodeDecodeError as error:
+        raise StandError(f"damaged: text of a record: {error}") from error
 
 
 def _check_ends(file: BinaryIO) -> None:
@@ -136,10 +139,14 @@ def records(
     """
     end = file.seek(0, 2) - len(MAGIC)
     crc = zlib.crc32(MAGIC)
+    if start > end:
+        raise StandError(f"damaged: the summary is said to begin at byte {start}, behind the end")
     file.seek(start)
     opcode = None
     while opcode != Opcode.FOOTER:
         head = file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            raise StandError("damaged: a record is too short")
         opcode, size = _HEAD.unpack(head)
         if file.tell() + size > end:
             raise StandError(f"damaged: a record reaches past the end, at byte {file.tell()}")
@@ -156,26 +163,26 @@ def records(
 def _checked_crc(opcode: int, head: bytes, content: bytes, crc: int) -> int:
     """The running checksum after a record; the data's ends at DataEnd, the summary's begins."""
     if opcode == Opcode.DATA_END:
-        told = DataEnd.read(ReadDataStream(BytesIO(content))).data_section_crc
-        _compare("data", told, crc)
+        told = parsed(DataEnd.read, content).data_section_crc
+        _compare("the data", told, crc)
         return 0
     if opcode == Opcode.FOOTER:
-        told = Footer.read(ReadDataStream(BytesIO(content))).summary_crc
-        _compare("summary", told, zlib.crc32(head + content[:-_CRC_SIZE], crc))
+        told = parsed(Footer.read, content).summary_crc
+        _compare("the summary", told, zlib.crc32(head + content[:-_CRC_SIZE], crc))
     return zlib.crc32(head + content, crc)
 
 
 def _compare(what: str, told: int, found: int) -> None:
     """Checksums must agree; 0 means that the writer gave none."""
     if told not in (0, found):
-        raise StandError(f"damaged: checksum of the {what} is {found:#010x}, must be {told:#010x}")
+        raise StandError(f"damaged: checksum of {what} is {found:#010x}, must be {told:#010x}")
 
 
 def directory(file: BinaryIO) -> Directory:
     """All channels and schemas: from the summary, or else from the whole file."""
     found = Directory()
     file.seek(-len(MAGIC) - _FOOTER_SIZE + _HEAD.size, 2)
-    start = Footer.read(ReadDataStream(file)).summary_start
+    start = parsed(Footer.read, file.read(_FOOTER_SIZE - _HEAD.size)).summary_start
     if start:
         for opcode, content in records(file, _DEFINITIONS, start):
             found.add(opcode, content)
@@ -206,26 +213,55 @@ def segments(file: BinaryIO, found: Directory) -> Iterator[Segment]:
 
 
 def _chunk_data(content: bytes) -> bytes:
-    chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+    chunk = parsed(Chunk.read, content)
     if chunk.compression not in _COMPRESSIONS:
         known = ", ".join(_COMPRESSIONS.values())
         raise StandError(f"unknown compression {chunk.compression!r}: known: {known}")
-    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-    return stream.read(size)
+    if chunk.uncompressed_size > MOST_CHUNK_BYTES:
+        raise StandError(
+            f"damaged: a chunk of {chunk.uncompressed_size} bytes, must be at most "
+            f"{MOST_CHUNK_BYTES}"
+        )
+    try:
+        data = _DECOMPRESS[chunk.compression](chunk.data, chunk.uncompressed_size)
+    except (zstandard.ZstdError, RuntimeError) as error:  # the second is lz4's
+        raise StandError(f"damaged: a chunk cannot be expanded: {error}") from error
+    if len(data) != chunk.uncompressed_size:
+        raise StandError(
+            f"damaged: a chunk holds other than the {chunk.uncompressed_size} bytes that it states"
+        )
+    _compare("a chunk", chunk.uncompressed_crc, zlib.crc32(data))
+    return data
+
+
+def _from_zstd(data: bytes, size: int) -> bytes:
+    """At most `size` bytes: the frame's own word for its size is held against that first."""
+    stated = zstandard.frame_content_size(data)
+    if stated > size:
+        return b""
+    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+
+
+def _from_lz4(data: bytes, size: int) -> bytes:
+    """At most `size` bytes and one, which tells that there are more."""
+    return LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+
+
+_DECOMPRESS = {"": lambda data, size: data, "lz4": _from_lz4, "zstd": _from_zstd}
 
 
 def _segment(data: bytes, found: Directory) -> Segment:
     """Finds the messages; the loop does no more than step from record to record."""
     places = []
     at, end, head_at, message = 0, len(data), _HEAD.unpack_from, int(Opcode.MESSAGE)
-    while at < end:
+    while at + OPCODE_AND_SIZE <= end:
         opcode, size = head_at(data, at)
         if opcode == message:
             places.append(at)
         elif opcode in _DEFINITIONS:
             found.add(opcode, data[at + OPCODE_AND_SIZE : at + OPCODE_AND_SIZE + size])
         at += OPCODE_AND_SIZE + size
-    if at > end:
+    if at != end:
         raise StandError("damaged: a record reaches past the end of its chunk")
     return _located(np.frombuffer(data, np.uint8), np.array(places, np.int64))
 

@@ -12,7 +12,15 @@ from scipy.stats import chi2
 
 from alignment import Priors, Site
 from alignment.errors import AlignmentError, TooShort
-from alignment.information import GaussMarkov, Setting, Stretch, Triad, Unit, assumed, information
+from alignment.information import (
+    GaussMarkov,
+    InstrumentErrors,
+    Setting,
+    Stretch,
+    TriadErrors,
+    assumed,
+    information,
+)
 from alignment.information.drift import (
     Span,
     flicker,
@@ -79,7 +87,7 @@ SIX = [
         [(0, 0, 0), (180, 0, 0), (0, 0, 90), (0, 0, -90), (90, 0, 0), (-90, 0, 0)]
     )
 ]
-ALL_UNKNOWN = Unit(Triad(ARW, np.inf), Triad(FINE, np.inf))
+ALL_UNKNOWN = InstrumentErrors(TriadErrors(ARW, np.inf), TriadErrors(FINE, np.inf))
 
 
 def floor(latitude, arw=ARW, total=T):
@@ -97,8 +105,10 @@ def test_floors(latitude, heading):
     accelerometers' noise, tan(lat) 4e-8 rad beside 2.5e-3, squared 4e-10; half of each.
     """
     site, C = Site(latitude * DEG), headed(heading)
-    known = Unit(Triad(ARW), Triad(FINE))
-    one_gyro = Unit(Triad([ARW, np.inf, np.inf], np.inf), Triad(FINE, np.inf))
+    known = InstrumentErrors(TriadErrors(ARW), TriadErrors(FINE))
+    one_gyro = InstrumentErrors(
+        TriadErrors([ARW, np.inf, np.inf], np.inf), TriadErrors(FINE, np.inf)
+    )
     cases = [
         (rests(0), known, 1.0),
         (rests(0, 180), ALL_UNKNOWN, 1.0),
@@ -122,7 +132,7 @@ def test_a_floor_by_hand():
 
 @pytest.mark.parametrize("east", [90.0, 60.0])
 def test_one_gyro_measures_the_sine_of_its_angle_from_north(east):
-    unit = Unit(Triad([ARW, np.inf, np.inf]), Triad(FINE))
+    unit = InstrumentErrors(TriadErrors([ARW, np.inf, np.inf]), TriadErrors(FINE))
     found = information(rests(0), headed(east), Site(48.5 * DEG), unit)
     assert found.sigma("heading") == pytest.approx(floor(48.5) / sin(east * DEG), rel=1e-9)
 
@@ -135,7 +145,9 @@ def test_levels_by_accelerometer_and_gyro_noise():
     """
     vrw, arw = 1e-3, 1e-4 * DEG_RT_H
     gravity = 9.8093587  # by hand, 8 digits: methods.md section 0
-    found = information(rests(0), headed(0), Site(48.5 * DEG), Unit(Triad(arw), Triad(vrw)))
+    found = information(
+        rests(0), headed(0), Site(48.5 * DEG), InstrumentErrors(TriadErrors(arw), TriadErrors(vrw))
+    )
     roll = vrw / gravity / sqrt(T)
     assert found.sigma("roll") == pytest.approx(roll, rel=1e-8)
     pitch = 1 / sqrt(T * ((gravity / vrw) ** 2 + (W / arw) ** 2))
@@ -164,9 +176,9 @@ def test_an_instability_has_its_plateau():
 def test_drift_of_a_half_turn_is_the_allan_deviation(time):
     """ADEV(T/2)/(sqrt 2 W cos lat) covers white noise and drift at once; no gap between rests."""
     sigma = 0.05 * DEG_H
-    unit = Unit(
-        Triad(ARW, np.inf, drift=(GaussMarkov(sigma, time),)),
-        Triad(FINE, np.inf),
+    unit = InstrumentErrors(
+        TriadErrors(ARW, np.inf, drift=(GaussMarkov(sigma, time),)),
+        TriadErrors(FINE, np.inf),
     )
     found = information(rests(0, 180, gap=0.0), headed(20), Site(48.5 * DEG), unit)
     adev = sqrt(ARW**2 / (T / 2) + sigma**2 * markov_avar(T / 2, time))
@@ -239,10 +251,14 @@ STRETCHES = [
 @pytest.mark.parametrize("latitude", LATITUDES)
 def test_sensitivities_are_those_of_the_exact_model(latitude):
     site, C_np = Site(latitude * DEG), headed(130, 8, -6)
-    names = [name for name in Triad.__slots__ if name not in ("drift", "random_walk")]
-    everything = Triad(**dict.fromkeys(names, 1.0))  # pyright: ignore[reportArgumentType]
+    names = [name for name in TriadErrors.__slots__ if name not in ("drift", "random_walk")]
+    everything = TriadErrors(**dict.fromkeys(names, 1.0))  # pyright: ignore[reportArgumentType]
     found = information(
-        STRETCHES, C_np, site, Unit(everything, everything, 1.0), Setting(1.0, 1.0, 1.0, 1.0, 1.0)
+        STRETCHES,
+        C_np,
+        site,
+        InstrumentErrors(everything, everything, 1.0),
+        Setting(1.0, 1.0, 1.0, 1.0, 1.0),
     )
     at = exact(STRETCHES, C_np, site.latitude, site.gravity, {})
     size = np.where(np.arange(len(at)) % 6 < 3, W, site.gravity)
@@ -495,7 +511,7 @@ def test_the_carousel_predicts_the_same(arw, vrw, latitude):
     gyros, accels = turning(site.w_ie_n, arw), turning(site.f_n, vrw)
     fit = carousel_attitude(gyros, accels, axis, site.known_latitude(), Priors())
     # levels are those of accelerometers alone where Y1's constant rate is unknown, north or not
-    unit = Unit(Triad(arw, np.inf), Triad(vrw, [np.inf, 0, np.inf]))
+    unit = InstrumentErrors(TriadErrors(arw, np.inf), TriadErrors(vrw, [np.inf, 0, np.inf]))
     found = information(stretches, C, site, unit)
     covariance = found.covariance(found.attitude_rows())
     # the horizontal rate levels too: W^2/ARW^2 beside g^2/VRW^2, 4 % of pitch in the worse case
@@ -517,8 +533,8 @@ def simulated(found, site, runs, rng, mine):
     return np.array(y) + noise - nominal, drawn
 
 
-TACTICAL = Unit(
-    Triad(
+TACTICAL = InstrumentErrors(
+    TriadErrors(
         0.02 * DEG_RT_H,
         1 * DEG_H,
         0.1 * DEG_H / 3600,
@@ -533,7 +549,7 @@ TACTICAL = Unit(
         (GaussMarkov(0.02 * DEG_H, 10.0), GaussMarkov(0.02 * DEG_H, 300.0)),
         1e-4 * DEG_H,
     ),
-    Triad(
+    TriadErrors(
         5e-4,
         1 * MILLI_G,
         0.0,
@@ -635,10 +651,10 @@ def without(unit, setting, source):
     sensor, _, name = source.partition(" ")
     if name in SWITCHES:
         mine = "gyro" if sensor == "gyro" else "accel"
-        triad = Triad(**{**fields(getattr(unit, mine)), **SWITCHES[name]})
-        return Unit(**{**fields(unit), mine: triad}), setting
+        triad = TriadErrors(**{**fields(getattr(unit, mine)), **SWITCHES[name]})
+        return InstrumentErrors(**{**fields(unit), mine: triad}), setting
     if source == "lag":
-        return Unit(unit.gyro, unit.accel), setting
+        return InstrumentErrors(unit.gyro, unit.accel), setting
     return unit, Setting(**{**fields(setting), source: 0.0})
 
 
@@ -676,7 +692,7 @@ def unit_of(spec, lag=1e-3):
 
     def triad(t):
         height = t.instability / plateau(spec.corners)
-        return Triad(
+        return TriadErrors(
             *(t.noise, t.bias, t.ramp, t.scale, t.asymmetry, t.second_order),
             t.nonlinearity / t.full_scale**2,
             *(t.misalignment, t.non_orthogonality, t.g_sensitivity, t.g2_sensitivity),
@@ -684,7 +700,7 @@ def unit_of(spec, lag=1e-3):
             t.random_walk,
         )
 
-    return Unit(triad(spec.gyro), triad(spec.accel), lag)
+    return InstrumentErrors(triad(spec.gyro), triad(spec.accel), lag)
 
 
 @pytest.mark.parametrize("preset", ["ideal", "mpu9250", "stim300", "ring-laser"])
@@ -703,7 +719,9 @@ def test_presets_of_every_grade(preset, scene):
 
 def test_contributions_of_one_position_by_hand():
     """0.05 deg/h of 9.96651 deg/h is 5.01680 mrad; 2 mg at 48.5 deg 7.8' (methods.md section 2)."""
-    unit = Unit(Triad(1e-4 * DEG_RT_H, 0.05 * DEG_H), Triad(FINE, 2 * MILLI_G))
+    unit = InstrumentErrors(
+        TriadErrors(1e-4 * DEG_RT_H, 0.05 * DEG_H), TriadErrors(FINE, 2 * MILLI_G)
+    )
     found = information(rests(0), headed(0), Site(48.5 * DEG), unit)
     rows = found.contributions("heading")
     # level by gyros of 0.05 deg/h is 2 times worse than by 2 mg: they mend a part of it
@@ -714,8 +732,9 @@ def test_contributions_of_one_position_by_hand():
 def test_what_a_half_turn_leaves_by_hand():
     """[S4]: misalignment 1:1, placement (d180 - d0)/2, g-sensitivity 31' at 5 deg of roll."""
     site = Site(50 * DEG)
-    unit = Unit(
-        Triad(ARW, np.inf, misalignment=1e-3, g_sensitivity=DEG_H / 9.80665), Triad(FINE, np.inf)
+    unit = InstrumentErrors(
+        TriadErrors(ARW, np.inf, misalignment=1e-3, g_sensitivity=DEG_H / 9.80665),
+        TriadErrors(FINE, np.inf),
     )
     setting = Setting(placement=MINUTE)
     level = information(rests(0, 180), headed(0), site, unit, setting)
@@ -733,7 +752,7 @@ def test_what_a_half_turn_leaves_by_hand():
 def test_lag_of_one_way_is_rate_times_lag():
     """4 deg/s and 5 ms: 1.2'; both ways it is estimated, and contributes next to nothing."""
     site = Site(48.5 * DEG)
-    unit = Unit(Triad(ARW, np.inf), Triad(FINE, np.inf), 5e-3)
+    unit = InstrumentErrors(TriadErrors(ARW, np.inf), TriadErrors(FINE, np.inf), 5e-3)
     one = information(carousel(4.0), headed(10), site, unit)
     assert one.contributions("heading")["lag"] == pytest.approx(1.2 * MINUTE, rel=1e-6)
     both = information(carousel(4.0, -4.0), headed(10), site, unit)
@@ -748,7 +767,9 @@ def test_the_gain_of_an_estimator_that_was_told_less():
     priors = Priors(gyro_walk=ARW, accel_walk=FINE)
     told = information(stretches, C, site, *assumed(priors))
     sigma, time = 0.05 * DEG_H, 100.0
-    unit = Unit(Triad(ARW, 100 * DEG_H, drift=(GaussMarkov(sigma, time),)), Triad(FINE, np.inf))
+    unit = InstrumentErrors(
+        TriadErrors(ARW, 100 * DEG_H, drift=(GaussMarkov(sigma, time),)), TriadErrors(FINE, np.inf)
+    )
     real = information(stretches, C, site, unit)
     rows = real.contributions("heading", gain=told.gain("heading"))
     drift = sigma * sqrt(markov_avar(T / 2, time)) / (sqrt(2) * W * cos(48.5 * DEG))
@@ -763,7 +784,9 @@ def test_the_gain_of_an_estimator_that_was_told_less():
 def test_a_gain_that_feels_what_nobody_knows():
     """One position's gain where biases are unknown: infinite, and said so."""
     site, C = Site(48.5 * DEG), headed(70)
-    gain = information(rests(0), C, site, Unit(Triad(ARW), Triad(FINE))).gain("heading")
+    gain = information(
+        rests(0), C, site, InstrumentErrors(TriadErrors(ARW), TriadErrors(FINE))
+    ).gain("heading")
     unknown = information(rests(0), C, site, ALL_UNKNOWN)
     rows = unknown.contributions("heading", gain=gain)
     assert rows["gyro bias"] == np.inf
@@ -790,7 +813,12 @@ def test_motion_adds_to_the_noise():
     disturbed = Stretch(
         "swaying", 0.0, T, Rotation.identity(), disturbance=np.array([0, 0, 3e-7, 0, 0, 0])
     )
-    found = information([disturbed], headed(0), Site(48.5 * DEG), Unit(Triad(ARW), Triad(FINE)))
+    found = information(
+        [disturbed],
+        headed(0),
+        Site(48.5 * DEG),
+        InstrumentErrors(TriadErrors(ARW), TriadErrors(FINE)),
+    )
     expected = 3e-7 / (W * cos(48.5 * DEG))
     assert found.contributions("heading")["motion"] == pytest.approx(expected, rel=1e-6)
 
@@ -868,7 +896,7 @@ def test_one_position_in_other_azimuths_and_hemispheres():
 
 def test_a_fine_gyro_is_named_beside_the_accelerometer():
     """1 deg of roll: 17.45 mg, and 11.265 deg/h pi/180 = 0.197 deg/h: of priors 349 and 19.7."""
-    unit = Unit(Triad(ARW, 0.01 * DEG_H), Triad(FINE, 0.05 * MILLI_G))
+    unit = InstrumentErrors(TriadErrors(ARW, 0.01 * DEG_H), TriadErrors(FINE, 0.05 * MILLI_G))
     found = information(rests(0), headed(0), Site(48.5 * DEG), unit)
     assert said(found)[1] == (
         "at rest in one position: roll cannot be told from gyro bias Z1 (0.197 deg/h per deg) "
@@ -899,7 +927,7 @@ def test_turns_about_the_vertical_show_no_vertical_scale():
 
     1 mg is 1000 ppm of standard gravity, 999.7 of 9.80936 m/s^2.
     """
-    unit = Unit(Triad(ARW, np.inf), Triad(FINE, np.inf, scale=np.inf))
+    unit = InstrumentErrors(TriadErrors(ARW, np.inf), TriadErrors(FINE, np.inf, scale=np.inf))
     found = information(rests(0, 90, 180, 270), headed(0), Site(48.5 * DEG), unit)
     assert (found.rank, found.sought) == (9, 12)
     assert said(found) == [
@@ -915,7 +943,7 @@ def test_turns_about_the_vertical_show_no_vertical_scale():
 
 def test_a_carousel_one_way_takes_its_lag_for_heading():
     """4 deg/s: 1 deg is 250 ms."""
-    unit = Unit(ALL_UNKNOWN.gyro, ALL_UNKNOWN.accel, np.inf)
+    unit = InstrumentErrors(ALL_UNKNOWN.gyro, ALL_UNKNOWN.accel, np.inf)
     one = information(carousel(4.0), headed(0), Site(48.5 * DEG), unit)
     assert (one.rank, one.sought) == (9, 10)
     assert said(one) == ["turning one way: heading cannot be told from lag (250 ms per deg)"]
@@ -981,9 +1009,9 @@ def test_refusals():
     with pytest.raises(ValueError, match="long: axis_b"):
         Stretch("long", 0.0, 100.0, Rotation.identity(), 4 * DEG, np.array([0, 2.0, 0]))
     with pytest.raises(ValueError, match=r"bias: .*negative"):
-        Triad(bias=-1.0)
+        TriadErrors(bias=-1.0)
     with pytest.raises(ValueError, match=r"scale: .*NaN"):
-        Triad(scale=[0, np.nan, 0])
+        TriadErrors(scale=[0, np.nan, 0])
     with pytest.raises(ValueError, match="sigma"):
         GaussMarkov(1.0, 0.0)
     with pytest.raises(ValueError, match="at least one"):
@@ -993,7 +1021,9 @@ def test_refusals():
         information([b, a], LEVEL, site, ALL_UNKNOWN)
     with pytest.raises(AlignmentError, match="latitude"):
         information([a, b], LEVEL, Site(None), ALL_UNKNOWN)
-    found = information([a], LEVEL, site, Unit(Triad([ARW, np.inf, ARW]), Triad(FINE)))
+    found = information(
+        [a], LEVEL, site, InstrumentErrors(TriadErrors([ARW, np.inf, ARW]), TriadErrors(FINE))
+    )
     with pytest.raises(AlignmentError, match="'bearing': must be one of heading, roll"):
         found.sigma("bearing")
     with pytest.raises(AlignmentError, match="sensor that is not there"):

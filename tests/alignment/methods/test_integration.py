@@ -14,7 +14,13 @@ from scipy.stats import chi2, norm
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.methods import integration
-from alignment.methods.integration import drift_covariance, integrate, rk4, rk4_steps, rk4_tracks
+from alignment.methods.integration import (
+    integrate,
+    integrated_drift_covariance,
+    rk4,
+    rk4_steps,
+    rk4_tracks,
+)
 from alignment.methods.two_sample import two_sample, two_sample_tracks
 from alignment.quaternions import multiply, normalised, prefix_product
 
@@ -273,7 +279,9 @@ def test_track_and_estimate_agree():
 
 
 def test_drift_covariance_by_hand():
-    got = drift_covariance(np.array([1.0, 4.0, 9.0]), np.array([0, 5, 10, 15, 60.0]), 10.0)
+    got = integrated_drift_covariance(
+        np.array([1.0, 4.0, 9.0]), np.array([0, 5, 10, 15, 60.0]), 10.0
+    )
     # 5 (1 - 5/10); 0; 5 + 25/10; 50 + 2500/10
     want = np.outer([0, 2.5, 0, 7.5, 300.0], [1, 4, 9])
     np.testing.assert_allclose(got, want, rtol=1e-14, atol=1e-14)
@@ -287,7 +295,7 @@ def test_drift_covariance_of_simulated_noise():
     drift = np.cumsum(w - w[:, :100].mean(axis=1, keepdims=True), axis=1) / rate
     t = np.arange(1, n + 1) / rate
     at = np.array([9, 49, 89, 119, 199, 299])
-    predicted = drift_covariance(np.array([4e-6, 1.0, 2.0]), t[at], T0)[:, 0]
+    predicted = integrated_drift_covariance(np.array([4e-6, 1.0, 2.0]), t[at], T0)[:, 0]
     ratio = np.sum(drift[:, at] ** 2, axis=0) / predicted
     low, high = chi2.ppf([0.025 / 6, 1 - 0.025 / 6], runs)  # six times, family-wise 95 %
     assert np.all((low < ratio) & (ratio < high))

@@ -28,9 +28,16 @@ from stand.evaluation.comparison import (
     to_json,
     used_time,
 )
-from stand.evaluation.heading_history import heading_errors, histories
+from stand.evaluation.heading_history import heading_error_over_time, histories
 from stand.evaluation.published import double_figures, published_figures, sway_figures
-from stand.evaluation.statistics import Found, Outcome, nees_bounds, rms_interval, tally, worth
+from stand.evaluation.statistics import (
+    EstimateErrors,
+    Outcome,
+    nees_bounds,
+    rms_interval,
+    tally,
+    worth,
+)
 from stand.imu import ImuSpec, load_imu
 from stand.imu.model import TERMS
 from stand.motion.polynomial import MotionKind
@@ -275,7 +282,7 @@ def test_estimates_that_repeat_their_own_offset_are_not_counted(half_turn):
     ARW over 9.96651 deg/h, offset of 10 s and 14 s after it: 7.48 mrad; the others would halve its
     square. 16 normal numbers: 99.9 % of chi-square.
     """
-    (row,) = compare(half_turn, 8, ["six-position"], workers=1).tallies
+    (row,) = compare(replace(half_turn, methods=("six-position",)), 8, workers=1).tallies
     assert row.estimates == 16
     sigma = 0.003 / 60 / (9.96651 / 3600) * sqrt(1 / 10 + 1 / 14)
     low, high = chi2.ppf([0.0005, 0.9995], 16)
@@ -432,8 +439,8 @@ def test_intervals_cover(correlation):
 
 
 def test_tally_by_hand():
-    one = Found(0.01, 3e-5, 0.0, 0.02, 1e-5, 3e-5, 3.0, 0.005, 1e-5)
-    two = Found(-0.01, 0.0, -4e-5, 0.04, 2e-5, 2e-5, 5.0, 0.005, 1e-5)
+    one = EstimateErrors(0.01, 3e-5, 0.0, 0.02, 1e-5, 3e-5, 3.0, 0.005, 1e-5)
+    two = EstimateErrors(-0.01, 0.0, -4e-5, 0.04, 2e-5, 2e-5, 5.0, 0.005, 1e-5)
     outcomes = [Outcome("m", 0, (one,), 0.5), Outcome("m", 1, (two,), 0.3)]
     t = tally("m", 3, [*outcomes, Outcome("m", 2, (), 0.1, "why")])
     assert (t.runs, t.estimates, t.refused, t.reason) == (3, 2, 1, "why")
@@ -538,12 +545,14 @@ def test_heading_errors_by_hand():
     P = np.diag([1e-8, 4e-8, 1e-6])
     nose_up = Rotation.from_rotvec([0, 0.3, 0])  # about east: X1 north and raised
     found = Rotation.from_rotvec([[0, 0, 1e-3]]) * nose_up
-    error, sigma = heading_errors(found, Rotation.from_quat(nose_up.as_quat()[None]), P[None])
+    error, sigma = heading_error_over_time(
+        found, Rotation.from_quat(nose_up.as_quat()[None]), P[None]
+    )
     assert error == pytest.approx([1e-3])
     e = estimate_of(found[0], covariance=P)
     assert sigma == pytest.approx([e.heading_sigma], rel=1e-12)
     steep = Rotation.from_rotvec([[0, 1.0, 0]])
-    assert np.isnan(heading_errors(steep, steep, P[None])[0]).all()
+    assert np.isnan(heading_error_over_time(steep, steep, P[None])[0]).all()
 
 
 def test_attitude_between_samples(half_turn):

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from alignment import Site
 from stand.imu import Imu, ImuSpec, TriadSpec, load_imu
-from stand.imu.filter import LowPass, innovations, noise_variance
+from stand.imu.filter import LowPass, noise_innovations, noise_variance
 from stand.motion.polynomial import Motion
 from stand.physics.mjcf import load_model
 from stand.physics.truth import Truth
@@ -182,7 +182,7 @@ def test_the_closed_forms_against_integrals(w0):
 @pytest.mark.parametrize("w0", W0)
 def test_the_innovations_make_that_process(w0, sampling):
     """All covariances of it, whatever the bandwidth: one number per sample loses nothing."""
-    one, factor = innovations(w0, sampling), np.exp(w0 * np.exp(3j * np.pi / 4))
+    one, factor = noise_innovations(w0, sampling), np.exp(w0 * np.exp(3j * np.pi / 4))
     S = one.start.T @ one.start  # of real and imaginary part
     kick = np.array([one.kick.real, one.kick.imag])
     turn = np.array([[factor.real, -factor.imag], [factor.imag, factor.real]])

@@ -8,7 +8,7 @@ from stand import toml_files as catalogue
 from stand.errors import StandError
 from stand.imu import load_imu, without
 from stand.imu.bands import ACCEL_BANDS, GYRO_BANDS, SAMPLING_BANDS, SLIPS
-from stand.imu.lint import Finding, grade_of, lint
+from stand.imu.lint import PresetFinding, grade_of, lint
 from stand.imu.preset import ACCEL_KEYS, GYRO_KEYS, SamplingEntry
 from stand.report.lint_table import findings_table
 
@@ -55,7 +55,7 @@ MIX_UPS = {
 }
 
 
-def found(text: str) -> list[Finding]:
+def found(text: str) -> list[PresetFinding]:
     return lint(catalogue.Source("own", "own.toml", text))
 
 
@@ -245,7 +245,7 @@ def test_a_made_up_unit_is_left_alone():
     assert found(text) == []
     assert found(text.replace("value = 0.0,", "value = 5e6,")) == []
     told = found(text.replace('"reference"', '"special"'))
-    assert told[0] == Finding("warning", "evidence", told[0].message)
+    assert told[0] == PresetFinding("warning", "evidence", told[0].message)
     assert any("names none of consumer, industrial, tactical" in f.message for f in told)
 
 
@@ -405,7 +405,7 @@ def test_bands_are_narrower_than_the_mix_up_they_must_find(bands, key, factor):
 
 def test_findings_as_a_table():
     table = findings_table(
-        [Finding("error", "gyro, x", "wrong"), Finding("warning", "accel, y", "odd")]
+        [PresetFinding("error", "gyro, x", "wrong"), PresetFinding("warning", "accel, y", "odd")]
     )
     assert table.title == "1 error, 1 warning"
     assert table.columns == ("severity", "place", "finding")

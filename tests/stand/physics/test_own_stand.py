@@ -24,10 +24,10 @@ from stand.physics.picture import pictures
 from stand.physics.servo import Servo
 from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure
-from stand.rehearsal.rehearse import rehearse, request
+from stand.rehearsal.rehearse import rehearse
 from stand.report import gallery, run_page
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.settings import Settings
+from stand.simulation.settings import Settings, assembled
 from stand.simulation.simulation import Simulation
 from stand.table.joints import JOINTS
 from stand.table.kinematics import base_arm
@@ -152,11 +152,11 @@ def settings(own):
     procedure = load_procedure(str(path))
     entry = procedure.entry
     return Settings(
-        procedure,
-        load_imu("ideal"),
-        load_table(str(own)),
-        entry.site.site(),
-        entry.estimate.options(),
+        procedure=procedure,
+        imu=load_imu("ideal"),
+        table=load_table(str(own)),
+        site=entry.site.site(),
+        options=entry.estimate.options(),
         rate_hz=50,
     )
 
@@ -307,9 +307,9 @@ def test_a_rocking_base_tells_estimators_of_its_lever_arm(own, settings):
     swaying = load_procedure("random-sway")
     unit = load_imu("ring-laser")
     for table, arm in ((load_table(str(own)), 1.16), (load_table("rocking-platform"), BASE_ARM)):
-        asked = request(swaying, unit, table, settings.site)
+        asked = assembled(swaying, unit, table, settings.site)
         assert asked.options.priors.lever_arm == pytest.approx(arm, abs=1e-12)
-    still = request(settings.procedure, unit, load_table(str(own)), settings.site)
+    still = assembled(settings.procedure, unit, load_table(str(own)), settings.site)
     assert still.options.priors.lever_arm == 0.0
 
 
@@ -390,7 +390,7 @@ def test_its_torque_is_judged(own, settings):
     """Twice the mass everywhere takes twice the torque, friction aside."""
 
     def greatest(table):
-        asked = request(settings.procedure, settings.imu, table, settings.site)
+        asked = assembled(settings.procedure, settings.imu, table, settings.site)
         margins = [m for step in rehearse(asked).feasibility for m in step.margins]
         return max((m for m in margins if m.quantity == "torque"), key=lambda m: m.ratio)
 
@@ -523,13 +523,22 @@ def test_axes_in_another_order_of_the_tree(tmp_path):
         load_model(write(tmp_path, text))
 
 
-def test_an_attached_file_does_not_leave_its_folder(stand_command, recorded, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        run_page,
-        "read_attachments",
-        lambda path: {"model/own.xml": b"", "model/../../seat.xml": b""},
-    )
+@pytest.mark.parametrize(
+    ("attached", "said"),
+    [
+        ("model/../../seat.xml", "attached file 'model/../../seat.xml' would leave its folder"),
+        ("model/a\0b", "attached file 'model/a\\x00b' would leave its folder"),
+        ("model/" + "a" * 300, "cannot write there"),
+        (None, "run: model: 'model/own.xml' is not attached"),
+    ],
+)
+def test_an_attached_file_does_not_leave_its_folder(
+    stand_command, recorded, tmp_path, monkeypatch, attached, said
+):
+    files = {} if attached is None else {"model/own.xml": b"", attached: b""}
+    monkeypatch.setattr(run_page, "read_attachments", lambda path: files)
     done = stand_command("report", recorded, "--out", tmp_path / "page.html")
     assert done.code == 2
-    assert "attached file 'model/../../seat.xml' would leave its folder" in done.err
+    assert said in done.err
+    assert done.err.count("\n") == 1
     assert not (tmp_path / "page.html").exists()

@@ -17,9 +17,9 @@ from stand import toml_files as catalogue
 from stand.errors import StandError
 from stand.motion.polynomial import Motion, fitted
 from stand.physics.dynamics import NO_PAYLOAD, Payload, inertias, required_torque, weights_model
-from stand.physics.following import Account, Followed, Rows, Span
+from stand.physics.following import Account, Followed, ServoSteps, StepSpan
 from stand.physics.mjcf import load_model
-from stand.physics.servo import BLOCK, Drive, Servo
+from stand.physics.servo import BLOCK, MotorDrive, Servo
 from stand.table.joints import JOINTS
 from stand.table.table import Table, load_table
 
@@ -70,14 +70,14 @@ def table(tmp_path: Path):
     return make
 
 
-def told(drive: Drive, n: int, angle: ArrayLike = 0.0, rate: ArrayLike = 0.0) -> np.ndarray:
+def told(drive: MotorDrive, n: int, angle: ArrayLike = 0.0, rate: ArrayLike = 0.0) -> np.ndarray:
     """Inputs of n steps: base_roll's angle and rate, no feedforward; the others at zero."""
     inputs = np.zeros((n, len(JOINTS), 3))
     inputs[:, 0, 0], inputs[:, 0, 1] = angle, rate
     return inputs.reshape(n, -1)
 
 
-def rolled(drive: Drive, inputs: np.ndarray) -> np.ndarray:
+def rolled(drive: MotorDrive, inputs: np.ndarray) -> np.ndarray:
     """Angle of base_roll (n + 1,) at the start of each step and after the last."""
     out = Batch(drive.model, 1, nthread=1).rollout(len(inputs), inputs[None])
     return np.concatenate([[0.0], out["qpos"][0, :, 0]])
@@ -102,7 +102,7 @@ def second_order(t: np.ndarray, w: float, damping: float) -> np.ndarray:
 
 
 def step_error(table, step: float) -> float:
-    drive = Drive(ALONE, table(damping=0.5), step=step)
+    drive = MotorDrive(ALONE, table(damping=0.5), step=step)
     n = round(0.4 / step)
     got = rolled(drive, told(drive, n, 0.001)) / 0.001
     return float(np.abs(got - second_order(np.arange(n + 1) * step, 62.8318530717959, 0.5)).max())
@@ -117,7 +117,7 @@ def test_step_response_and_order_of_the_integrator(table):
 
 
 def test_ramp_without_rate_demand_lags_by_two_damping_over_w(table):
-    drive = Drive(ALONE, table(damping=0.7))
+    drive = MotorDrive(ALONE, table(damping=0.7))
     rate, n = 0.1, 2000
     got = rolled(drive, told(drive, n, rate * np.arange(n) * 1e-3))
     lag = rate * (n - 1) * 1e-3 - got[-2]
@@ -129,7 +129,7 @@ def test_viscous_friction_lags_and_the_integrator_takes_it_away(table):
     rate, n, step = 0.1, 6000, 1e-3
     lags = []
     for more in ({}, {"integral_s": 0.2}):
-        drive = Drive(ALONE, table(viscous_Nm_s=40.0, **more))
+        drive = MotorDrive(ALONE, table(viscous_Nm_s=40.0, **more))
         got = rolled(drive, told(drive, n, rate * np.arange(n) * step, rate))
         lags.append(rate * (n - 1) * step - got[-2])
     kp = OWN * 62.8318530717959**2
@@ -141,7 +141,7 @@ def test_an_undisturbed_axis_follows_to_rounding(table):
     wave = fitted(
         lambda t: np.column_stack([1 - np.cos(3 * t), *[0 * t] * 5]), np.linspace(0, 10, 100)
     )
-    servo = Servo(ALONE, table(viscous_Nm_s=3.0), wave, spans=[Span(0, 10, False)])
+    servo = Servo(ALONE, table(viscous_Nm_s=3.0), wave, spans=[StepSpan(0, 10, False)])
     # rounding of angles up to 2 rad, differenced twice and integrated twice again; coupling 1e-6
     assert servo.followed()[0].greatest_error[0] < 1e-9
 
@@ -155,7 +155,7 @@ def test_torque_of_a_sine_is_inertia_times_w_squared_times_amplitude(table):
         )
         return np.column_stack([amplitude * fade * np.sin(w * t), *[0 * t] * 5])
 
-    spans = [Span(5.0, 15.0, False)]
+    spans = [StepSpan(5.0, 15.0, False)]
     servo = Servo(ALONE, table(), fitted(wave, np.linspace(0, 16, 160)), spans=spans)
     (followed,) = servo.followed()
     # the others weigh 5e-6 of it; samples at 1 ms meet the crest within (w h)^2 / 8
@@ -165,13 +165,13 @@ def test_torque_of_a_sine_is_inertia_times_w_squared_times_amplitude(table):
 
 def test_settling_time_of_a_step(table):
     made = table(damping=0.5)
-    drive, n, size = Drive(ALONE, made), 3000, 100 * ARC_SECOND
+    drive, n, size = MotorDrive(ALONE, made), 3000, 100 * ARC_SECOND
     error = np.zeros((n, 6))
     error[:, 0] = size - rolled(drive, told(drive, n, size))[:-1]
-    account = Account(made, 0.0, 1e-3, [Span(0.0, 3.0, True)], 6)
+    account = Account(made, 0.0, 1e-3, [StepSpan(0.0, 3.0, True)], 6)
     for first in range(0, n, 700):  # however it is cut
         part = error[first : first + 700]
-        account.add(first, Rows(np.zeros_like(part), part, np.zeros_like(part), drive.limit))
+        account.add(first, ServoSteps(np.zeros_like(part), part, np.zeros_like(part), drive.limit))
     t = np.arange(0, 3, 1e-5)
     away = np.abs(1 - second_order(t, 62.8318530717959, 0.5)) * size > 5 * ARC_SECOND
     expected = t[np.flatnonzero(away)[-1]]
@@ -223,11 +223,11 @@ def test_sticks_and_slips_when_slow_and_glides_when_fast(table):
 
 def test_saturation_is_counted(table):
     rate = 1.0  # rad/s within 1 s: 2 N m
-    enough = Servo(ALONE, table(torque_Nm=2.1), turning(rate, 8.0), spans=[Span(1, 2, False)])
+    enough = Servo(ALONE, table(torque_Nm=2.1), turning(rate, 8.0), spans=[StepSpan(1, 2, False)])
     (followed,) = enough.followed()
     assert followed.saturated_s[0] == 0
     assert followed.peak_torque[0] == pytest.approx(2.0, rel=1e-4)  # coupling 5e-6 and its loops
-    weak = Servo(ALONE, table(torque_Nm=1.5), turning(rate, 8.0), spans=[Span(1, 2, False)])
+    weak = Servo(ALONE, table(torque_Nm=1.5), turning(rate, 8.0), spans=[StepSpan(1, 2, False)])
     (followed,) = weak.followed()
     assert followed.saturated_s[0] == pytest.approx(1.0, abs=0.01)  # all of the ramp
     assert followed.peak_torque[0] == 1.5
@@ -247,7 +247,7 @@ def waves(duration: float) -> Motion:
 
 def energy_gap(step: float) -> tuple[float, float]:
     """Work of all torques less the gain of energy, and the greatest kinetic energy [J]."""
-    drive = Drive(STAND, load_table("rocking-platform"), step=step)
+    drive = MotorDrive(STAND, load_table("rocking-platform"), step=step)
     drive.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     n = round(5.0 / step)
     inputs = drive.controls(waves(6.0).joints(np.arange(-1, n + 1) * step)[0])
@@ -276,7 +276,7 @@ def test_work_of_the_motors_is_energy_gained_and_dissipated():
 
 
 def test_motor_torque_is_what_mujoco_applies(table):
-    drive = Drive(ALONE, table(torque_Nm=3.0, integral_s=0.3))  # no friction, no cogging
+    drive = MotorDrive(ALONE, table(torque_Nm=3.0, integral_s=0.3))  # no friction, no cogging
     rng = np.random.default_rng(3)
     inputs = rng.normal(size=(50, 18)) * 1e-3
     out = Batch(drive.model, 1, nthread=1).rollout(
@@ -311,7 +311,7 @@ def test_imbalance_loads_its_motor_with_m_g_r():
     torque = required_torque(STAND, made, payload, *np.zeros((3, 1, 6)))
     empty = required_torque(STAND, made, NO_PAYLOAD, *np.zeros((3, 1, 6)))
     assert abs(torque[0, 5] - empty[0, 5]) == pytest.approx(0.980665, rel=1e-12)
-    servo = Servo(STAND, made, still, payload, spans=[Span(0.0, 4.0, True)])
+    servo = Servo(STAND, made, still, payload, spans=[StepSpan(0.0, 4.0, True)])
     (followed,) = servo.followed()
     assert followed.peak_torque[5] == pytest.approx(abs(torque[0, 5]), rel=1e-6)
     assert followed.greatest_error.max() < 1e-9  # settled from the start: rounding only
@@ -333,7 +333,7 @@ def test_a_servo_without_integrator_starts_where_it_balances(tmp_path):
     path.write_text(text)
     payload = Payload(2.0, np.array([0.05, 0.0, 0.0]))
     still = Motion(np.array([0.0, 4.0]), np.zeros((1, 1, 6)))
-    servo = Servo(STAND, load_table(str(path)), still, payload, spans=[Span(0.0, 4.0, True)])
+    servo = Servo(STAND, load_table(str(path)), still, payload, spans=[StepSpan(0.0, 4.0, True)])
     angles, rates, _ = servo.covering(0.0, 3.0).joints(np.arange(0, 3, 0.01))
     assert np.abs(angles[0, 5]) > ARC_SECOND
     assert np.ptp(angles, axis=0).max() < 1e-9  # no jump
@@ -391,12 +391,14 @@ def test_long_runs_forget():
 # --- accounts by hand
 
 
-def account_of(spans: Sequence[Span], error: np.ndarray) -> list[Followed]:
+def account_of(spans: Sequence[StepSpan], error: np.ndarray) -> list[Followed]:
     made = load_table("laboratory")  # within 5 arc seconds for 0.2 s
     account = Account(made, 10.0, 0.1, spans, 1)
     demand = np.where(np.arange(len(error)) < 10, np.arange(len(error)), 10.0)[:, None]
     torque = np.linspace(0, 2.0, len(error))[:, None]
-    rows = Rows(demand, np.asarray(error, float)[:, None] * ARC_SECOND, torque, np.array([1.95]))
+    rows = ServoSteps(
+        demand, np.asarray(error, float)[:, None] * ARC_SECOND, torque, np.array([1.95])
+    )
     account.add(0, rows.part(0, 13))
     account.add(13, rows.part(13, len(error)))
     return account.followed()
@@ -406,7 +408,7 @@ def test_account_by_hand():
     error = np.full(30, 4.0)
     error[3], error[12], error[15] = -40.0, 8.0, -6.0
     moving, resting, late = account_of(
-        [Span(10.0, 11.0, False), Span(11.0, 12.5, True), Span(12.5, 13.0, True)], error
+        [StepSpan(10.0, 11.0, False), StepSpan(11.0, 12.5, True), StepSpan(12.5, 13.0, True)], error
     )
     assert moving.greatest_error[0] / ARC_SECOND == pytest.approx(40.0)
     assert moving.rms_error[0] / ARC_SECOND == pytest.approx(np.sqrt((9 * 16 + 1600) / 10))
@@ -423,7 +425,7 @@ def test_account_by_hand():
 def test_never_settled():
     error = np.full(30, 1.0)
     error[28] = 9.0  # 0.1 s before the end, less than the hold
-    (resting,) = account_of([Span(11.0, 13.0, True)], error)
+    (resting,) = account_of([StepSpan(11.0, 13.0, True)], error)
     assert resting.settling_s == (None,)
     assert not resting.settled
 
@@ -466,13 +468,13 @@ def test_divergence_is_raised_with_time_and_axis_and_leaves_no_file(tmp_path, mo
 
 def test_a_servo_too_stiff_for_the_step_is_refused(table):
     with pytest.raises(StandError) as refused:
-        Drive(ALONE, table(bandwidth_hz=150.0, damping=1.0))
+        MotorDrive(ALONE, table(bandwidth_hz=150.0, damping=1.0))
     # (w h)^2 + 4 w h < 4 at a step of 1.25 ms: w h < 2 sqrt 2 - 2, so 105.5 Hz
     assert "axis base_roll, bandwidth_hz = 150: must be 105 or less at steps of 1 ms" in str(
         refused.value
     )
-    Drive(ALONE, table(bandwidth_hz=104.0, damping=1.0))
-    Drive(ALONE, table(bandwidth_hz=150.0, damping=1.0), step=5e-4)
+    MotorDrive(ALONE, table(bandwidth_hz=104.0, damping=1.0))
+    MotorDrive(ALONE, table(bandwidth_hz=150.0, damping=1.0), step=5e-4)
 
 
 @pytest.mark.parametrize(("bandwidth_hz", "grows"), [(129.0, False), (134.0, True)])
@@ -487,13 +489,13 @@ def test_the_limit_of_stiffness_is_where_the_simulation_rings_up(table, bandwidt
 
 def test_bristles_too_stiff_for_the_step_are_refused(table):
     with pytest.raises(StandError, match=r"bristle_Nm_rad = 1e\+08: too stiff for steps of 1 ms"):
-        Drive(ALONE, table(coulomb_Nm=1.0, bristle_Nm_rad=1e8))
+        MotorDrive(ALONE, table(coulomb_Nm=1.0, bristle_Nm_rad=1e8))
 
 
 # --- the table classes
 
 
-def moves(table: Table, stops: Sequence[np.ndarray], dwell: float) -> tuple[Motion, list[Span]]:
+def moves(table: Table, stops: Sequence[np.ndarray], dwell: float) -> tuple[Motion, list[StepSpan]]:
     """Moves of all axes at the table's full limits from stop to stop, a dwell at each."""
     knots, pieces, spans, at = [0.0], [], [], np.zeros(6)
 
@@ -502,7 +504,7 @@ def moves(table: Table, stops: Sequence[np.ndarray], dwell: float) -> tuple[Moti
         pieces.append(np.array(cubic))
 
     def rest() -> None:
-        spans.append(Span(knots[-1], knots[-1] + dwell, True))
+        spans.append(StepSpan(knots[-1], knots[-1] + dwell, True))
         add(dwell, [np.zeros(6), np.zeros(6), np.zeros(6), at])
 
     rest()
@@ -510,7 +512,7 @@ def moves(table: Table, stops: Sequence[np.ndarray], dwell: float) -> tuple[Moti
         begun = knots[-1]
         for length, cubic in _cubics(table, at, stop):
             add(length, cubic)
-        spans.append(Span(begun, knots[-1], False))
+        spans.append(StepSpan(begun, knots[-1], False))
         at = np.array(stop)
         rest()
     return Motion(np.array(knots), np.stack(pieces, axis=1)), spans
@@ -596,7 +598,7 @@ def test_scorsby_on_the_rocking_platform():
         waves = [np.sin(w * t + phase) for phase in (0.0, np.pi / 2, np.pi)]
         return np.column_stack([*(fade * wave for wave in waves), *[0 * t] * 3])
 
-    spans = [Span(12.0, 36.0, False)]
+    spans = [StepSpan(12.0, 36.0, False)]
     servo = Servo(STAND, table, fitted(scorsby, np.linspace(0, 40, 400)), spans=spans)
     (followed,) = servo.followed()
     assert not followed.saturated_s.any()

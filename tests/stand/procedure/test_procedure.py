@@ -11,7 +11,7 @@ from alignment import ESTIMATORS
 from alignment.angles import Sequence, SequenceRule
 from stand.errors import StandError
 from stand.procedure.procedure import Procedure, load_procedure, procedure_from
-from stand.procedure.steps import Dwell, Move
+from stand.procedure.steps import DwellStep, MoveStep
 from stand.toml_files import Source
 
 HEAD = """title = "T"
@@ -64,8 +64,8 @@ def test_steps_keep_their_order_and_defaults():
     attitude = "attitude_deg = { yaw = 30, sequence = 'yaw-roll-pitch' }\n"
     entry = checked(HEAD + MOVE + attitude + DWELL).entry
     move, dwell = entry.step
-    assert isinstance(move, Move)
-    assert isinstance(dwell, Dwell)
+    assert isinstance(move, MoveStep)
+    assert isinstance(dwell, DwellStep)
     assert move.attitude_deg is not None
     assert (move.attitude_deg.roll, move.attitude_deg.yaw, move.attitude_deg.pitch) == (0, 30, 0)
     assert move.attitude_deg.sequence is Sequence.YAW_ROLL_PITCH
@@ -206,12 +206,12 @@ def test_faults(text, line):
 
 def test_a_dwell_may_be_short_where_no_offset_is_taken():
     short = HEAD.replace("six-position", "triad") + DWELL.replace("60", "5")
-    assert isinstance(checked(short).entry.step[0], Dwell)
+    assert isinstance(checked(short).entry.step[0], DwellStep)
 
 
 def test_a_dwell_as_long_as_the_window_is_long_enough():
     step = checked(HEAD + DWELL.replace("60", "10")).entry.step[0]
-    assert isinstance(step, Dwell)
+    assert isinstance(step, DwellStep)
     assert step.duration_s == 10.0
 
 

@@ -153,7 +153,8 @@ def test_a_dwell_counts_from_when_it_had_settled(tmp_path, settled, found):
 
 def test_a_damaged_record_is_told_in_one_line(tmp_path):
     path = recording(tmp_path / "run.mcap", describe_schedule(steps()), {"A": "soon"})
-    assert "metadata of the run is damaged: could not convert" in refusal(path)
+    told = "metadata of the run is damaged: settled: A = 'soon': must be a valid number"
+    assert told in refusal(path)
 
 
 def test_recordings_from_before_turns_still_load(tmp_path):

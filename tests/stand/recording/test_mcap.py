@@ -838,7 +838,7 @@ def test_checksums_are_compared(tmp_path, run):
         read_imu(damaged(path, whole, whole.rindex(b"/rosout")))
     plain = foreign(tmp_path / "plain.mcap", {"/imu": numbered(9)}, use_chunking=True,
                     compression=CompressionType.NONE).read_bytes()  # fmt: skip
-    with pytest.raises(StandError, match=r"bad.mcap: .*crc validation failed in Chunk"):
+    with pytest.raises(StandError, match=r"bad.mcap: damaged: checksum of a chunk is 0x"):
         read_imu(damaged(path, plain, plain.index(b"imu\0") + 40))
 
 

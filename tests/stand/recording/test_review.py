@@ -1,6 +1,5 @@
 """The review file: what went in comes out, nothing is lost that an eye would miss, it opens."""
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,9 +11,11 @@ from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 from stand.errors import StandError
-from stand.recording import review, viewer
+from stand.recording import viewer
 from stand.recording.curves import AngleCurves, Phase
-from stand.recording.review import ReviewWriter
+from stand.recording.review import ReviewWriter, writer
+from stand.recording.review.estimates import exaggeration, relay
+from stand.recording.review.style import KIND_COLORS, shaded
 from stand.recording.thinning import Moved, Regrouped, Thinned, bin_length, min_max_bins
 from stand.samples import ImuBlock, TruthBlock
 from stand.table.joints import Body, Geom, Joint, StandModel
@@ -253,7 +254,7 @@ def test_estimated_axes_are_turned_by_the_exaggerated_error(rrd):
 def test_exaggeration_is_a_power_of_ten_that_shows_degrees(error, factor):
     rows = np.array([[0.5, 0.0, 0.0], [0.0, error, 0.0], [0.0, 0.0, error]])
     curve = AngleCurves("m", "d", [1, 2, 3], rows, rows, rows, rows)
-    assert review._exaggeration([curve]) == factor
+    assert exaggeration([curve]) == factor
 
 
 def test_a_method_is_followed_by_the_one_that_takes_over_and_never_by_its_rival():
@@ -264,8 +265,8 @@ def test_a_method_is_followed_by_the_one_that_takes_over_and_never_by_its_rival(
     first = [curve("a", 20, 24), curve("a", 0, 4)]
     after = [curve("b", 4, 9), curve("b", 24, 29)]
     rival = [curve("rk4", 1, 9), curve("rk4", 21, 29), curve("rk4", 40, 44)]
-    relay = review._relay(first + after + rival)
-    found = [(c.method, int(c.t_ns[0])) for c in relay]
+    found = relay(first + after + rival)
+    found = [(c.method, int(c.t_ns[0])) for c in found]
     assert found == [("a", 0), ("b", 4), ("a", 20), ("b", 24), ("rk4", 40)]
 
 
@@ -320,7 +321,7 @@ def test_following_error_of_a_servo_run(model, rrd, tmp_path):
 
 
 def test_a_spike_of_following_error_survives_thinning(model, tmp_path, monkeypatch):
-    monkeypatch.setattr(review, "ROW_BUDGET", 300)
+    monkeypatch.setattr(writer, "ROW_BUDGET", 300)
     path = servo_review(tmp_path / "long.rrd", model, 5003, 1000)
     t_ns, rows = scalars(path, "/stand/following")
     assert len(t_ns) <= 302
@@ -352,7 +353,7 @@ VISION = {
 @pytest.mark.parametrize("vision", VISION)
 def test_colours_of_the_kinds_are_told_apart(vision):
     """A difference of 10 in L*a*b* is seen at once; 2 is just noticeable."""
-    colors = np.array(list(review.KIND_COLORS.values()), float)
+    colors = np.array(list(KIND_COLORS.values()), float)
     seen = lab(np.clip(colors @ np.transpose(VISION[vision]), 0.0, 255.0))
     apart = np.linalg.norm(seen[:, None] - seen[None, :], axis=2)
     assert apart[~np.eye(len(colors), dtype=bool)].min() > 10.0
@@ -365,14 +366,14 @@ def test_every_kind_of_step_has_a_colour():
 
     union, *_ = get_args(Step)
     kinds = {get_args(entry.model_fields["kind"].annotation)[0] for entry in get_args(union)}
-    assert set(review.KIND_COLORS) == kinds
+    assert set(KIND_COLORS) == kinds
 
 
 def test_neighbours_of_one_kind_are_told_apart():
-    dwell, rate = review.KIND_COLORS["dwell"], review.KIND_COLORS["rate"]
+    dwell, rate = KIND_COLORS["dwell"], KIND_COLORS["rate"]
     dark = (13, 89, 38)  # three quarters of (17, 119, 51)
     kinds = ["dwell", "rate", "rate", "rate", "dwell"]
-    assert review._shaded(kinds) == [dwell, rate, dark, rate, dwell]
+    assert shaded(kinds) == [dwell, rate, dark, rate, dwell]
 
 
 def test_layout_is_paused_and_names_method_factor_and_range(rrd):
@@ -384,9 +385,9 @@ def test_layout_is_paused_and_names_method_factor_and_range(rrd):
     assert "Table angles [deg], 0 to 90" in names
 
 
-def test_a_file_cut_short_still_has_a_layout(model, run, tmp_path):
-    writer = ReviewWriter(
-        tmp_path / "cut.rrd",
+def writer_to(path: Path, model: StandModel) -> ReviewWriter:
+    return ReviewWriter(
+        path,
         model=model,
         run_id="cut",
         title="Cut",
@@ -396,16 +397,46 @@ def test_a_file_cut_short_still_has_a_layout(model, run, tmp_path):
         w_ie_enu=[0.0, 4e-5, 6e-5],
         properties={},
     )
-    writer._stream.flush()
-    shutil.copy(tmp_path / "cut.rrd", tmp_path / "copy.rrd")
+
+
+def test_a_file_is_whole_or_empty(model, tmp_path):
+    """A run that ends early leaves no half of a review that a viewer would take for a whole one."""
+    path = tmp_path / "cut.rrd"
+    with pytest.raises(KeyError), writer_to(path, model):
+        raise KeyError
+    assert path.read_bytes() == b""
+    writer = writer_to(path, model)
+    assert path.read_bytes() == b""
     writer.close()
     writer.close()
-    assert b"Table angles" in (tmp_path / "copy.rrd").read_bytes()
+    writer.abandon()
+    data = path.read_bytes()
+    assert b"Table angles" in data
+    assert data.endswith(b"RRF2FOOT\x01\0\0\0")
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "said"),
+    [
+        (lambda data: data[: len(data) // 2], "bytes are there, must be"),
+        (lambda data: data[:-12] + bytes(12), "no footer"),
+        (lambda data: data[:40] + bytes(400) + data[440:], ""),
+    ],
+)
+def test_a_file_that_is_not_there_as_written_is_told(
+    model, run, tmp_path, monkeypatch, spoilt, said
+):
+    """A disk that takes bytes and has not got them: the file is read back before it counts."""
+    write = Path.write_bytes
+    monkeypatch.setattr(Path, "write_bytes", lambda path, data: write(path, spoilt(data)))
+    with pytest.raises(StandError, match=rf"a\.rrd: cannot be written: .*{said}") as caught:
+        record(tmp_path / "a.rrd", model, run, 200)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("block", [200, 1000])
 def test_nothing_depends_on_the_block(model, run, rrd, tmp_path, block, monkeypatch):
-    monkeypatch.setattr(review, "ROW_BUDGET", 500)
+    monkeypatch.setattr(writer, "ROW_BUDGET", 500)
     one = record(tmp_path / "one.rrd", model, run, 200, block=333)
     two = record(tmp_path / "two.rrd", model, run, 200, block=block)
     # Drawing the layout anew gives its views new random names: compare the data alone.
@@ -420,7 +451,7 @@ def test_nothing_depends_on_the_block(model, run, rrd, tmp_path, block, monkeypa
 
 
 def test_long_runs_keep_every_spike(model, tmp_path, monkeypatch):
-    monkeypatch.setattr(review, "ROW_BUDGET", 300)
+    monkeypatch.setattr(writer, "ROW_BUDGET", 300)
     truth, imu = samples(5003, 1000)
     f_b = imu.f_b.copy()
     f_b[1234, 0], f_b[5001, 2] = 1e3, -2e3  # one in the midst, one in the short last bin

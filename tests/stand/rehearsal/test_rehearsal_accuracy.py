@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from alignment import Priors, Site
 from alignment.earth import EARTH_RATE, normal_gravity
-from alignment.information import Triad
+from alignment.information import TriadErrors
 from alignment.methods.position_fit import fit_positions, predicted_covariance
 from alignment.units import DEG, DEG_PER_HOUR, DEG_PER_RT_HOUR, MILLI_G, STANDARD_GRAVITY
 from stand import toml_files as catalogue
@@ -323,7 +323,7 @@ def test_every_row_has_a_case():
     covered |= {"lag", OF_MOTION, *OF_TABLE.values()}
     assert told <= covered
     # and every error that the models have is in this unit and these tables
-    sheets = {f.name for f in fields(Triad)} - {"drift", "random_walk", "noise", "bias"}
+    sheets = {f.name for f in fields(TriadErrors)} - {"drift", "random_walk", "noise", "bias"}
     named = {row.split(" ", 1)[1] for row in told if row.startswith(SENSORS)}
     assert {name.replace("_", "-").replace("g2", "g^2") for name in sheets} <= named | {
         "misalignment"

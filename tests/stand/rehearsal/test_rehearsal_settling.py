@@ -7,7 +7,7 @@ import pytest
 from stand import toml_files as catalogue
 from stand.imu import load_imu
 from stand.motion.planner import plan
-from stand.physics.following import Span
+from stand.physics.following import StepSpan
 from stand.physics.mjcf import describe, load_model
 from stand.physics.servo import Servo
 from stand.procedure.procedure import procedure_from, table_of
@@ -34,7 +34,7 @@ def test_settling_is_foretold_as_a_servo_does_it(name, long, short):
     foretold = rehearse(assembled(procedure, load_imu("stim300"), table))
     planned = plan(procedure, STAND, table)
     last = planned.steps[-1]
-    servo = Servo(MODEL, table, planned.motion, spans=[Span(last.t_from, last.t_to, True)])
+    servo = Servo(MODEL, table, planned.motion, spans=[StepSpan(last.t_from, last.t_to, True)])
     (done,) = servo.followed()
     assert done.settled
     slowest = max(t for t in done.settling_s if t is not None)

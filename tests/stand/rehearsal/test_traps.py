@@ -8,7 +8,7 @@ from procedures import HALF_TURN
 from scipy.spatial.transform import Rotation
 
 from alignment.gains import Functional
-from alignment.information import Stretch, Triad, Unit
+from alignment.information import InstrumentErrors, Stretch, TriadErrors
 from alignment.units import DEG_PER_HOUR
 from stand import toml_files as catalogue
 from stand.imu import Temperature, load_imu
@@ -17,7 +17,7 @@ from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import procedure_from, table_of
 from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.rocking import over_time
-from stand.rehearsal.traps import averaging_time, doubts
+from stand.rehearsal.traps import averaging_time, procedure_doubts
 from stand.rehearsal.warmth import warmed
 from stand.simulation.settings import assembled
 from stand.table.table import load_table
@@ -48,7 +48,7 @@ def told(procedure, imu="stim300", judgements=()):
     unit = load_imu(imu) if isinstance(imu, str) else imu
     methods = procedure.entry.estimate.methods
     site = procedure.entry.site.site()
-    return list(doubts(plan(procedure, STAND, table), unit, site, methods, judgements))
+    return list(procedure_doubts(plan(procedure, STAND, table), unit, site, methods, judgements))
 
 
 def six_reversals(methods):
@@ -205,7 +205,7 @@ def test_a_walk_has_begun_before_the_stretch():
         motion=np.zeros((3, 3)),
         C_nb=Rotation.identity(),
     )
-    unit = Unit(Triad(random_walk=3e-9), Triad(random_walk=0.0))
+    unit = InstrumentErrors(TriadErrors(random_walk=3e-9), TriadErrors(random_walk=0.0))
     walked = over_time(made, unit, scene_of(load_imu("ideal")))["gyro random walk"]
     assert walked / 9e-18 == pytest.approx(4 * 105 * np.eye(3), rel=1e-9)
     # two blocks share what came before them: K^2 (105 (2 + 3)^2 + 10 3^2)

@@ -30,7 +30,7 @@ from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.result import Verdict
 from stand.rehearsal.result_json import rehearsal_json
 from stand.rehearsal.verification import Achieved, Verification
-from stand.rehearsal.verify import Found, Sums, errors_of, first_seed, with_verification
+from stand.rehearsal.verify import RunErrors, Sums, errors_of, first_seed, with_verification
 from stand.report.rehearsal_tables import headline, tables
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import RunFailed, campaign
@@ -187,7 +187,7 @@ KEY = ("triad", "", "here", "heading")
 def summed(values):
     sums = Sums()
     for value in values:
-        sums.add(Found({KEY: value}, {}))
+        sums.add(RunErrors({KEY: value}, {}))
     return sums.sigma(KEY)
 
 

@@ -7,7 +7,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from alignment.allan import Found, Missing
+from alignment.allan import FoundTerm, MissingTerm
 from alignment.errors import NotAtRest, Saturated, TooShort
 from stand.errors import StandError
 from stand.evaluation.allan import UNITS, AllanReport, analyse, sheet_of, to_json
@@ -128,6 +128,11 @@ def test_a_stretch(tmp_path):
     assert analyse(path, t_from=10, t_to=30).analysis.duration == pytest.approx(20, abs=0.02)
 
 
+def schedule(steps):
+    """The record of a recording of ours; every step has a nominal attitude there."""
+    return {"json": json.dumps([step | {"C_nb_xyzw": [0.0, 0.0, 0.0, 1.0]} for step in steps])}
+
+
 def test_all_rests_of_a_run_of_ours_are_used_together(tmp_path):
     steps = [
         {"kind": "dwell", "label": "A", "t_from_s": 0.0, "t_to_s": 20.0},
@@ -135,7 +140,7 @@ def test_all_rests_of_a_run_of_ours_are_used_together(tmp_path):
         {"kind": "dwell", "label": "C", "t_from_s": 25.0, "t_to_s": 60.0},
     ]
     epoch = 1_767_225_600 * 10**9
-    metadata = {"schedule": {"json": json.dumps(steps)}, "run": {"epoch_ns": str(epoch)}}
+    metadata = {"schedule": schedule(steps), "run": {"epoch_ns": str(epoch)}}
     report = analyse(log(tmp_path / "run.mcap", metadata=metadata))
     assert report.notes[0] == "used 2 rests together: A (20 s), C (35 s)"
     assert report.analysis.duration == pytest.approx(55, abs=0.02)
@@ -152,7 +157,7 @@ def test_a_rest_that_moved_is_left_out_and_named(tmp_path):
         {"kind": "dwell", "label": "C", "t_from_s": 50.0, "t_to_s": 60.0},
     ]
     metadata = {
-        "schedule": {"json": json.dumps(steps)},
+        "schedule": schedule(steps),
         "run": {"epoch_ns": str(1_767_225_600 * 10**9)},
         "settled": {"C": "52.5"},
     }
@@ -270,8 +275,8 @@ def test_verdicts(report):
     assert judged(0.5)[0] == "worse"
     assert judged(2.0) == ("better", "better")  # 2 rad/s of B would have been seen
     assert verdict(report, "gyro", "K") == ""
-    assert isinstance(report.analysis.channels[0].found[0], Found)
-    assert isinstance(report.analysis.channels[0].missing[0], Missing)
+    assert isinstance(report.analysis.channels[0].found[0], FoundTerm)
+    assert isinstance(report.analysis.channels[0].missing[0], MissingTerm)
 
 
 # Picture and page --------------------------------------------------------------------------------

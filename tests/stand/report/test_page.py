@@ -29,7 +29,7 @@ from stand.report.figures import (
     timeline,
 )
 from stand.report.gallery import MOST, Position, angles_text, gallery
-from stand.report.page import _numeric, span_text, write_whole
+from stand.report.page import _numeric, span_text
 from stand.report.rehearsal import JSON, JUNIT, PAGE, page, write_report
 from stand.report.run_page import write_run_page
 from stand.report.tables import TableData
@@ -470,16 +470,6 @@ def test_angles_for_a_person():
 
 
 # Files -------------------------------------------------------------------------------------------
-
-
-def test_a_file_that_cannot_be_written_is_one_line(tmp_path):
-    (tmp_path / "file").write_text("x")
-    with pytest.raises(StandError, match="cannot write there"):
-        write_whole(tmp_path / "file" / "below.html", "text")
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(StandError, match="cannot write there"):
-        write_whole(tmp_path / "folder", "text")
-    assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
 
 
 def test_a_link_counts_as_there(tmp_path):
