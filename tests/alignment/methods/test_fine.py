@@ -29,15 +29,19 @@ from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
 from alignment.methods.fine import (
     _ERRORS,
     METHOD,
+    Model,
     _inverse,
     _Pass,
     _updates,
+    columns_of,
+    error_matrices,
     filtered,
     fine,
     fine_tracks,
     innovations,
 )
-from alignment.methods.inertial import inertial
+from alignment.methods.inertial import Noise, gravity_velocity, inertial
+from alignment.strapdown import carry
 
 W = 7.292115e-5  # rad/s
 T, RATE = 60.0, 5.0
@@ -281,6 +285,52 @@ def test_updates_are_those_of_the_textbook(drifting):
         assert out.misfit[k] == pytest.approx(misfit, abs=1e-10)
         if k < m - 1:
             x, P = F[k] @ x, F[k] @ P @ F[k].T + Q[k]
+
+
+@pytest.mark.parametrize("motion", [STILL, SLOW_CENTRED], ids=["still", "rocking"])
+def test_a_long_interval_is_its_short_ones(motion):
+    """Transition and noise of 0.1 s against ten of 10 ms, composed: ``F2 F1``, ``F2 Q1 F2' + Q2``.
+
+    All cross terms of attitude, velocity, place, biases, scale and misalignment are in them. In
+    one interval rates, f and C stay: to (0.05 s w)^2 of rocking, and Q to (1 ms/10 ms)^2.
+    """
+    t, w, f, _ = motion.readings(1.0, 1000.0, 100.0)
+    names = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "gyro_misalignment")
+    priors = Priors(
+        1e-6, 1e-3, 1e-4, 1e-4, 2e-7, 3e-5, gyro_walk=2e-5, accel_walk=3e-4, gyro_misalignment=1e-3
+    )
+    readings = ImuReadings(t, w, f)
+    noise = Noise(np.array([1.0, 2.0, 3.0]) * 1e-5, np.array([3.0, 1.0, 2.0]) * 1e-4)
+    model = Model(readings, site(motion), noise, priors, names)
+    C_ni = motion.state(np.zeros(1))[0][0]
+    found = []
+    for span in (0.1, 0.01):
+        carried = carry(readings, span)
+        push = np.diff(gravity_velocity(carried.t, site(motion))[0], axis=0)
+        F, Q, _ = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
+        found.append((F, Q))
+    (F, Q), (short_F, short_Q) = found
+    whole_F, whole_Q = np.eye(F.shape[1]), np.zeros(F.shape[1:])
+    for a, q in zip(short_F[:10], short_Q[:10], strict=True):
+        whole_F, whole_Q = a @ whole_F, a @ whole_Q @ a.T + q
+    size = np.sqrt(np.diag(whole_Q))
+    free = size > 0
+    scale = np.outer(size[free], size[free])
+    # drifts of biases count from the next interval on: a part 1/10 of what they make of the rest
+    own = np.ix_(free, free)
+    errors_ = np.arange(_ERRORS - 1)
+    block = np.ix_(errors_, errors_)
+    np.testing.assert_allclose(
+        Q[0][block] / np.outer(size[:9], size[:9]),
+        whole_Q[block] / np.outer(size[:9], size[:9]),
+        atol=0.02,
+    )
+    assert np.abs((Q[0][own] - whole_Q[own]) / scale).max() < 0.1
+    # what each error makes of each other in 0.1 s, by the largest of its kind
+    for rows in (slice(0, 3), slice(3, 6), slice(6, 9)):
+        for columns in (slice(0, 3), slice(3, 6), *(columns_of(k) for k in range(5))):
+            part, want = F[0][rows, columns], whole_F[rows, columns]
+            np.testing.assert_allclose(part, want, rtol=0, atol=0.02 * np.abs(want).max())
 
 
 # --- Monte Carlo ------------------------------------------------------------------------------

@@ -331,6 +331,44 @@ def test_shortest_record_has_a_track_of_one_point():
     assert len(track.t) == 1
 
 
+@pytest.mark.slow
+def test_a_sway_counts_where_it_begins_and_where_it_ends():
+    """Perfect sensors on a base whose place sways by 3 cm: both ends are in the sigma, each alike.
+
+    Phases are drawn, so squares of errors over the stated variances are 1 on average; 2 if one end
+    alone counted.
+    """
+    rng = np.random.default_rng(61)
+    ratios = []
+    for _ in range(80):
+        sway = tuple(
+            Angle(amplitude=0.03, frequency=rng.uniform(0.15, 0.3), phase=rng.uniform(0, 2 * pi))
+            for _ in range(3)
+        )
+        estimate, error = one(replace(STILL, sway=sway), 60.0, 10.0)
+        ratios.append(error**2 / estimate.covariance.diagonal())
+    # a square of a sum of two waves' ends: variance 1.5 to 2, so 0.15 of the mean of 80; three
+    north, east, down = np.mean(ratios, axis=0)
+    assert 0.55 < down < 1.45
+    assert 0.4 < (north + east) / 2 < 1.6
+
+
+def test_the_law_of_a_sway():
+    """``60 r/(g T^2)`` of tilt over ``W T cos lat``, one end at its extreme and one at rest."""
+    r, seconds = 0.03, 60.0
+    # toward east: (0, r cos) at the start at its extreme, at the end a quarter later at zero
+    east = Angle(amplitude=r, frequency=12.25 / seconds, phase=pi / 2)
+    estimate, error = one(replace(STILL, sway=(Angle(), east, Angle())), seconds, 20.0)
+    north = Angle(amplitude=r, frequency=12.25 / seconds, phase=pi / 2)
+    other, off = one(replace(STILL, sway=(north, Angle(), Angle())), seconds, 20.0)
+    law = 60 * r / (G * seconds**2) / (W * seconds * cos(radians(48.5)))
+    # sway toward north is the one that feigns a turn of gravity
+    assert max(abs(error[2]), abs(off[2])) == pytest.approx(law, rel=0.15)
+    for found in (estimate, other):
+        sigma = sqrt(found.covariance[2, 2])
+        assert sigma < law  # rms of a wave is r/sqrt 2, of each end
+
+
 # --- noise from the readings ------------------------------------------------------------------
 
 

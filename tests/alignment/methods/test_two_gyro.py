@@ -146,6 +146,36 @@ def test_the_bound_of_a_tilted_base():
     assert found < 1.6 * rms
 
 
+def test_the_bound_by_slopes_of_a_and_b():
+    """``(|A| sqrt(D z2) + |B| sqrt(D z1))/(A^2 + B^2)``, sway of both tilts told together."""
+    lat, beta0, gamma0 = radians(60), radians(20), radians(-15)
+    C = 1e-4 * np.array([[1.0, 0.8], [0.8, 2.0]])  # of beta and gamma
+    s, c = sin(lat), cos(lat)
+
+    def A(b, g):
+        return c * cos(g) + s * cos(b) * sin(g)
+
+    def B(b, g):
+        return s * sin(b)
+
+    h = 1e-6
+    slopes = [
+        np.array(
+            [
+                (F(beta0 + h * b, gamma0 + h * g) - F(beta0 - h * b, gamma0 - h * g)) / (2 * h)
+                for b, g in ((1, 0), (0, 1))
+            ]
+        )
+        for F in (A, B)
+    ]
+    D_z1, D_z2 = (d @ C @ d for d in slopes)
+    a, b = A(beta0, gamma0), B(beta0, gamma0)
+    want = (abs(a) * sqrt(D_z2) + abs(b) * sqrt(D_z1)) / (a * a + b * b)
+    assert sway_bound(Sway(beta0, gamma0, C[0, 0], C[1, 1], C[0, 1]), lat) == pytest.approx(
+        want, rel=1e-8
+    )
+
+
 def test_real_gyros_feel_the_sways_own_rate():
     """22 500 times the tilt at 0.2 Hz and latitude 50, along the axis that the law calls deaf."""
     lat, f, size = radians(50), 0.2, radians(0.5)
