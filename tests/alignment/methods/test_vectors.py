@@ -205,7 +205,7 @@ def test_integrals_join_and_differ():
 
 
 def test_integrals_of_a_later_start_are_those_of_a_record_that_starts_there():
-    """A record cut at a sample's edge knows nothing of what came before; `since` must not either."""
+    """A record that begins at a sample's edge knows nothing of what came before it."""
     rng = np.random.default_rng(3)
     w, f = 0.5 * rng.standard_normal((300, 3)), 5 * rng.standard_normal((300, 3))
     t = np.arange(1, 301) * 0.01
