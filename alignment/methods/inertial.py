@@ -304,7 +304,7 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     site : Site
         ``latitude`` needed, not at a pole.
     options : Options
-        `priors`: ``gyro_walk`` and ``accel_walk`` (0: from the readings, see `white_levels`);
+        `priors`: ``gyro_walk`` and ``accel_walk`` (both 0: see `white_levels` and `quieter`);
         biases and scale factor errors enter the covariance by theirs.
 
     Returns
