@@ -266,7 +266,7 @@ def _triad_parameters(triad: TriadErrors, sensor: str) -> list[Parameter]:
             ends = list(_PAIRS if name == "non_orthogonality" else AXES)
         sigmas = np.repeat(getattr(triad, name), len(ends) // 3)
         found += [
-            Parameter(source, f"{source} {end}", float(s), unit, per, usual * per)
+            Parameter(source, f"{source} {end}", float(s), unit, per=per, usual=usual * per)
             for end, s in zip(ends, sigmas, strict=True)
         ]
     return found
@@ -282,7 +282,7 @@ def parameters(
     ) -> list[Parameter]:
         values = np.asarray(sigmas).tolist()
         return [
-            Parameter(source, name, s, what, per, per)
+            Parameter(source, name, s, what, per=per, usual=per)
             for name, s in zip(names, values, strict=True)
         ]
 

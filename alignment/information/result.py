@@ -316,8 +316,9 @@ def information(
     rank, condition, vectors = _observed(W, found, sought)
     unseen = combinations(vectors, found, stretches, C_np)
     return Information(
-        stretches, C_np, found, J, names, noises, used, root, weights,
-        scale, unknown, rank, len(sought), condition, unseen,
+        stretches, C_np, found, J,
+        noise_names=names, noises=noises, used=used, root=root, weights=weights, scale=scale,
+        unknown=unknown, rank=rank, sought=len(sought), condition=condition, unseen=unseen,
     )  # fmt: skip
 
 

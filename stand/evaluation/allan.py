@@ -125,7 +125,7 @@ def analyse(
         raise type(error)(f"{path}: {error}") from error
     title = f"{spec.title} ({spec.id})" if spec else None
     notes += _notes(result, known)
-    return AllanReport(str(path), log.topic, result, sheet, title, tuple(notes))
+    return AllanReport(str(path), log.topic, result, sheet, sheet_title=title, notes=tuple(notes))
 
 
 def sheet_of(spec: ImuSpec) -> dict[tuple[str, str], float]:

@@ -284,7 +284,7 @@ class Servo:
             np.concatenate([b, out[name][0, :-1]])
             for b, name in zip(before, ("qpos", "qvel", "act"), strict=True)
         )
-        return _Stepped(told, angles, rates, act, out["qpos"][0])
+        return _Stepped(told, angles, rates, act, after=out["qpos"][0])
 
     def _rows(self, stepped: _Stepped, error: Array) -> ServoSteps:
         inputs, limit = stepped.told.inputs, self.drive.limit

@@ -38,7 +38,9 @@ def predict(scene: Scene, methods: Sequence[str]) -> Predicted:
 
 
 def _refused(method: str, reason: str) -> Prediction:
-    return Prediction(method, "", "", "heading", "deg", DEG, None, (), reason)
+    return Prediction(
+        method, "", "", "heading", unit="deg", per=DEG, sigma=None, contributions=(), reason=reason
+    )
 
 
 def _method(name: str, scene: Scene, unit: InstrumentErrors) -> Predicted:
@@ -107,7 +109,11 @@ def _still(plan: Plan, step: PlannedStep) -> bool:
 
 def _observed(method: str, known: Information) -> Observability:
     return Observability(
-        method, known.rank, known.sought, known.condition, tuple(c.text for c in known.unseen)
+        method,
+        known.rank,
+        known.sought,
+        known.condition,
+        unseen=tuple(c.text for c in known.unseen),
     )
 
 

@@ -52,9 +52,9 @@ def section(v: Verification) -> Section:
         (_agreement(v), _contradicted(v), _chance(v), _how(v)),
         ratios(shown, AGREES) if shown else None,
         note,
-        _table(v.achieved),
-        tuple(refused_in_words(r, v.done) for r in v.refused),
-        not v.disagreeing,
+        table=_table(v.achieved),
+        refused=tuple(refused_in_words(r, v.done) for r in v.refused),
+        agrees=not v.disagreeing,
     )
 
 
@@ -187,7 +187,7 @@ def _row(name: str, those: Sequence[Achieved]) -> RatioRow:
     text = ratio_text(worst.ratio)
     if off:
         text += " contradicted" + (f" ({off} of {len(those)})" if len(those) > 1 else "")
-    return RatioRow(name, text, worst.ratio, not off, others)
+    return RatioRow(name, text, worst.ratio, not off, others=others)
 
 
 def _off(a: Achieved) -> float:

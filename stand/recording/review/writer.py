@@ -112,7 +112,7 @@ class ReviewWriter:
         w_ie = owned(w_ie_enu, "w_ie_enu", (3,))
         self._model, self._scene, self._w_ie = model, scene_of(model), float(np.linalg.norm(w_ie))
         self._channels = (*CHANNELS, FOLLOWING) if following else CHANNELS
-        self._screen = Screen(self._scene, duration_s, self._channels, {}, {})
+        self._screen = Screen(self._scene, duration_s, self._channels, {}, limits={})
         width = sum(len(channel.names) for channel in self._channels)
         self._samples = Thinned(width, bin_length(n, ROW_BUDGET), BLOCK_ROWS)
         step = max(-(-rate_hz // POSE_HZ), -(-n // POSE_BUDGET), 1)
