@@ -261,9 +261,9 @@ class Truth:
         self, motion: Motion, rate_hz: int, sampling: Sampling, first: int, last: int
     ) -> TruthBlock:
         """Samples `first` + 1 to `last` (that is, those that end in (first, last] / rate)."""
-        return self.felt(motion, rate_hz, sampling, first, last)[0]
+        return self.block_and_sensed(motion, rate_hz, sampling, first, last)[0]
 
-    def felt(
+    def block_and_sensed(
         self, motion: Motion, rate_hz: int, sampling: Sampling, first: int, last: int
     ) -> tuple[TruthBlock, Sensed]:
         """As `block`, and what sensors at their places feel if their clock is right."""

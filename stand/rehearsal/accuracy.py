@@ -12,12 +12,12 @@ from alignment.units import DEG
 from stand.motion.plan import Plan, PlannedStep
 from stand.rehearsal.instrument import unit_of
 from stand.rehearsal.planned import planned_stretch
+from stand.rehearsal.predictions import angles, withheld
 from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse
 from stand.rehearsal.response import ReadingErrors, Response
 from stand.rehearsal.result import Observability, Prediction
 from stand.rehearsal.rocking import over_time, readings_of, turned_by_heading
 from stand.rehearsal.scene import Scene
-from stand.rehearsal.telling import angles, withheld
 
 Predicted = tuple[list[Prediction], list[Observability]]
 

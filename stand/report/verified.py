@@ -33,7 +33,7 @@ class Section:
     """The part of the page: its title, sentences, figure, table, and who gave no answer."""
 
     title: str
-    told: tuple[str, ...]
+    sentences: tuple[str, ...]
     chart: Drawing | None
     chart_note: str
     table: TableData | None
@@ -157,7 +157,7 @@ def _chance(v: Verification) -> str:
 def _how(v: Verification) -> str:
     """How many runs, which, and how fast."""
     seeds = f"seed {v.seed}" if v.done == 1 else f"seeds {v.seed} to {v.seed + v.done - 1}"
-    told = f"interrupted: {v.done} of {v.asked} runs" if v.interrupted else runs_text(v.done)
+    told = f"interrupted: {v.done} of {v.requested} runs" if v.interrupted else runs_text(v.done)
     pace = f", {digits(v.done / v.seconds)} runs/s" if v.seconds > 0 else ""
     return (
         f"{told[0].upper()}{told[1:]}, {seeds}, in {span_text(v.seconds)}{pace}; each with a unit, "
