@@ -163,10 +163,10 @@ class Integrals:
             back @ self.turn[last],
             np.einsum("mij,mj->mi", back, velocity),
             np.einsum("mij,mj->mi", back, place),
-            back @ (self.turn_time[last] - start),
-            back @ (self.turn_time2[last] - self.turn_time2[first] - start * dT),
-            back @ (velocity_gyro + cross_matrix(velocity) @ start),
-            back @ (place_gyro + cross_matrix(place) @ start),
+            turn_time=back @ (self.turn_time[last] - start),
+            turn_time2=back @ (self.turn_time2[last] - self.turn_time2[first] - start * dT),
+            velocity_gyro=back @ (velocity_gyro + cross_matrix(velocity) @ start),
+            place_gyro=back @ (place_gyro + cross_matrix(place) @ start),
         )
 
 

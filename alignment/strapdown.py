@@ -60,9 +60,9 @@ class Carried:
             self.q[edges],
             self.v[edges],
             self.p[blocks],
-            self.turned[blocks],
-            self.dtheta[blocks],
-            self.dv[blocks],
+            turned=self.turned[blocks],
+            dtheta=self.dtheta[blocks],
+            dv=self.dv[blocks],
         )
 
 

@@ -158,7 +158,7 @@ def _followed(path: Path) -> Path:
 
 
 @contextmanager
-def _new_parents(path: Path, told: str) -> Iterator[None]:
+def _new_parents(path: Path, name: str) -> Iterator[None]:
     """Make the folders above `path`; on a failure those that were made and are empty go again."""
     made: list[Path] = []
     try:
@@ -168,7 +168,7 @@ def _new_parents(path: Path, told: str) -> Iterator[None]:
                     folder.mkdir(exist_ok=True)
                     made.append(folder)
         except OSError as error:
-            raise StandError(f"{told}: cannot write there: {error.strerror}") from error
+            raise StandError(f"{name}: cannot write there: {error.strerror}") from error
         yield
     except BaseException:
         with suppress(OSError):
@@ -178,7 +178,7 @@ def _new_parents(path: Path, told: str) -> Iterator[None]:
 
 
 @contextmanager
-def _named(beside: Path, out: Path, told: str) -> Iterator[None]:
+def _named(beside: Path, out: Path, name: str) -> Iterator[None]:
     """Faults of writing `beside` are told with the name of what it becomes."""
     try:
         yield
@@ -192,7 +192,7 @@ def _named(beside: Path, out: Path, told: str) -> Iterator[None]:
         if where != beside and beside not in where.parents:
             raise  # of something else, which it names
         within = "" if where == beside else f"{out / where.relative_to(beside)}"
-        raise StandError(f"{within or told}: cannot write there: {error.strerror}") from error
+        raise StandError(f"{within or name}: cannot write there: {error.strerror}") from error
 
 
 def _put_in_place(beside: Path, out: Path) -> None:

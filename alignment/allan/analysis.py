@@ -292,8 +292,9 @@ def _stretches(rests: Sequence[ImuReadings]) -> tuple[list[Part], list[Interrupt
 
 
 def _stretch(part: ImuReadings, step: float) -> RestRecord:
-    means = part.w_ib_b.mean(axis=0), part.f_b.mean(axis=0)
-    return RestRecord(float(part.t[0]), float(part.t[-1]), len(part), step, *means)
+    w_ib_b, f_b = part.w_ib_b.mean(axis=0), part.f_b.mean(axis=0)
+    times = float(part.t[0]), float(part.t[-1])
+    return RestRecord(*times, len(part), step, w_ib_b=w_ib_b, f_b=f_b)
 
 
 def _new_ones(
@@ -389,17 +390,17 @@ def channel(
         axis,
         curve.tau,
         np.sqrt(curve.variance),
-        low,
-        high,
-        np.array([value(w, k, step) for k, w in enumerate(weights)]),
-        tuple(found),
-        tuple(missing),
-        float(curve.tau[fitted.first]),
-        fitted.onset * step if fitted.weights[index("B")] > 0 else 0.0,
-        fitted.problem.excess / 2,  # of the deviation: half of that of its square
-        smoothing,
-        rounding.step,
-        value(rounding.least, _N, step),
+        low=low,
+        high=high,
+        values=np.array([value(w, k, step) for k, w in enumerate(weights)]),
+        found=tuple(found),
+        missing=tuple(missing),
+        first_tau=float(curve.tau[fitted.first]),
+        onset=fitted.onset * step if fitted.weights[index("B")] > 0 else 0.0,
+        model_error=fitted.problem.excess / 2,  # of the deviation: half of that of its square
+        smoothing=smoothing,
+        step=rounding.step,
+        rounding=value(rounding.least, _N, step),
     )
 
 
@@ -459,8 +460,8 @@ def _unresolved(
     zeros, first = np.zeros(len(KEYS)), float(curve.tau[0])
     deviations = np.sqrt(curve.variance)
     return Channel(
-        sensor, axis, curve.tau, deviations, low, high, zeros, (), missing, first, 0.0, 0.0,
-        step=size, resolved=False,
+        sensor, axis, curve.tau, deviations, low=low, high=high, values=zeros, found=(),
+        missing=missing, first_tau=first, onset=0.0, model_error=0.0, step=size, resolved=False,
     )  # fmt: skip
 
 
@@ -489,7 +490,18 @@ def _silent(sensor: str, axis: str, curve: Deviation) -> Channel:
     missing = tuple(MissingTerm(key, 0.0, 0.0, None) for key in KEYS)
     zeros = np.zeros(len(KEYS))
     return Channel(
-        sensor, axis, curve.tau, none, none, none, zeros, (), missing, float(curve.tau[0]), 0.0, 0.0
+        sensor,
+        axis,
+        curve.tau,
+        none,
+        low=none,
+        high=none,
+        values=zeros,
+        found=(),
+        missing=missing,
+        first_tau=float(curve.tau[0]),
+        onset=0.0,
+        model_error=0.0,
     )
 
 

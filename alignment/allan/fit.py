@@ -262,7 +262,9 @@ def _fit_with(curve: Deviation, first: int, onset: float, near: Array | None = N
     posed = problem(curve, first, onset)
     weights = solve(posed, near=near)
     freedom = len(posed.variance) - int(np.count_nonzero(weights)) - (onset > 0)
-    return Fit(weights, posed, first, onset, posed.whiten(weights).chi2(weights), freedom)
+    return Fit(
+        weights, posed, first, onset, chi2=posed.whiten(weights).chi2(weights), freedom=freedom
+    )
 
 
 def _cost(found: Fit) -> float:

@@ -273,22 +273,22 @@ def _levelling_figures() -> tuple[PublishedFigure, ...]:
             "39'",
             _minutes(float(apart[0]), float(equal[0])),
             True,
-            "it comes out with scale errors of opposite sign (the second with equal ones)",
+            because="it comes out with scale errors of opposite sign (the second with equal ones)",
         ),
         PublishedFigure(
             f"pitch, {case}, b = 0.1 m/s^2",
             "41'",
             _minutes(float(equal[1]), float(equal[2])),
             False,
-            "asin gives the first, atan2 with equal K the second (with the worst signs of K "
-            f"{_minutes(float(apart[2]))}): no assumption stated gives 41'",
+            because="asin gives the first, atan2 with equal K the second (with the worst signs of "
+            f"K {_minutes(float(apart[2]))}): no assumption stated gives 41'",
         ),
         PublishedFigure(
             f"roll, {case}, b = 0.001 m/s^2",
             "0.46'",
             _minutes(float(fine[0]), digits=3),
             False,
-            "bias, equal K and three sigma of noise per axis give more; bias alone gives "
+            because="bias, equal K and three sigma of noise per axis give more; bias alone gives "
             f"{_minutes(float(levelling_worst(0.001, True, 0)[0]), digits=3)}",
         ),
         PublishedFigure(
@@ -296,7 +296,8 @@ def _levelling_figures() -> tuple[PublishedFigure, ...]:
             "0.5'",
             _minutes(float(fine[2]), digits=3),
             True,
-            "it comes out, rounded, by atan2 with equal K and three sigma of noise per axis",
+            because="it comes out, rounded, by atan2 with equal K and three sigma of noise per "
+            "axis",
         ),
     )
 
@@ -317,15 +318,16 @@ def _double_figures() -> tuple[PublishedFigure, ...]:
             "1.3'",
             f"{_minutes(plain[0])} (latitude 45 deg) to {_minutes(plain[1])} (60 deg)",
             False,
-            "1' of placement and K tan(lat) tan(pitch) of scale error add up to more; with 0.2 % "
-            f"of the accelerometers too it is {_minutes(scaled[0])} to {_minutes(scaled[1])}",
+            because="1' of placement and K tan(lat) tan(pitch) of scale error add up to more; with "
+            f"0.2 % of the accelerometers too it is {_minutes(scaled[0])} to {_minutes(scaled[1])}",
         ),
         PublishedFigure(
             "the same with the white noise of such gyros, 0.15 to 0.6 deg/rt-h",
             "not stated",
             f"{days[0]:.0f} to {days[1]:.0f} days at latitude 45 deg",
             False,
-            "white noise alone needs that long for 1.3', and bias instability ends it before",
+            because="white noise alone needs that long for 1.3', and bias instability ends it "
+            "before",
         ),
         PublishedFigure(
             "heading without a turn, gyros of 10 deg/h",
@@ -333,14 +335,14 @@ def _double_figures() -> tuple[PublishedFigure, ...]:
             f"no heading: 10 deg/h is {10 / (15.041067 * np.cos(latitudes[0])):.2f} of the "
             "horizontal Earth rate",
             False,
-            f"30' needs gyros of {needed:.2f} deg/h",
+            because=f"30' needs gyros of {needed:.2f} deg/h",
         ),
         PublishedFigure(
             "placement below which a turn pays, accelerometers of 5e-5 and 5e-3 m/s^2",
             "1'' and 1.7'",
             f"{5e-5 / _GRAVITY / ARC_SECOND:.2f}'' and {_minutes(5e-3 / _GRAVITY, digits=2)}",
             True,
-            "it is b/g; but placement acts through the tilt, so at 5 deg a turn pays up to "
+            because="it is b/g; but placement acts through the tilt, so at 5 deg a turn pays up to "
             f"{1 / np.tan(_TILT):.0f} times that",
         ),
     )

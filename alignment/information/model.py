@@ -187,16 +187,16 @@ def assumed(priors: Priors, latitude_known: bool = True) -> tuple[InstrumentErro
 
 
 def _assumed_triad(priors: Priors, sensor: str) -> TriadErrors:
-    def told(name: str) -> float:
+    def prior(name: str) -> float:
         return getattr(priors, f"{sensor}_{name}")
 
     return TriadErrors(
-        noise=told("walk"),
-        bias=told("bias") or np.inf,
-        ramp=told("ramp"),
-        drift=flicker(told("instability")),
-        random_walk=told("random_walk"),
-        **{name: told(name) for name in ERRORS_OF[sensor]},
+        noise=prior("walk"),
+        bias=prior("bias") or np.inf,
+        ramp=prior("ramp"),
+        drift=flicker(prior("instability")),
+        random_walk=prior("random_walk"),
+        **{name: prior(name) for name in ERRORS_OF[sensor]},
     )
 
 
@@ -266,7 +266,7 @@ def _triad_parameters(triad: TriadErrors, sensor: str) -> list[Parameter]:
             ends = list(_PAIRS if name == "non_orthogonality" else AXES)
         sigmas = np.repeat(getattr(triad, name), len(ends) // 3)
         found += [
-            Parameter(source, f"{source} {end}", float(s), unit, per, usual * per)
+            Parameter(source, f"{source} {end}", float(s), unit, per=per, usual=usual * per)
             for end, s in zip(ends, sigmas, strict=True)
         ]
     return found
@@ -282,7 +282,7 @@ def parameters(
     ) -> list[Parameter]:
         values = np.asarray(sigmas).tolist()
         return [
-            Parameter(source, name, s, what, per, per)
+            Parameter(source, name, s, what, per=per, usual=per)
             for name, s in zip(names, values, strict=True)
         ]
 
@@ -325,7 +325,9 @@ class ParameterColumns:
         )
 
 
-def felt(stretch: Stretch, C_np: Rotation, site: Site) -> tuple[Array, Array, Array, Array]:
+def sensor_inputs(
+    stretch: Stretch, C_np: Rotation, site: Site
+) -> tuple[Array, Array, Array, Array]:
     """True rates and forces (k, 3) and C_bn (k, 3, 3) at k angles of a turn, at one of a rest.
 
     And the projection (h, k) that makes constant, cosine and sine of values there.
@@ -343,7 +345,7 @@ def sensitivities(
     stretch: Stretch, number: int, C_np: Rotation, site: Site, columns: ParameterColumns
 ) -> Array:
     """Of the stretch's coefficients (h, 6) to all p parameters: (h, 6, p), first order."""
-    w, f, C_bn, project = felt(stretch, C_np, site)
+    w, f, C_bn, project = sensor_inputs(stretch, C_np, site)
     J = np.zeros((len(w), 6, columns.placement[-1].stop))
     J[:, :3, :3] = C_bn @ cross_matrix(site.w_ie_n)
     J[:, 3:, :3] = C_bn @ cross_matrix(site.f_n)

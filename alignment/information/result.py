@@ -163,7 +163,7 @@ class Information:
             Nothing tells one of them.
         """
         rows = np.asarray(rows, dtype=float)
-        if not all(self._told(row) for row in rows):
+        if not all(self._determined(row) for row in rows):
             raise AlignmentError(f"not determined: {'; '.join(c.text for c in self.unseen)}")
         half = rows @ self.root
         return np.asarray(half @ half.T)
@@ -171,7 +171,7 @@ class Information:
     def sigma(self, quantity: str, stretch: int = 0) -> float:
         """Predicted standard deviation (SI) of a quantity; infinite where nothing tells it."""
         row = self.row(quantity, stretch)
-        return float(np.linalg.norm(row @ self.root)) if self._told(row) else np.inf
+        return float(np.linalg.norm(row @ self.root)) if self._determined(row) else np.inf
 
     def determined(self, quantity: str, stretch: int = 0) -> bool:
         """Whether `sigma` can be stood behind: finite, and of an angle below 10 deg."""
@@ -189,7 +189,7 @@ class Information:
             Nothing tells the quantity.
         """
         row = self.row(quantity, stretch)
-        if not self._told(row):
+        if not self._determined(row):
             why = self.why(quantity, stretch) or "no reading depends on it"
             raise AlignmentError(f"{quantity} is not determined: {why}")
         return np.asarray(self.weights @ (self.root.T @ row))
@@ -253,7 +253,7 @@ class Information:
             if abs(row @ c.vector) > _SEEN * float(np.abs(row) @ np.abs(c.vector))
         )
 
-    def _told(self, row: Array) -> bool:
+    def _determined(self, row: Array) -> bool:
         scaled = row * self.scale
         return bool(np.all(np.abs(scaled @ self.unknown) <= _SEEN * np.linalg.norm(scaled)))
 
@@ -316,8 +316,9 @@ def information(
     rank, condition, vectors = _observed(W, found, sought)
     unseen = combinations(vectors, found, stretches, C_np)
     return Information(
-        stretches, C_np, found, J, names, noises, used, root, weights,
-        scale, unknown, rank, len(sought), condition, unseen,
+        stretches, C_np, found, J,
+        noise_names=names, noises=noises, used=used, root=root, weights=weights, scale=scale,
+        unknown=unknown, rank=rank, sought=len(sought), condition=condition, unseen=unseen,
     )  # fmt: skip
 
 
@@ -392,12 +393,12 @@ def _solved(W: Array, prior: Array) -> tuple[Array, Array, Array, Array]:
 def _sought(found: Sequence[Parameter], turning: bool) -> list[int]:
     """Which parameters the readings are asked for."""
 
-    def asked(p: Parameter) -> bool:
+    def is_sought(p: Parameter) -> bool:
         if p.source == "lag":
             return turning and p.prior > 0
         return p.prior > 0 and (p.source in SOUGHT or np.isinf(p.prior))
 
-    return [i for i, p in enumerate(found) if asked(p)]
+    return [i for i, p in enumerate(found) if is_sought(p)]
 
 
 def _observed(W: Array, found: Sequence[Parameter], sought: list[int]) -> tuple[int, float, Array]:

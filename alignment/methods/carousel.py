@@ -228,11 +228,11 @@ def _stretch(dwell: Dwell) -> _Stretch:
         float(readings.t[0] - steps[0]),
         float(readings.t[-1]),
         float((angle[-1] - angle[0]) / np.sum(steps)),
-        h_w,
-        h_f,
-        _present(readings.w_ib_b),
-        float(np.hypot(speed.cosine[0], speed.sine[0])),
-        flags,
+        gyros=h_w,
+        accels=h_f,
+        present=_present(readings.w_ib_b),
+        ripple=float(np.hypot(speed.cosine[0], speed.sine[0])),
+        flags=flags,
     )
 
 
@@ -410,8 +410,8 @@ def _together(
         first.label,
         min(s.t_from for s in group),
         max(s.t_to for s in group),
-        site.plumb * C_nb,
-        options.rule.sequence_for(up.apply([0.0, 0.0, -1.0])),
+        C_nb=site.plumb * C_nb,
+        sequence=options.rule.sequence_for(up.apply([0.0, 0.0, -1.0])),
         covariance=fit.covariance,
         flags=tuple(dict.fromkeys(flag for s in group for flag in s.flags))
         + heading_doubt(fit.covariance)

@@ -9,7 +9,7 @@ from alignment.arrays import Array
 from alignment.earth import Site
 from alignment.gains import Answer
 from alignment.information import Stretch
-from alignment.information.model import felt
+from alignment.information.model import sensor_inputs
 from alignment.methods.carousel import SAME_AXIS, carousel_attitude, combined, lag_of
 from alignment.methods.harmonics import Harmonics, TurningVector, turning_vector
 from alignment.methods.position_fit import local_vectors
@@ -76,11 +76,11 @@ def _attitude(y: Array, group: Sequence[Stretch], site: Site, options: Options) 
 
 def _vector(c: Array, axis: Array, walk: float, length: float) -> TurningVector:
     variance = np.full(3, max(walk, _LEAST_WALK) ** 2)
-    h = Harmonics(c[0], c[1], c[2], variance, np.diag([1.0, 2.0, 2.0]) / length)
+    h = Harmonics(c[0], c[1], c[2], variance, normal=np.diag([1.0, 2.0, 2.0]) / length)
     return turning_vector(h, axis)
 
 
 def _coefficients(stretch: Stretch, site: Site) -> Array:
     """Constant, cosine and sine (3, 6) of what perfect sensors read."""
-    w, f, _, project = felt(stretch, _NORTH, site)
+    w, f, _, project = sensor_inputs(stretch, _NORTH, site)
     return np.asarray(project @ np.concatenate([w, f], axis=1))

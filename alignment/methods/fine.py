@@ -35,7 +35,7 @@ from alignment.methods.inertial import (
     rest_of,
     sway_covariance,
     told_at,
-    told_noise,
+    stated_noise,
     wander_doubt,
 )
 from alignment.nominal import TRACK_STEP
@@ -232,7 +232,7 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     carried = carry(readings, UPDATE)
     matched = match(carried, site)
     priors = states_of(options.priors, carried, site)
-    noise = told_noise(readings, carried, matched, priors)
+    noise = stated_noise(readings, carried, matched, priors)
     coarse, wander = covariances(carried, matched, noise, priors)
     rest = rest_of(readings, priors)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)

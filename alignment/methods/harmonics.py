@@ -63,7 +63,7 @@ def harmonic_fit(X: Array, values: Array) -> Harmonics:
     # expectation for unit white noise: trace of B (1 - X normal X^T) B^T, B the block means
     expected = np.sum(1 / lengths) - np.sum((X_mean @ normal) * X_mean)
     constant, cosine, sine = np.moveaxis(coefficients, -2, 0)
-    return Harmonics(constant, cosine, sine, left / expected, normal)
+    return Harmonics(constant, cosine, sine, left / expected, normal=normal)
 
 
 def block_means(values: Array, blocks: int) -> tuple[Array, Array]:

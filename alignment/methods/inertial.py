@@ -134,7 +134,7 @@ def noise_of(readings: ImuReadings, priors: Priors) -> Noise:
     return Noise(gyro, accel)
 
 
-def is_told(priors: Priors) -> bool:
+def is_stated(priors: Priors) -> bool:
     """Whether a data sheet tells the noise, so that the readings are not asked."""
     return priors.gyro_walk > 0 or priors.accel_walk > 0
 
@@ -142,7 +142,7 @@ def is_told(priors: Priors) -> bool:
 def rest_of(readings: ImuReadings, priors: Priors) -> Rest:
     """What the readings show beside white noise, where they are at rest and no sheet tells it."""
     nothing = Rest(*np.zeros((3, 3)))
-    if is_told(priors) or len(readings) < LEAST_SPECTRUM:
+    if is_stated(priors) or len(readings) < LEAST_SPECTRUM:
         return nothing
     try:
         check_rest(readings, "")
@@ -341,7 +341,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     readings = checked_readings(dwell)
     priors = options.priors
     carried = carry(readings, block_of(readings))
-    noise = told_noise(readings, carried, match(carried, site), priors)
+    noise = stated_noise(readings, carried, match(carried, site), priors)
     rest = rest_of(readings, priors)
     m = len(carried.spans)
     ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
@@ -385,7 +385,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     readings = checked_readings(dwell)
     carried = carry(readings, block_of(readings))
     matched = match(carried, site)
-    noise = told_noise(readings, carried, matched, options.priors)
+    noise = stated_noise(readings, carried, matched, options.priors)
     covariance, wander = covariances(carried, matched, noise, options.priors)
     rest = rest_of(readings, options.priors)
     covariance = covariance + rest_covariance(carried, matched, rest)
@@ -436,10 +436,10 @@ def covariances(
     return P[:3, :3] + sum(e @ sway @ e.T for e in ends), wander
 
 
-def told_noise(readings: ImuReadings, carried: Carried, matched: Match, priors: Priors) -> Noise:
+def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors: Priors) -> Noise:
     """White noise by the priors, or as the readings show it in the band that matters."""
     noise = noise_of(readings, priors)
-    return noise if is_told(priors) else quieter(noise, carried, matched)
+    return noise if is_stated(priors) else quieter(noise, carried, matched)
 
 
 def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:

@@ -128,7 +128,7 @@ def _track(
     R = nominal.as_matrix()
     covariance = np.einsum("ij,mj,kj->mik", R, about_b, R) + placed_covariance(priors)
     sequence = sequence_of(nominal, options.rule)
-    return AttitudeTrack(method, dwell.label, t, C_nb, sequence, covariance)
+    return AttitudeTrack(method, dwell.label, t, C_nb, sequence=sequence, covariance=covariance)
 
 
 def integrated(
@@ -149,8 +149,8 @@ def integrated(
                 dwell.label,
                 dwell.t_from,
                 dwell.t_to,
-                track.C_nb[0],
-                track.sequence,
+                C_nb=track.C_nb[0],
+                sequence=track.sequence,
                 covariance=track.covariance[0],
                 flags=flags + heading_doubt(track.covariance[0]),
             )

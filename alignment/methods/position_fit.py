@@ -172,11 +172,11 @@ def _problem(
         latitude,
         gravity,
         priors,
-        np.array(sigmas),
-        vague,
-        _turned_by_table(relative, priors),
-        by_channel.reshape(6 * n, 6 * n),
-        gravity_sigma > 0,
+        sigmas=np.array(sigmas),
+        vague=vague,
+        turned=_turned_by_table(relative, priors),
+        drift=by_channel.reshape(6 * n, 6 * n),
+        heavier=gravity_sigma > 0,
     )
 
 

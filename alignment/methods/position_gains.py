@@ -29,7 +29,16 @@ def known_to(stretches: Sequence[Stretch], site: Site, options: Options) -> Info
     anomaly = ANOMALY if site.local_gravity is None else 0.0
     setting = Setting(placement=setting.placement, mounting=priors.seat, gravity=anomaly)
     rounded = [
-        Stretch(s.label, s.start, s.duration, s.C_pb, s.rate, s.axis_b, s.angle, ROUNDING)
+        Stretch(
+            s.label,
+            s.start,
+            s.duration,
+            s.C_pb,
+            rate=s.rate,
+            axis_b=s.axis_b,
+            angle=s.angle,
+            disturbance=ROUNDING,
+        )
         for s in stretches
     ]
     return information(rounded, _NORTH, site, unit, setting)

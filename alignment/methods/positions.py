@@ -183,8 +183,8 @@ def _estimates(
             dwell.label,
             t_from,
             t_to,
-            site.plumb * Rotation.from_matrix(fit.C_nb[k]),
-            options.rule.sequence_for(_nominal_of(dwell).inv().apply([0.0, 0.0, -1.0])),
+            C_nb=site.plumb * Rotation.from_matrix(fit.C_nb[k]),
+            sequence=options.rule.sequence_for(_nominal_of(dwell).inv().apply([0.0, 0.0, -1.0])),
             covariance=growth * fit.covariance[k],
             latitude=None if fit.latitude is None else float(fit.latitude) - site.deflection[0],
             latitude_sigma=None

@@ -66,7 +66,7 @@ def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Func
     names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
     C_ni = matched.C_ni.as_matrix()
     push = np.diff(gravity_velocity(carried.t, site)[0], axis=0)
-    model = Model(readings, site, noise, priors, names)
+    model = Model(readings, site, noise, priors, names=names)
     F, Q, H = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
     walk = float(np.mean(noise.gyro**2)) * float(carried.t[-1] - carried.t[0])
     variance = (STILL**2 + 100 * priors.lever_arm**2 * walk) * UPDATE / STEP

@@ -222,7 +222,7 @@ def rehearse(
             for path in written:
                 print(path)
     if runs is not None and runs.interrupted:
-        raise Stopped(f"interrupted: {runs.done} of {runs.asked} runs were made")
+        raise Stopped(f"interrupted: {runs.done} of {runs.requested} runs were made")
     if result.verdict is not Verdict.PASS:
         raise typer.Exit(1)
 

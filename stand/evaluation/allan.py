@@ -59,7 +59,7 @@ UNITS: Mapping[tuple[str, str], TermUnit] = {
 ORDER = ("N", "B", "K", "Q", "R")
 STEPS = {"gyro": TermUnit("deg/s", DEG), "accel": TermUnit("mg", MILLI_G)}
 SLIP = 0.02  # relative, to one of the known mix-ups of units
-ROUNDING_TOLD = 0.1  # of N: less white noise of the rounding is not worth a word
+ROUNDING_SHOWN = 0.1  # of N: less white noise of the rounding is not worth a word
 DEVIATION = {"gyro": TermUnit("deg/h", DEG_PER_HOUR), "accel": TermUnit("ug", MICRO_G)}
 
 
@@ -125,7 +125,7 @@ def analyse(
         raise type(error)(f"{path}: {error}") from error
     title = f"{spec.title} ({spec.id})" if spec else None
     notes += _notes(result, known)
-    return AllanReport(str(path), log.topic, result, sheet, title, tuple(notes))
+    return AllanReport(str(path), log.topic, result, sheet, sheet_title=title, notes=tuple(notes))
 
 
 def sheet_of(spec: ImuSpec) -> dict[tuple[str, str], float]:
@@ -283,7 +283,7 @@ def _misfits(channel: Channel, known: Mapping[str, float]) -> list[str]:
     if not channel.resolved:
         return [f"{name}: below resolution: its noise is lost in steps of {size}, N cannot be told"]
     notes = []
-    if channel.rounding > ROUNDING_TOLD * channel.values[KEYS.index("N")]:
+    if channel.rounding > ROUNDING_SHOWN * channel.values[KEYS.index("N")]:
         unit = UNITS[channel.sensor, "N"]
         notes.append(
             f"{name}: rounded to {size}: of that, N {channel.rounding / unit.si:.2g} {unit.name} "

@@ -53,7 +53,7 @@ def score(estimate: AttitudeEstimate, truths: Truths) -> Score:
         angle_error(estimate, truths.C_nb),
         angle_error(estimate, truths.nominal),
         _heading_error(estimate, truths.C_nb),
-        latitude_error,
+        latitude_error=latitude_error,
     )
 
 
@@ -169,7 +169,7 @@ def spreads(scores: Sequence[Score]) -> list[Spread]:
 def _spread(method: str, window: str, reference: str, errors: Array) -> Spread:
     sigma = errors.std(axis=0, ddof=1)
     rms = np.sqrt((errors**2).mean(axis=0))
-    return Spread(method, window, reference, len(errors), sigma, rms)
+    return Spread(method, window, reference, len(errors), sigma=sigma, rms=rms)
 
 
 def by_method(scores: Sequence[Score]) -> list[tuple[tuple[str, str], list[Score]]]:

@@ -69,7 +69,7 @@ _AXES = {
     "scale factor error": ("scale",),
     "misalignment": ("misalignment", "non_orthogonality"),
 }
-TOLD_WHEN_ABSENT = {
+NAMED_WHEN_ABSENT = {
     "gyros": _DRIFT | _AXES | {"g-sensitivity": ("g_sensitivity",)},
     "accelerometers": _DRIFT | _AXES,
 }
@@ -178,13 +178,13 @@ class SensorEntry(catalogue.Entry):
     def _units_of_sheets(cls, data: object) -> object:
         if not isinstance(data, dict):
             return data
-        told: dict[str, object] = {}
+        converted: dict[str, object] = {}
         for key, value in data.items():
-            name, converted = _in_own_unit(key, value, list(cls.model_fields))
-            if name in told or (name != key and name in data):
+            name, own = _in_own_unit(key, value, list(cls.model_fields))
+            if name in converted or (name != key and name in data):
                 raise ValueError(f"{key}: is stated twice, as {name} too")
-            told[name] = converted
-        return told
+            converted[name] = own
+        return converted
 
     @model_validator(mode="after")
     def _nonlinearity_needs_range(self) -> "SensorEntry":
@@ -369,7 +369,7 @@ def unstated(spec: ImuSpec) -> tuple[str, ...]:
     return tuple(
         f"the sheet of {spec.id} states no {what} of the {sensor}: none is simulated or predicted"
         for sensor, triad in (("gyros", spec.gyro), ("accelerometers", spec.accel))
-        for what, fields in TOLD_WHEN_ABSENT[sensor].items()
+        for what, fields in NAMED_WHEN_ABSENT[sensor].items()
         if not any(getattr(triad, field) for field in fields)
     )
 

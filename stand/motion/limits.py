@@ -146,7 +146,12 @@ def _kinematic(t: Array, values: list[Array], table: Table) -> Iterator[tuple[st
         order = _ORDER[quantity]
         slower = used ** (1 / order) if order else (1.0 if used <= 1 else inf)
         value, bound = float(x[row, axis] / DEG), float(bound / DEG)
-        yield quantity, Peak(quantity, JOINTS[axis], float(t[row]), value, bound, used, slower)
+        yield (
+            quantity,
+            Peak(
+                quantity, JOINTS[axis], float(t[row]), value, limit=bound, ratio=used, slower=slower
+            ),
+        )
 
 
 def _torque_peak(motion: Motion, step: PlannedStep, table: Table, torque: Torque) -> Peak:
@@ -167,9 +172,9 @@ def _torque_peak(motion: Motion, step: PlannedStep, table: Table, torque: Torque
         JOINTS[axis],
         float(t[row]),
         value,
-        limit,
-        float(ratio[row, axis]),
-        _torque_slower(value, held, limit),
+        limit=limit,
+        ratio=float(ratio[row, axis]),
+        slower=_torque_slower(value, held, limit),
     )
 
 

@@ -112,11 +112,12 @@ class _Track:
             step.kind,
             label or step.label,
             self.t,
-            t_to,
-            *steady,
-            self.joints,
-            attitude(self.model, zeroed),
-            turning,
+            t_to=t_to,
+            steady_from=steady[0],
+            steady_to=steady[1],
+            joints=self.joints,
+            C_nb=attitude(self.model, zeroed),
+            turning=turning,
         )
         self.steps.append(planned)
         self.rests.append(~moving)

@@ -80,7 +80,7 @@ def gains_of(motor: Motor, inertia: float) -> Gains:
     """A closed loop ``s^2 + 2 damping w s + w^2`` around `inertia` [kg m^2]; integrator beside."""
     kp = inertia * motor.bandwidth**2
     ki = 0.0 if motor.integral is None else kp / motor.integral
-    return Gains(kp, 2 * motor.damping * motor.bandwidth * inertia, ki, inertia, motor.torque)
+    return Gains(kp, 2 * motor.damping * motor.bandwidth * inertia, ki, inertia, limit=motor.torque)
 
 
 def bristle_damping(motor: Motor, inertia: float) -> float:

@@ -172,9 +172,9 @@ class Account:
             tally.greatest,
             np.sqrt(tally.squares / steps),
             tally.saturated * self._step,
-            tally.peak,
-            rests,
-            tuple(
+            peak_torque=tally.peak,
+            rests=rests,
+            settling_s=tuple(
                 float(t) if r and rest >= hold else None
                 for t, r, rest in zip(times, rests, left, strict=True)
             ),

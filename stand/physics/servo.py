@@ -95,13 +95,13 @@ class MotorDrive:
         """
         step = self.model.opt.timestep
         rates = np.diff(demand, axis=0) / step
-        told = np.empty((len(demand) - 2, demand.shape[1], INPUTS))
-        told[:, :, 0], told[:, :, 1] = demand[1:-1], rates[:-1]
-        feedforward = told[:, :, 2]
+        inputs = np.empty((len(demand) - 2, demand.shape[1], INPUTS))
+        inputs[:, :, 0], inputs[:, :, 1] = demand[1:-1], rates[:-1]
+        feedforward = inputs[:, :, 2]
         np.multiply(np.diff(rates, axis=0), self.inertia / step, out=feedforward)
         feedforward += self._viscous * rates[:-1]
         feedforward[:, :2] += self.weight(demand[1:-1])
-        return told.reshape(len(told), -1)
+        return inputs.reshape(len(inputs), -1)
 
     def weight(self, angles: Array) -> Array:
         """Torque (n, 2) [N m] that holds the stand on the base's roll and pitch axes.
@@ -135,9 +135,9 @@ class MotorDrive:
         load[:2] -= self.weight(demand[None])[0]
         return load
 
-    def torques(self, told: Array, angles: Array, rates: Array, act: Array) -> Array:
+    def torques(self, inputs: Array, angles: Array, rates: Array, act: Array) -> Array:
         """Torque (n, 6) [N m] of the motors, friction and cogging aside, from their inputs."""
-        wanted = told.reshape(len(told), -1, INPUTS)
+        wanted = inputs.reshape(len(inputs), -1, INPUTS)
         torque = self.kp * (wanted[:, :, 0] - angles)
         torque += self.kd * (wanted[:, :, 1] - rates)
         torque += wanted[:, :, 2]
@@ -155,7 +155,7 @@ class _Controls(NamedTuple):
 class _Stepped(NamedTuple):
     """Angles, rates and activations (BLOCK, ...) before each step; angles `after` each."""
 
-    told: _Controls
+    controls: _Controls
     angles: Array
     rates: Array
     act: Array
@@ -255,41 +255,41 @@ class Servo:
     def _take(self) -> None:
         """The next block; the one after it is simulated meanwhile, unless the demand is over."""
         if self._ahead is None:
-            self._ahead = self._thread.submit(self._stepped, self._told(self._first))
+            self._ahead = self._thread.submit(self._stepped, self._controls(self._first))
         following = self._first + BLOCK
         more = self._time(following) < self._demand.duration
-        told = self._told(following) if more else None
+        coming = self._controls(following) if more else None
         stepped = self._ahead.result()  # a run that failed fails again
-        error = stepped.told.demand[1:-1] - stepped.angles
+        error = stepped.controls.demand[1:-1] - stepped.angles
         self._check(self._first, error)
-        self._ahead = None if told is None else self._thread.submit(self._stepped, told)
+        self._ahead = None if coming is None else self._thread.submit(self._stepped, coming)
         self._account.add(self._first, self._rows(stepped, error))
         samples = np.concatenate([self._tail, stepped.after])
         self._tail = samples[BLOCK:]
         self._pieces.append(self._splined(samples))
         self._first = following
 
-    def _told(self, first: int) -> _Controls:
+    def _controls(self, first: int) -> _Controls:
         """What the servos are told over `BLOCK` steps from step `first` on."""
         t = self._start + self.step * np.arange(first - 1, first + BLOCK + 1)
         demand = self._demand.covering(float(t[0]), float(t[-1])).joints(t)[0]
         return _Controls(demand, self.drive.controls(demand))
 
-    def _stepped(self, told: _Controls) -> _Stepped:
+    def _stepped(self, controls: _Controls) -> _Stepped:
         """The steps of a block; the batch is where the last one ended."""
         before = [self._batch.bind(name).copy() for name in ("qpos", "qvel", "act")]
         with _quiet():
-            out = self._batch.rollout(BLOCK, told.inputs[None], record=("qpos", "qvel", "act"))
+            out = self._batch.rollout(BLOCK, controls.inputs[None], record=("qpos", "qvel", "act"))
         angles, rates, act = (
             np.concatenate([b, out[name][0, :-1]])
             for b, name in zip(before, ("qpos", "qvel", "act"), strict=True)
         )
-        return _Stepped(told, angles, rates, act, out["qpos"][0])
+        return _Stepped(controls, angles, rates, act, after=out["qpos"][0])
 
     def _rows(self, stepped: _Stepped, error: Array) -> ServoSteps:
-        inputs, limit = stepped.told.inputs, self.drive.limit
+        inputs, limit = stepped.controls.inputs, self.drive.limit
         torque = self.drive.torques(inputs, stepped.angles, stepped.rates, stepped.act)
-        return ServoSteps(stepped.told.demand[1:-1], error, torque, limit)
+        return ServoSteps(stepped.controls.demand[1:-1], error, torque, limit)
 
     def _splined(self, samples: Array) -> Array:
         """A block's pieces (6, n, 6); the samples reach `OVERLAP` knots farther on either side."""

@@ -78,7 +78,7 @@ class Samples(Instants):
         """What the sensors feel, with these stamps; instants are themselves at their ends."""
         if sampling is Sampling.INSTANT:
             return Sensed(t_ns, self.w_ib_b, self.f_places)
-        return Sensed(t_ns, self.w_ib_b, self.f_places, self.w_end, self.f_end)
+        return Sensed(t_ns, self.w_ib_b, self.f_places, self.w_end, f_end=self.f_end)
 
 
 def lean_model(
@@ -261,9 +261,9 @@ class Truth:
         self, motion: Motion, rate_hz: int, sampling: Sampling, first: int, last: int
     ) -> TruthBlock:
         """Samples `first` + 1 to `last` (that is, those that end in (first, last] / rate)."""
-        return self.felt(motion, rate_hz, sampling, first, last)[0]
+        return self.block_and_sensed(motion, rate_hz, sampling, first, last)[0]
 
-    def felt(
+    def block_and_sensed(
         self, motion: Motion, rate_hz: int, sampling: Sampling, first: int, last: int
     ) -> tuple[TruthBlock, Sensed]:
         """As `block`, and what sensors at their places feel if their clock is right."""
@@ -274,10 +274,21 @@ class Truth:
         stamps = stamps_ns(ticks[1:], rate_hz)
         sensed = over.sensed(stamps, sampling)
         if self._perfect:
-            return TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, q, v), sensed
+            return TruthBlock(
+                stamps, over.w_ib_b, over.f_b, over.q_wb, joints=q, joint_rates=v
+            ), sensed
         joints, rates, _ = self._errors.realised(q, v, a)
         said = self._errors.readings(q)
-        true = TruthBlock(stamps, over.w_ib_b, over.f_b, over.q_wb, joints, rates, said, v)
+        true = TruthBlock(
+            stamps,
+            over.w_ib_b,
+            over.f_b,
+            over.q_wb,
+            joints=joints,
+            joint_rates=rates,
+            encoders=said,
+            encoder_rates=v,
+        )
         return true, sensed
 
     def sensed(self, motion: Motion, edges: Array, t_ns: IntArray, sampling: Sampling) -> Sensed:
@@ -336,8 +347,8 @@ class Truth:
             f_b,
             at.q_wb[last],
             steps.means(at.f_places, starts) if own else f_b,
-            at.w_ib_b[last],
-            at.f_places[last],
+            w_end=at.w_ib_b[last],
+            f_end=at.f_places[last],
         )
 
     def _steps(self, motion: Motion, edges: Array) -> Steps:
@@ -362,7 +373,7 @@ class Truth:
 
 
 def _as_samples(at: Instants) -> Samples:
-    return Samples(at.w_ib_b, at.f_b, at.q_wb, at.f_places, at.w_ib_b, at.f_places)
+    return Samples(at.w_ib_b, at.f_b, at.q_wb, at.f_places, w_end=at.w_ib_b, f_end=at.f_places)
 
 
 def _order(errors: TableErrors) -> IntArray:

@@ -76,20 +76,20 @@ def vehicle_dwell(
     stretch: LoggedStretch,
     readings: ImuReadings,
     origin: int,
-    told: LoggedDrive | None,
+    drive: LoggedDrive | None,
     vehicle: Vehicle,
 ) -> Dwell:
     """A vehicle's stretch from its first fix to its last."""
     places, velocities = file.fixes(), file.velocities()
     with located(file.path):
-        errors = {} if told is None else told.errors
+        errors = {} if drive is None else drive.errors
         fixes = _fixes(places, velocities, origin, stretch, errors, vehicle)
     first = float(fixes.t[0])
     start, sigma = vehicle.start, vehicle.start_sigma
-    label = stretch.label if told is None else told.label
-    if told is not None and start is None and first <= (places.t_ns[0] - origin) * 1e-9 + EDGE:
-        start = Rotation.from_quat(told.start)
-        sigma = told.start_sigma if sigma is None else sigma
+    label = stretch.label if drive is None else drive.label
+    if drive is not None and start is None and first <= (places.t_ns[0] - origin) * 1e-9 + EDGE:
+        start = Rotation.from_quat(drive.start)
+        sigma = drive.start_sigma if sigma is None else sigma
     return Dwell(
         label=label,
         t_from=first,
@@ -131,14 +131,14 @@ def _fixes(
     place, k = places.place[inside], nearest[inside]
     v_n = C_NW.apply(velocities.v[k])
     known = dict(errors)
-    for name, told, log, row in (
+    for name, given, log, row in (
         ("position_sigma", vehicle.position_sigma, places, inside),
         ("velocity_sigma", vehicle.velocity_sigma, velocities, k),
     ):
-        if told is not None:
-            known[name] = told
+        if given is not None:
+            known[name] = given
         elif name not in known:
-            known[name] = _said_sigma(log, log.variance[row])
+            known[name] = _stated_sigma(log, log.variance[row])
     return Fixes(
         t=t[inside],
         position=ecef(*place.T),
@@ -147,7 +147,7 @@ def _fixes(
     )
 
 
-def _said_sigma(log: FixLog | VelocityLog, variance: Array) -> float:
+def _stated_sigma(log: FixLog | VelocityLog, variance: Array) -> float:
     """The usual standard deviation that messages state with their values."""
     stated = variance[np.isfinite(variance)]
     if not len(stated):

@@ -12,12 +12,12 @@ from alignment.units import DEG
 from stand.motion.plan import Plan, PlannedStep
 from stand.rehearsal.instrument import unit_of
 from stand.rehearsal.planned import planned_stretch
+from stand.rehearsal.predictions import angles, withheld
 from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse
 from stand.rehearsal.response import ReadingErrors, Response
 from stand.rehearsal.result import Observability, Prediction
 from stand.rehearsal.rocking import over_time, readings_of, turned_by_heading
 from stand.rehearsal.scene import Scene
-from stand.rehearsal.telling import angles, withheld
 
 Predicted = tuple[list[Prediction], list[Observability]]
 
@@ -38,7 +38,9 @@ def predict(scene: Scene, methods: Sequence[str]) -> Predicted:
 
 
 def _refused(method: str, reason: str) -> Prediction:
-    return Prediction(method, "", "", "heading", "deg", DEG, None, (), reason)
+    return Prediction(
+        method, "", "", "heading", unit="deg", per=DEG, sigma=None, contributions=(), reason=reason
+    )
 
 
 def _method(name: str, scene: Scene, unit: InstrumentErrors) -> Predicted:
@@ -107,7 +109,11 @@ def _still(plan: Plan, step: PlannedStep) -> bool:
 
 def _observed(method: str, known: Information) -> Observability:
     return Observability(
-        method, known.rank, known.sought, known.condition, tuple(c.text for c in known.unseen)
+        method,
+        known.rank,
+        known.sought,
+        known.condition,
+        unseen=tuple(c.text for c in known.unseen),
     )
 
 

@@ -14,5 +14,11 @@ def planned_stretch(step: PlannedStep) -> Stretch:
     turning = step.turning
     axis = turning.axis_b / np.linalg.norm(turning.axis_b)
     return Stretch(
-        step.label, step.steady_from, length, step.C_nb, turning.rate, axis, turning.angle
+        step.label,
+        step.steady_from,
+        length,
+        step.C_nb,
+        rate=turning.rate,
+        axis_b=axis,
+        angle=turning.angle,
     )

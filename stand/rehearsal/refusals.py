@@ -14,9 +14,9 @@ from alignment.nominal import WRONG_POSITION
 from alignment.units import DEG
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.instrument import roundings_of
+from stand.rehearsal.predictions import Parts
 from stand.rehearsal.response import Response
 from stand.rehearsal.scene import Scene
-from stand.rehearsal.telling import Parts
 
 # root mean square scale error by rounding, above which heading is none of first order: fits that
 # know the size of Earth rate are 20 % worse at 0.18 (and it goes with the square)

@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array, IntArray
 from alignment.gains import Answer
 from alignment.information import InstrumentErrors, Setting, information
-from alignment.information.model import coefficient_weights, felt
+from alignment.information.model import coefficient_weights, sensor_inputs
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.instrument import leanings, roundings_of
+from stand.rehearsal.predictions import Parts, name_of, prediction
 from stand.rehearsal.result import Prediction
 from stand.rehearsal.scene import Scene
-from stand.rehearsal.telling import Parts, name_of, told
 from stand.rehearsal.warmth import warmed
 from stand.simulation.collector import ticks_of
 
@@ -36,7 +36,7 @@ class ReadingErrors:
     ) -> None:
         stretches, steps = answer.stretches, [planned[k] for k in answer.planned]
         self.true = information(stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
-        seen = [felt(s, _NORTH, scene.site) for s in stretches]
+        seen = [sensor_inputs(s, _NORTH, scene.site) for s in stretches]
         poses = [_poses(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
         ends = np.array([ticks_of(step, scene.rate_hz)[1] for step in steps]) / scene.rate_hz
         last = scene.plan.motion.joints(ends)[0]
@@ -75,7 +75,7 @@ class ReadingErrors:
         doubt = self._doubt()
         nodes = np.concatenate([np.concatenate([w, f], axis=1) for w, f, *_ in seen])
         project: Array = np.asarray(block_diag(*(p for *_, p in seen)))
-        told: Array = np.asarray(block_diag(*(_waves(p) for *_, p in seen)))
+        waves: Array = np.asarray(block_diag(*(_waves(p) for *_, p in seen)))
         anew = np.concatenate(
             [coefficient_weights(s) / (s.span.length * scene.rate_hz) for s in self.true.stretches]
         )
@@ -84,7 +84,7 @@ class ReadingErrors:
             total = np.zeros_like(doubt)
             for channel in range(3 * k, 3 * k + 3):
                 x, own = nodes[:, channel], slice(channel, None, 6)
-                known = told @ doubt[own, own] @ told.T
+                known = waves @ doubt[own, own] @ waves.T
                 left = one.moments(x, known)
                 total[own, own] = project @ left @ project.T + np.diag(anew) * one.noise**2
             found[f"{SENSORS[k]} rounding"] = total
@@ -144,7 +144,7 @@ class Response:
             parts = self._parts(gain[None], row, np.zeros((1, len(self.errors.sigmas))))
             sizes = {name: float(np.sqrt(max(P[0, 0], 0.0))) for name, P in parts.items()}
             bias = float(gain @ self.errors.readings @ self.errors.known)
-            yield told(method, "", "all", label, (p.unit, p.per), sizes, np.inf, str, bias)
+            yield prediction(method, "", "all", label, (p.unit, p.per), sizes, np.inf, str, bias)
 
     def _parts(self, gain: Array, row: Array, judged: Array) -> Parts:
         """Covariances (k, k) of ``gain coefficients - row errors``, less `judged` (k, l)."""

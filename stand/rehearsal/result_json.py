@@ -143,7 +143,7 @@ def _prediction(p: Prediction) -> dict[str, Any]:
 
 def _verification(v: Verification) -> dict[str, Any]:
     return {
-        "runs_asked": v.asked,
+        "runs_asked": v.requested,
         "runs": v.done,
         "contradicted": len(v.disagreeing),
         "missed_by_plain_intervals": len(v.missing_alone),

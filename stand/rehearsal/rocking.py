@@ -17,8 +17,8 @@ from stand.imu.recursion import Recursion
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
 from stand.rehearsal.instrument import roundings_of
+from stand.rehearsal.predictions import Parts, name_of
 from stand.rehearsal.scene import Scene
-from stand.rehearsal.telling import Parts, name_of
 from stand.rehearsal.warmth import above_reference, triad_of
 
 RATE_HZ = 20  # of the truth that is carried

@@ -90,13 +90,13 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """Many runs of the whole stand: `asked` for and `done` before it ended, in `seconds`.
+    """Many runs of the whole stand: `requested` and `done` before it ended, in `seconds`.
 
     The runs' seeds are `seed`, `seed` + 1 ...; each has a unit, a table and a sway of its own.
     `stand run --seed` makes any of them again.
     """
 
-    asked: int
+    requested: int
     done: int
     seed: int
     seconds: float
@@ -106,7 +106,7 @@ class Verification:
     @property
     def interrupted(self) -> bool:
         """Whether it ended before all the runs that were asked for."""
-        return self.done < self.asked
+        return self.done < self.requested
 
     @property
     def disagreeing(self) -> tuple[Achieved, ...]:

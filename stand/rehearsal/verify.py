@@ -146,7 +146,7 @@ def _verified(
     among = sum(a.ratio is not None for a in achieved)
     together = tuple(replace(a, among=max(1, among)) for a in achieved)
     return Verification(
-        asked=runs,
+        requested=runs,
         done=sums.runs,
         seed=settings.seed,
         seconds=seconds,

@@ -64,7 +64,7 @@ def tables(report: AllanReport) -> list[TableData]:
         *report.notes,
     )
     last = found[-1]
-    return [*found[:-1], TableData(last.title, last.columns, last.rows, last.footers, notes)]
+    return [*found[:-1], TableData(last.title, last.columns, last.rows, last.footers, notes=notes)]
 
 
 def _table(report: AllanReport, sensor: str) -> TableData:

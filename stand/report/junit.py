@@ -64,7 +64,7 @@ def _verified(result: Rehearsal, v: Verification) -> Element:
     """What the runs were compared with; how many there were, and who gave no answer in them."""
     name = f"{result.inputs.procedure}.verification"
     cases = [_compared(name, a) for a in v.achieved if a.ratio is not None]
-    known = {"runs": str(v.done), "runs asked": str(v.asked), "seed": str(v.seed)}
+    known = {"runs": str(v.done), "runs asked": str(v.requested), "seed": str(v.seed)}
     suite = _suite(result, name, cases, v.seconds, known)
     if v.refused:
         refusals = "\n".join(refused_in_words(r, v.done) for r in v.refused)
@@ -101,14 +101,14 @@ def _suite(
     return suite
 
 
-def _case(group: str, name: str, failure: tuple[str, str] | None, told: str) -> Element:
+def _case(group: str, name: str, failure: tuple[str, str] | None, text: str) -> Element:
     """A test case; `failure` is its type and message."""
     case = Element("testcase", classname=_clean(group), name=_clean(name), time="0")
     if failure is not None:
         kind, message = failure
-        SubElement(case, "failure", type=kind, message=_clean(message)).text = _clean(told)
+        SubElement(case, "failure", type=kind, message=_clean(message)).text = _clean(text)
     else:
-        SubElement(case, "system-out").text = _clean(told)
+        SubElement(case, "system-out").text = _clean(text)
     return case
 
 

@@ -132,7 +132,7 @@ def _verified(v: Verification | None) -> TableData:
     ]
     title = f"Verified by {v.done} runs from seed {v.seed} in {v.seconds:.0f} s"
     if v.interrupted:
-        title += f" (interrupted: {v.asked} were asked for)"
+        title += f" (interrupted: {v.requested} were asked for)"
     return TableData(title, columns, rows, notes=tuple(notes))
 
 

@@ -33,7 +33,7 @@ class Section:
     """The part of the page: its title, sentences, figure, table, and who gave no answer."""
 
     title: str
-    told: tuple[str, ...]
+    sentences: tuple[str, ...]
     chart: Drawing | None
     chart_note: str
     table: TableData | None
@@ -52,9 +52,9 @@ def section(v: Verification) -> Section:
         (_agreement(v), _contradicted(v), _chance(v), _how(v)),
         ratios(shown, AGREES) if shown else None,
         note,
-        _table(v.achieved),
-        tuple(refused_in_words(r, v.done) for r in v.refused),
-        not v.disagreeing,
+        table=_table(v.achieved),
+        refused=tuple(refused_in_words(r, v.done) for r in v.refused),
+        agrees=not v.disagreeing,
     )
 
 
@@ -157,7 +157,7 @@ def _chance(v: Verification) -> str:
 def _how(v: Verification) -> str:
     """How many runs, which, and how fast."""
     seeds = f"seed {v.seed}" if v.done == 1 else f"seeds {v.seed} to {v.seed + v.done - 1}"
-    told = f"interrupted: {v.done} of {v.asked} runs" if v.interrupted else runs_text(v.done)
+    told = f"interrupted: {v.done} of {v.requested} runs" if v.interrupted else runs_text(v.done)
     pace = f", {digits(v.done / v.seconds)} runs/s" if v.seconds > 0 else ""
     return (
         f"{told[0].upper()}{told[1:]}, {seeds}, in {span_text(v.seconds)}{pace}; each with a unit, "
@@ -187,7 +187,7 @@ def _row(name: str, those: Sequence[Achieved]) -> RatioRow:
     text = ratio_text(worst.ratio)
     if off:
         text += " contradicted" + (f" ({off} of {len(those)})" if len(those) > 1 else "")
-    return RatioRow(name, text, worst.ratio, not off, others)
+    return RatioRow(name, text, worst.ratio, not off, others=others)
 
 
 def _off(a: Achieved) -> float:

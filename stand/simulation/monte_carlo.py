@@ -139,7 +139,9 @@ class Trials:
                 yield self._at_rest(truth, planned, settings, first, last)
             else:
                 yield _Sensing(
-                    *truth.felt(planned.motion, settings.rate_hz, settings.sampling, first, last)
+                    *truth.block_and_sensed(
+                        planned.motion, settings.rate_hz, settings.sampling, first, last
+                    )
                 )
 
     def _at_rest(

@@ -127,18 +127,20 @@ class Simulation:
         with ThreadPoolExecutor(1, thread_name_prefix="truth") as ahead:
             coming: Future[_Sensing] | None = None
             for first in starts:
-                felt = (coming or ahead.submit(self._felt, first, size)).result()
+                sensing = (coming or ahead.submit(self._sensing, first, size)).result()
                 more = first + size < self.total
-                coming = ahead.submit(self._felt, first + size, size) if more else None
-                readings = self.imu.report(felt.sensed)
-                yield Block(felt.truth, readings, felt.motion, felt.sensed)
+                coming = ahead.submit(self._sensing, first + size, size) if more else None
+                readings = self.imu.report(sensing.sensed)
+                yield Block(sensing.truth, readings, sensing.motion, sensing.sensed)
 
-    def _felt(self, first: int, size: int) -> "_Sensing":
+    def _sensing(self, first: int, size: int) -> "_Sensing":
         """Truth, and what the sensors feel, of up to `size` samples after the `first`."""
         settings = self.settings
         last = min(first + size, self.total)
         motion = self._drive.covering(first / settings.rate_hz, last / settings.rate_hz)
-        truth, sensed = self._truth.felt(motion, settings.rate_hz, settings.sampling, first, last)
+        truth, sensed = self._truth.block_and_sensed(
+            motion, settings.rate_hz, settings.sampling, first, last
+        )
         if not self.imu.spec.clock.perfect:
             sensed = self._at_own_times(truth, first)
         return _Sensing(truth, sensed, motion)

@@ -191,7 +191,13 @@ class Path:
         w_n[:, 2] += d_heading
         C_nb = _attitude(heading, climb, roll)
         return Motion(
-            latitude, longitude, height, v_n, C_nb, C_nb.apply(w_n, True), C_nb.apply(f_n, True)
+            latitude,
+            longitude,
+            height,
+            v_n,
+            C_nb=C_nb,
+            w_ib_b=C_nb.apply(w_n, True),
+            f_b=C_nb.apply(f_n, True),
         )
 
     def means(self, edges: Array) -> tuple[Array, Array]:

@@ -87,5 +87,9 @@ def against(matching: Matching, truth: Rotation) -> Curve:
     C_nb = Rotation.from_quat(matching.C_nb.as_quat()[k])
     error = rotation_error(C_nb, truth[1:])
     return Curve(
-        matching.method, matching.fixes[k], error, matching.covariance[k], matching.corrected[k]
+        matching.method,
+        matching.fixes[k],
+        error,
+        matching.covariance[k],
+        given=matching.corrected[k],
     )

@@ -73,7 +73,9 @@ def begun(record: Record, fixes: Fixes, options: VectorOptions) -> State:
         (VEL, VEL_DRIFT, fixes.velocity_drift),
     ):
         P[state, drift] = P[drift, state] = -(sigma**2) * _I3
-    return State(record.C_ib, record.v_i[0], record.r_i[0], zero, zero, zero, zero, P)
+    return State(
+        record.C_ib, record.v_i[0], record.r_i[0], zero, accel=zero, r_drift=zero, v_drift=zero, P=P
+    )
 
 
 def steps(record: Record) -> Integrals:
@@ -102,10 +104,10 @@ def carried(
         state.v + dv + (g + 0.5 * slope) * T,
         ahead + slope * T**2 / 6,
         state.gyro,
-        state.accel,
-        state.r_drift * fading,
-        state.v_drift * fading,
-        P,
+        accel=state.accel,
+        r_drift=state.r_drift * fading,
+        v_drift=state.v_drift * fading,
+        P=P,
     )
 
 
@@ -154,11 +156,11 @@ def shown(
         record.t,
         np.cumsum(record.at_fix, dtype=np.int64),
         record.at_fix,
-        np.array(notes.corrected),
-        Rotation.from_matrix(C_nb),
-        C_ni @ about_i @ np.swapaxes(C_ni, 1, 2),
-        np.einsum("kji,kj->ki", C_ie(elapsed), r_i),
-        np.array(notes.differences),
-        tuple(notes.doubts),
-        options.rule,
+        corrected=np.array(notes.corrected),
+        C_nb=Rotation.from_matrix(C_nb),
+        covariance=C_ni @ about_i @ np.swapaxes(C_ni, 1, 2),
+        position=np.einsum("kji,kj->ki", C_ie(elapsed), r_i),
+        differences=np.array(notes.differences),
+        doubts=tuple(notes.doubts),
+        rule=options.rule,
     )

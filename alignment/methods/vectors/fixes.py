@@ -109,8 +109,8 @@ class Matching:
             f"{self.fixes[k]} fixes",
             float(self.t[0]),
             float(self.t[k]),
-            C_nb if given else None,
-            self.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
+            C_nb=C_nb if given else None,
+            sequence=self.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
             covariance=self.covariance[k] if given else None,
             flags=(self.doubts[k],) if self.doubts[k] else (),
         )
@@ -139,7 +139,7 @@ def joined(
     """Bring readings and fixes together; `C_nb0` is the programmed attitude at the first fix."""
     t, at_fix = _points(fixes.t, step)
     r_i, v_i = inertial_fixes(fixes)
-    return Record(t, at_fix, integrals(readings, t), r_i, v_i, C_en0 @ C_nb0.as_matrix())
+    return Record(t, at_fix, integrals(readings, t), r_i, v_i=v_i, C_ib=C_en0 @ C_nb0.as_matrix())
 
 
 def check(fixes: Fixes) -> None:

@@ -105,10 +105,10 @@ def answer(name: str, label: str, matching: Matching, priors: Priors) -> Attitud
         label,
         float(matching.t[0]),
         float(matching.t[last]),
-        C_nb if len(given) else None,
-        matching.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
-        name,
-        (P + P.T) / 2 if len(given) else None,  # their rounding differs
+        C_nb=C_nb if len(given) else None,
+        sequence=matching.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
+        window=name,
+        covariance=(P + P.T) / 2 if len(given) else None,  # their rounding differs
         flags=tuple(dict.fromkeys(text for text in told if text)),
     )
 
@@ -116,7 +116,14 @@ def answer(name: str, label: str, matching: Matching, priors: Priors) -> Attitud
 def _refused(name: str, dwell: Dwell, reason: str) -> AttitudeEstimate:
     usual = VectorOptions().rule.sequence_for(np.array([0.0, 1.0, 0.0]))
     return AttitudeEstimate(
-        METHOD, dwell.label, dwell.t_from, dwell.t_to, None, usual, name, flags=(reason,)
+        METHOD,
+        dwell.label,
+        dwell.t_from,
+        dwell.t_to,
+        C_nb=None,
+        sequence=usual,
+        window=name,
+        flags=(reason,),
     )
 
 

@@ -112,13 +112,13 @@ def observing(
         record.t,
         np.cumsum(record.at_fix, dtype=np.int64),
         record.at_fix,
-        np.array(corrected),
-        Rotation.from_matrix(C_nb),
-        C_ni @ np.array(covariance) @ np.swapaxes(C_ni, 1, 2),
-        np.einsum("kji,kj->ki", C_ie(T), r_i),
-        np.zeros((len(T), 3)),
-        tuple(doubts),
-        options.rule,
+        corrected=np.array(corrected),
+        C_nb=Rotation.from_matrix(C_nb),
+        covariance=C_ni @ np.array(covariance) @ np.swapaxes(C_ni, 1, 2),
+        position=np.einsum("kji,kj->ki", C_ie(T), r_i),
+        differences=np.zeros((len(T), 3)),
+        doubts=tuple(doubts),
+        rule=options.rule,
     )
 
 
@@ -194,8 +194,8 @@ def _rows(
         whitened(_interleaved(s.velocity[k], s.place[k])),
         whitened(enters),
         whitened(whitened(white).T),
-        whitened(effects),
-        variances,
+        effects=whitened(effects),
+        variances=variances,
     )
 
 

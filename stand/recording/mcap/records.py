@@ -163,19 +163,19 @@ def records(
 def _checked_crc(opcode: int, head: bytes, content: bytes, crc: int) -> int:
     """The running checksum after a record; the data's ends at DataEnd, the summary's begins."""
     if opcode == Opcode.DATA_END:
-        told = parsed(DataEnd.read, content).data_section_crc
-        _compare("the data", told, crc)
+        stated = parsed(DataEnd.read, content).data_section_crc
+        _compare("the data", stated, crc)
         return 0
     if opcode == Opcode.FOOTER:
-        told = parsed(Footer.read, content).summary_crc
-        _compare("the summary", told, zlib.crc32(head + content[:-_CRC_SIZE], crc))
+        stated = parsed(Footer.read, content).summary_crc
+        _compare("the summary", stated, zlib.crc32(head + content[:-_CRC_SIZE], crc))
     return zlib.crc32(head + content, crc)
 
 
-def _compare(what: str, told: int, found: int) -> None:
+def _compare(what: str, stated: int, found: int) -> None:
     """Checksums must agree; 0 means that the writer gave none."""
-    if told not in (0, found):
-        raise StandError(f"damaged: checksum of {what} is {found:#010x}, must be {told:#010x}")
+    if stated not in (0, found):
+        raise StandError(f"damaged: checksum of {what} is {found:#010x}, must be {stated:#010x}")
 
 
 def directory(file: BinaryIO) -> Directory:

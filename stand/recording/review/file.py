@@ -30,7 +30,7 @@ def open_stream(run_id: str) -> tuple[rr.RecordingStream, rr.BinaryStream]:
 
 
 @contextmanager
-def told_of(path: Path) -> Iterator[None]:
+def naming(path: Path) -> Iterator[None]:
     """Faults of the disk and of rerun's encoder are told with the file's name."""
     try:
         yield

@@ -15,7 +15,7 @@ from alignment.arrays import Array, IntArray, owned
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G, STANDARD_GRAVITY
 from stand.recording.curves import ANGLES, AngleCurves, InnovationCurves, Phase
 from stand.recording.review.estimates import exaggeration, relay, with_gaps
-from stand.recording.review.file import DEADLINE_S, check, open_stream, told_of
+from stand.recording.review.file import DEADLINE_S, check, naming, open_stream
 from stand.recording.review.layout import Screen, blueprint
 from stand.recording.review.scene import (
     AXIS_LENGTH,
@@ -112,7 +112,7 @@ class ReviewWriter:
         w_ie = owned(w_ie_enu, "w_ie_enu", (3,))
         self._model, self._scene, self._w_ie = model, scene_of(model), float(np.linalg.norm(w_ie))
         self._channels = (*CHANNELS, FOLLOWING) if following else CHANNELS
-        self._screen = Screen(self._scene, duration_s, self._channels, {}, {})
+        self._screen = Screen(self._scene, duration_s, self._channels, {}, limits={})
         width = sum(len(channel.names) for channel in self._channels)
         self._samples = Thinned(width, bin_length(n, ROW_BUDGET), BLOCK_ROWS)
         step = max(-(-rate_hz // POSE_HZ), -(-n // POSE_BUDGET), 1)
@@ -120,15 +120,15 @@ class ReviewWriter:
         self._poses = Thinned(len(POSE_QUANTA), 1, BLOCK_ROWS // 4)
         self._open, self._path, self._chunks = True, Path(path), 0
         self._angles: dict[str, float] = {}
-        with told_of(self._path):
+        with naming(self._path):
             self._path.open("wb").close()  # what cannot be written is found before the run
         self._stream, self._bytes = open_stream(run_id)
         # Sent first, so that a viewer shows the finished screen while it still reads.
         self._stream.send_blueprint(blueprint(self._screen), make_active=False)
         self._stream.send_recording_name(title)
         if properties:
-            told: dict[str, Any] = {name: str(value) for name, value in properties.items()}
-            self._stream.send_property("run", rr.AnyValues(**told))
+            texts: dict[str, Any] = {name: str(value) for name, value in properties.items()}
+            self._stream.send_property("run", rr.AnyValues(**texts))
         self._send_scene(w_ie)
         self._send_phases(phases)
 
@@ -223,7 +223,7 @@ class ReviewWriter:
         for block in self._poses.rest():
             self._send_poses(block)
         self._stream.send_blueprint(blueprint(self._screen))
-        with told_of(self._path):
+        with naming(self._path):
             data = self._bytes.read(flush_timeout_sec=DEADLINE_S) or b""
             self._stream.disconnect()
             self._path.write_bytes(data)

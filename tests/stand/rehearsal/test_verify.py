@@ -352,7 +352,7 @@ def seeds_of(asked, runs, monkeypatch):
     verification = with_verification(result, asked, runs, workers=1).verification
     monkeypatch.undo()
     assert verification is not None
-    assert (verification.asked, verification.done) == (runs, runs)
+    assert (verification.requested, verification.done) == (runs, runs)
     return verification.seed, seen
 
 
@@ -404,7 +404,7 @@ def test_an_interruption_keeps_the_runs_that_were_made(half_turn):
 
     result = with_verification(rehearse(asked), asked, 10, stop, workers=1)
     assert result.verification is not None
-    assert (result.verification.done, result.verification.asked) == (3, 10)
+    assert (result.verification.done, result.verification.requested) == (3, 10)
     assert all(a.runs == 3 for a in result.verification.achieved)
     first = with_verification(rehearse(asked), asked, 3, workers=1).verification
     assert first is not None

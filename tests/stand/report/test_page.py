@@ -253,11 +253,11 @@ def test_the_plain_interval_stands_beside_that_of_all_at_once(quick_pictures):
     power = 3.2272 / 1.95996
     assert one.widened == pytest.approx((0.86 * 0.93**power, 0.86 * 1.07**power), rel=1e-4)
     told = section(wide)
-    assert any("0 of 5 plain 95 % intervals miss 0.9 to 1.1" in line for line in told.told)
+    assert any("0 of 5 plain 95 % intervals miss 0.9 to 1.1" in line for line in told.sentences)
     off = replace(one, low=one.low * 1.05)  # 0.80 to 0.88 alone, 0.76 to 0.90 of all
     off = replace(off, high=off.high, low=one.sigma / 1.03)
     assert (off.agrees_alone, off.agrees) == (False, True)
-    lines = section(replace(wide, achieved=(off,))).told
+    lines = section(replace(wide, achieved=(off,))).sentences
     assert any("1 of 1 plain 95 % intervals miss 0.9 to 1.1" in line for line in lines)
 
 

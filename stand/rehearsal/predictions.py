@@ -42,7 +42,7 @@ def angles(
     for quantity, j in rows_of_angles(C_nb).items():
         sizes = {name: float(np.sqrt(max(j @ P @ j, 0.0))) for name, P in parts.items()}
         off = float(j @ bias)
-        yield told(method, window, label, quantity, ("deg", DEG), sizes, DETERMINED, why, off)
+        yield prediction(method, window, label, quantity, ("deg", DEG), sizes, DETERMINED, why, off)
 
 
 def rows_of_angles(C_nb: Rotation) -> dict[str, Array]:
@@ -58,7 +58,7 @@ def rows_of_angles(C_nb: Rotation) -> dict[str, Array]:
     return {name: rows[name] for name in ("heading", "yaw", "pitch", "roll") if name in rows}
 
 
-def told(
+def prediction(
     method: str,
     window: str,
     label: str,
@@ -75,16 +75,16 @@ def told(
     """
     sigma = float(np.linalg.norm(list(sizes.values())))
     total = float(np.hypot(sigma, bias))
-    told: dict[str, Any] = {"method": method, "window": window, "label": label}
-    told |= {"quantity": quantity, "unit": unit[0], "per": unit[1]}
+    known: dict[str, Any] = {"method": method, "window": window, "label": label}
+    known |= {"quantity": quantity, "unit": unit[0], "per": unit[1]}
     if not total < limit:
         what = "sigma" if sigma >= abs(bias) else "error that is known"
         reason = f"{what} of {total / unit[1]:.3g} {unit[0]} is beyond first order"
         reason = "; ".join(part for part in (f"not determined: {reason}", why()) if part)
-        return Prediction(**told, sigma=None, contributions=(), reason=reason)
+        return Prediction(**known, sigma=None, contributions=(), reason=reason)
     named = sorted((sizes | {KNOWN: abs(bias)}).items(), key=lambda item: -item[1])
     contributions = tuple(Contribution(name, s) for name, s in named if s > 1e-6 * total)
-    return Prediction(**told, sigma=sigma, contributions=contributions, bias=bias)
+    return Prediction(**known, sigma=sigma, contributions=contributions, bias=bias)
 
 
 def withheld(
