@@ -33,9 +33,9 @@ from alignment.methods.inertial import (
     match,
     rest_covariance,
     rest_of,
+    stated_noise,
     sway_covariance,
     told_at,
-    stated_noise,
     wander_doubt,
 )
 from alignment.nominal import TRACK_STEP
