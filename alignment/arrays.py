@@ -11,7 +11,11 @@ IntArray = NDArray[np.int64]
 
 
 def owned(
-    values: ArrayLike, name: str, shape: Sequence[int | None], dtype: Any = np.float64
+    values: ArrayLike,
+    name: str,
+    shape: Sequence[int | None],
+    dtype: Any = np.float64,
+    nan: bool = False,
 ) -> NDArray[Any]:
     """Copy `values` into a read-only array of the given shape.
 
@@ -25,6 +29,8 @@ def owned(
     shape : sequence of int or None
         None matches any length.
     dtype : numpy dtype
+    nan : bool
+        Whether NaN may stand where there is no number.
 
     Raises
     ------
@@ -40,11 +46,16 @@ def owned(
     if not fits:
         wanted = tuple("any" if n is None else n for n in shape)
         raise ValueError(f"{name}: shape {array.shape}, must be {wanted}")
-    if array.dtype.kind == "f" and not np.isfinite(array).all():
-        row = np.argwhere(~np.isfinite(array))[0]
+    good = np.isfinite if not nan else _finite_or_nan
+    if array.dtype.kind == "f" and not good(array).all():
+        row = np.argwhere(~good(array))[0]
         raise ValueError(f"{name}: not finite at index {tuple(int(i) for i in row)}")
     array.flags.writeable = False
     return array
+
+
+def _finite_or_nan(array: NDArray[Any]) -> NDArray[np.bool_]:
+    return ~np.isinf(array)
 
 
 def _immutable(array: NDArray[Any]) -> bool:

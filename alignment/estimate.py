@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from alignment.angles import (
@@ -14,6 +15,28 @@ from alignment.angles import (
     near_singular,
 )
 from alignment.arrays import Array, owned, set_owned
+
+ANGLES = ("roll", "yaw", "pitch")
+ANGLE_LIMIT = np.radians(30.0)  # sigma of a heading, or of an angle, that is still a number
+LATITUDE_LIMIT = np.radians(10.0)  # of a latitude: beyond it a hemisphere is no news
+
+
+def determined(sigma: ArrayLike, limit: float = ANGLE_LIMIT) -> NDArray[np.bool_]:
+    """Whether a number with this standard deviation [rad] can stand; one without any does.
+
+    The one rule of all commands: a heading whose sigma is 30 deg misses by more than a right angle
+    once in 370 times, one of 60 deg is nearly drawn from the whole circle.
+    """
+    return np.asarray(~(np.asarray(sigma) > limit))
+
+
+def why_undetermined(sigma: float, limit: float = ANGLE_LIMIT) -> str:
+    """Why a number with this standard deviation [rad] cannot stand; '' where it can."""
+    if determined(sigma, limit):
+        return ""
+    size = np.degrees(sigma)
+    told = f"sigma of {size:.4g} deg" if size <= 180 else "sigma"
+    return f"{told} is above {np.degrees(limit if size <= 180 else np.pi):.4g} deg"
 
 
 def angle_sigmas(sequence: Sequence, angles: Array, covariance: Array) -> Array:
@@ -41,6 +64,9 @@ def heading_sigmas(C_nb: Rotation, covariance: Array) -> Array:
 class AttitudeEstimate:
     """One attitude from one stretch of readings.
 
+    Numbers that cannot stand (`determined`) are not given: `undetermined` says why. `C_nb` and
+    `covariance` stay as they are: levelling holds while the heading does not.
+
     Attributes
     ----------
     method, label : str
@@ -57,7 +83,7 @@ class AttitudeEstimate:
         Of the small rotation about n [rad^2] that takes truth to estimate (N, E, D), with its
         cross terms; None where the method gives none.
     latitude, latitude_sigma : float or None
-        Where estimated [rad].
+        Where estimated [rad]; of a latitude that is not determined only the sigma.
     flags : tuple of str
         Doubts a reader must see.
     biases, bias_sigmas : (6,) or None
@@ -84,36 +110,72 @@ class AttitudeEstimate:
         there = {name: value for name in shapes if (value := getattr(self, name)) is not None}
         set_owned(self, **{name: (value, shapes[name], float) for name, value in there.items()})
 
+        if "latitude" in self.undetermined:
+            object.__setattr__(self, "latitude", None)
+
     @property
     def angles(self) -> Array | None:
-        """Roll, yaw, pitch [rad] by `sequence`, (3,); None without an attitude."""
-        return None if self.C_nb is None else angles_from_C_nb(self.sequence, self.C_nb)
+        """Roll, yaw, pitch [rad] by `sequence`, (3,), NaN of what is not determined.
+
+        None without an attitude.
+        """
+        if self.C_nb is None:
+            return None
+        stands = determined(self._angle_sigmas())
+        return np.where(stands, angles_from_C_nb(self.sequence, self.C_nb), np.nan)
 
     @property
     def heading(self) -> float | None:
-        """Of X1 on the horizon [rad], clockwise from north; None for a vertical X1."""
-        return None if self.C_nb is None else heading_from_C_nb(self.C_nb)
+        """Of X1 on the horizon [rad], clockwise from north.
+
+        None for a vertical X1, and where it is not determined.
+        """
+        sigma = self.heading_sigma
+        if self.C_nb is None or not (sigma is None or determined(sigma)):
+            return None
+        return heading_from_C_nb(self.C_nb)
 
     @property
     def heading_sigma(self) -> float | None:
-        """Standard deviation of `heading` [rad]; None where there is none."""
-        if self.C_nb is None or self.covariance is None or self.heading is None:
+        """Standard deviation of `heading` [rad]; None where there is none, as of a vertical X1."""
+        if self.C_nb is None or self.covariance is None or heading_from_C_nb(self.C_nb) is None:
             return None
         return float(heading_sigmas(self.C_nb, self.covariance))
 
     @property
     def singular(self) -> bool:
         """Whether roll, yaw and pitch cannot be told apart by this sequence here."""
-        angles = self.angles
-        return angles is not None and bool(near_singular(self.sequence, angles))
+        return self.C_nb is not None and bool(
+            near_singular(self.sequence, angles_from_C_nb(self.sequence, self.C_nb))
+        )
 
     @property
     def sigmas(self) -> Array | None:
         """Standard deviations of roll, yaw, pitch [rad], (3,); None where there are none."""
-        angles = self.angles
-        if angles is None or self.covariance is None or self.singular:
+        if self.C_nb is None or self.covariance is None or self.singular:
             return None
+        angles = angles_from_C_nb(self.sequence, self.C_nb)
         return angle_sigmas(self.sequence, angles, self.covariance)
+
+    @property
+    def undetermined(self) -> dict[str, str]:
+        """Why 'heading', 'roll', 'yaw', 'pitch', 'latitude' are not given: those that are not."""
+        sigmas = {"heading": self.heading_sigma or 0.0}
+        if self.C_nb is not None:
+            sigmas |= dict(zip(ANGLES, self._angle_sigmas().tolist(), strict=True))
+        why = {name: why_undetermined(sigma) for name, sigma in sigmas.items()}
+        why["latitude"] = why_undetermined(self.latitude_sigma or 0.0, LATITUDE_LIMIT)
+        return {name: reason for name, reason in why.items() if reason}
+
+    def _angle_sigmas(self) -> Array:
+        """As `sigmas`; where the outer turns merge both have the azimuth's, 0 without any."""
+        if self.sigmas is not None:
+            return self.sigmas
+        if self.covariance is None or not self.singular:
+            return np.zeros(3)
+        middle = "pitch" if self.sequence is Sequence.YAW_PITCH_ROLL else "roll"
+        outer = np.array([name != middle for name in ANGLES])
+        return np.where(outer, np.sqrt(max(self.covariance[2, 2], 0.0)), 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

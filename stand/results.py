@@ -260,11 +260,13 @@ class Aligned(Shown, Alignment):
     __slots__ = ()
 
     def headline(self) -> str:
-        return f"{len(self.scores)} estimates from {', '.join(log.path for log in self.logs)}"
+        n = len(self.scores)
+        told = "1 estimate" if n == 1 else f"{n} estimates"
+        return f"{told} from {', '.join(log.path for log in self.logs)}"
 
     def tables(self) -> Sequence[TableData]:
         more = [windows_table(self.windows)] if self.windows else []
-        return [*score_tables(self.scores), *more]
+        return [*score_tables(self.scores, self.imu, self.noise_only), *more]
 
     def remarks(self) -> Sequence[str]:
         return [*refusal_lines(self.refusals), ANGLE_NOTE]
@@ -285,7 +287,7 @@ class Recorded(Shown, RunResult):
 
     def tables(self) -> Sequence[TableData]:
         motion = [motion_table(self.records)] if self.records else []
-        return [*motion, *score_tables(self.scores)]
+        return [*motion, *score_tables(self.scores, self.settings.imu)]
 
     def remarks(self) -> Sequence[str]:
         return [*refusal_lines(self.refusals), ANGLE_NOTE]
@@ -350,7 +352,7 @@ class Entries(Shown, tuple[dict[str, Any], ...]):
     __slots__ = ()
 
     def headline(self) -> str:
-        return f"{len(self)} entries"
+        return "1 entry" if len(self) == 1 else f"{len(self)} entries"
 
     def tables(self) -> Sequence[TableData]:
         return [entries_table("", self)]

@@ -113,7 +113,7 @@ def _show_run(result: RunResult) -> None:
     )
     if result.records:
         show(out, [motion_table(result.records)])
-    show(out, score_tables(result.scores))
+    show(out, score_tables(result.scores, s.imu))
     if result.scores:
         out.print(ANGLE_NOTE, style="dim")
     for line in refusal_lines(result.refusals):

@@ -1,10 +1,10 @@
 """From recordings to estimates: what `stand align` answers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from alignment import ESTIMATORS, AttitudeEstimate, Options, Site
+from alignment import ESTIMATORS, AttitudeEstimate, Options, Priors, Site
 from alignment.angles import SequenceRule
 from alignment.units import DEG
 from stand.errors import StandError, unknown
@@ -17,9 +17,10 @@ from stand.evaluation.score import (
     spreads,
 )
 from stand.evaluation.windows import Scatter, scatter_to_json, scatters
-from stand.imu import ImuSpec, load_imu
+from stand.imu import ImuSpec, load_imu, unstated
 from stand.imu.priors import priors_of
 from stand.recording.log import Log
+from stand.recording.metadata import recorded_imu
 from stand.simulation.settings import one_of, site_with
 
 
@@ -45,6 +46,8 @@ class Alignment:
         Methods that would not answer, and why.
     windows : tuple of Scatter
         How estimates scatter from window to window, where that was asked for.
+    imu : ImuSpec, optional
+        Whose data sheet enters every sigma: as told, or as recorded.
     """
 
     logs: tuple[Log, ...]
@@ -53,6 +56,12 @@ class Alignment:
     scores: tuple[Score, ...]
     refusals: tuple[Refusal, ...]
     windows: tuple[Scatter, ...] = ()
+    imu: ImuSpec | None = None
+
+    @property
+    def noise_only(self) -> bool:
+        """Whether every sigma is of noise alone: no data sheet says more of the unit."""
+        return self.imu is None and self.options.priors == Priors()
 
     @property
     def estimates(self) -> tuple[AttitudeEstimate, ...]:
@@ -100,6 +109,7 @@ def align(
         raise StandError("no recording to align")
     first = logs[0]
     site = site_with(first.site, latitude_deg, height_m)
+    imu = load_imu(imu) if isinstance(imu, str) else imu
     options = with_data_sheet(first.options, imu)
     if sequences is not None:
         options = replace(options, rule=one_of("sequences", sequences, SequenceRule))
@@ -123,7 +133,16 @@ def align(
         scores=tuple(scores),
         refusals=tuple(refusals),
         windows=tuple(rows),
+        imu=imu or sheet_beside(first.imu.metadata),
     )
+
+
+def sheet_beside(metadata: Mapping[str, Mapping[str, str]]) -> ImuSpec | None:
+    """The data sheet that a recording carries; None where it is for another version to read."""
+    try:
+        return recorded_imu(metadata)
+    except StandError:
+        return None
 
 
 def with_data_sheet(options: Options, imu: str | ImuSpec | None) -> Options:
@@ -163,7 +182,8 @@ def alignment_json(found: Alignment) -> dict[str, Any]:
         "recordings": [log.path for log in found.logs],
         "topic": found.logs[0].topic,
         "latitude_deg": None if latitude is None else latitude / DEG,
-        "estimates": [score_to_json(s) for s in found.scores],
+        "estimates": [score_to_json(s, found.noise_only) for s in found.scores],
         "spreads": [spread_to_json(s) for s in spreads(found.scores)],
         "refusals": [{"method": r.method, "reason": r.reason} for r in found.refusals],
+        "unstated": [] if found.imu is None else list(unstated(found.imu)),
     }

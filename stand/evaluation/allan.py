@@ -26,11 +26,16 @@ from alignment.units import (
     MICRO_G,
     MILLI_G,
 )
-from stand import toml_files as catalogue
 from stand.errors import StandError, located
-from stand.imu import ImuSpec, TriadSpec, imu_from, load_imu
+from stand.imu import ImuSpec, TriadSpec, load_imu
 from stand.recording.mcap.reader import ImuLog, read_imu
-from stand.recording.metadata import RUN, epoch_of, planned_stretches, settled_stretches
+from stand.recording.metadata import (
+    RUN,
+    epoch_of,
+    planned_stretches,
+    recorded_imu,
+    settled_stretches,
+)
 
 HOUR = 3600.0
 RT_HOUR = 60.0  # root seconds in a root hour
@@ -148,15 +153,8 @@ def _noise_of(triad: TriadSpec, increments: bool) -> dict[str, float]:
 
 
 def _recorded_imu(path: Path, log: ImuLog) -> ImuSpec | None:
-    """The preset a recording of ours carries."""
-    text = log.metadata.get("imu", {}).get("toml")
-    if text is None:
-        return None
-    name = log.metadata.get("run", {}).get("imu", "imu")
-    try:
-        return imu_from(catalogue.Source(name, f"{name}.toml", text))
-    except StandError as error:
-        raise StandError(f"{path}: the preset in its metadata: {error}") from error
+    with located(path):
+        return recorded_imu(log.metadata)
 
 
 def _rests(

@@ -23,7 +23,7 @@ from alignment.units import DEG
 from stand.errors import StandError
 from stand.evaluation.score import circular, suited
 from stand.evaluation.statistics import EstimateErrors, Outcome, Tally, tally
-from stand.imu import ImuSpec
+from stand.imu import ImuSpec, unstated
 from stand.motion.plan import Plan
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
@@ -137,12 +137,16 @@ def against_truth(
     """An estimate's errors beside its own sigmas and the floors of heading and tilt [rad]."""
     assert e.C_nb is not None
     error, off = rotation_error(e.C_nb, truth), float(heading_errors(e.C_nb, truth))
+    undetermined = not {"heading", "yaw"}.isdisjoint(e.undetermined)
     sigmas, nees = (nan, nan), nan
     if e.covariance is not None:
         sigmas = (sqrt(e.covariance[0, 0]), sqrt(e.covariance[1, 1]))
-        if np.linalg.matrix_rank(e.covariance, hermitian=True) == len(error):
+        whole = np.linalg.matrix_rank(e.covariance, hermitian=True) == len(error)
+        if whole and not undetermined:
             nees = float(error @ np.linalg.solve(e.covariance, error))
     sigma = nan if e.heading_sigma is None else e.heading_sigma
+    if undetermined:
+        off = sigma = nan
     return EstimateErrors(
         heading=off,
         north=float(error[0]),
@@ -153,6 +157,7 @@ def against_truth(
         nees=nees,
         heading_floor=floor[0],
         tilt_floor=floor[1],
+        undetermined=float(undetermined),
     )
 
 
@@ -197,6 +202,7 @@ def to_json(comparison: Comparison) -> dict[str, Any]:
         "rate_hz": s.rate_hz,
         "runs": comparison.runs,
         "methods": [_row(t) for t in comparison.tallies],
+        "unstated": list(unstated(s.imu)),
     }
 
 
@@ -208,6 +214,7 @@ _NEES = ("nees_mean", "nees_low", "nees_high")
 def _row(t: Tally) -> dict[str, Any]:
     row: dict[str, Any] = {"method": t.method, "runs": t.runs, "estimates": t.estimates}
     row |= {"refused": t.refused, "reason": t.reason, "beyond_linear_range": t.beyond_linear}
+    row |= {"undetermined": t.undetermined, "heading_undetermined": t.why_undetermined}
     row |= {f"{name}_deg": _number(getattr(t, name) / DEG) for name in _ANGLES}
     row |= {name: _number(getattr(t, name)) for name in (*_RATIOS, *_NEES)}
     return row | {"seconds": t.seconds}

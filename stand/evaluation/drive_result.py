@@ -11,7 +11,7 @@ from alignment.units import DEG
 from stand.errors import StandError
 from stand.evaluation.milestones import LIMITS, doubts, needed, points
 from stand.evaluation.score import Score, score_to_json
-from stand.imu import ImuSpec
+from stand.imu import ImuSpec, unstated
 from stand.simulation.settings import HIGHEST_RATE_HZ
 from stand.vehicle.scenario import Drive, priors_of
 from stand.versions import versions
@@ -96,6 +96,7 @@ def result_json(result: DriveResult) -> dict[str, Any]:
             {"method": METHOD, "window": name, "reason": r} for name, r in result.refusals.items()
         ],
         "estimates": [score_to_json(scored) for scored in result.scores],
+        "unstated": list(unstated(s.imu)),
     }
 
 
@@ -108,8 +109,9 @@ def _solution_json(name: str, result: DriveResult) -> dict[str, Any]:
         "after": [
             {
                 "fixes": p.fixes,
-                "error_deg": p.error / DEG,
+                "error_deg": None if p.undetermined else p.error / DEG,
                 "sigma_deg": p.sigma / DEG,
+                "undetermined": p.undetermined,
                 "state": p.state,
             }
             for p in points(curve)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, against_truth
 from alignment.arrays import Array, set_owned
 from alignment.errors import AlignmentError
-from alignment.estimate import AttitudeTrack, heading_sigmas
+from alignment.estimate import AttitudeTrack, determined, heading_sigmas
 from stand.evaluation.score import circular, suited
 from stand.simulation.monte_carlo import Watched, watch
 from stand.simulation.settings import Settings
@@ -25,6 +25,8 @@ STEEP = np.cos(np.radians(45.0))  # level part of X1 below which its heading mea
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
     """Heading error and its sigma (m,) [rad] at times (m,) [s] of one stretch.
+
+    Only where the heading is determined.
 
     `grown`: whether each point is an estimate from all readings up to then.
     """
@@ -126,9 +128,10 @@ def heading_error_over_time(
 ) -> tuple[Array, Array]:
     """Heading errors (m,) of m attitudes and their sigmas [rad] by covariances (m, 3, 3).
 
-    NaN where X1 is steeper than 45 deg.
+    NaN where X1 is steeper than 45 deg, and where the heading is not determined.
     """
     level = np.hypot(*C_nb.apply([1.0, 0.0, 0.0]).T[:2])
     steep = level < STEEP
     error, sigma = against_truth.heading_errors(C_nb, true), heading_sigmas(C_nb, covariance)
-    return np.where(steep, np.nan, error), np.where(steep, np.nan, sigma)
+    none = steep | ~determined(sigma)
+    return np.where(none, np.nan, error), np.where(none, np.nan, sigma)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alignment.arrays import Array
+from alignment.estimate import why_undetermined
 from alignment.methods.vectors import Curve, Matching
 from alignment.units import DEG
 
@@ -25,6 +26,11 @@ class Point:
     error: float
     sigma: float
     state: str
+
+    @property
+    def undetermined(self) -> str:
+        """Why the attitude cannot stand; '' where it can."""
+        return why_undetermined(self.sigma)
 
 
 def points(curve: Curve) -> list[Point]:

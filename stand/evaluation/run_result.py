@@ -6,6 +6,7 @@ from typing import Any
 
 from alignment.units import DEG
 from stand.evaluation.score import Refusal, Score, Spread, score_to_json, spread_to_json
+from stand.imu import unstated
 from stand.motion.plan import Plan
 from stand.samples import CHANNELS
 from stand.simulation.settings import Settings
@@ -52,4 +53,5 @@ def result_json(result: RunResult) -> dict[str, Any]:
         "estimates": [score_to_json(scored) for scored in result.scores],
         "spreads": [spread_to_json(spread) for spread in result.spreads],
         "refusals": [{"method": r.method, "reason": r.reason} for r in result.refusals],
+        "unstated": list(unstated(s.imu)),
     }

@@ -32,8 +32,8 @@ class Score:
     """An estimate with its errors.
 
     `error`, `error_nominal` (3,): roll, yaw, pitch [rad], estimate minus truth (nominal), read
-    by the estimate's own sequence and wrapped; `heading_error`, `latitude_error` [rad]. None
-    where there is nothing to compare.
+    by the estimate's own sequence and wrapped, NaN of an angle that is not determined;
+    `heading_error`, `latitude_error` [rad]. None where there is nothing to compare.
     """
 
     estimate: AttitudeEstimate
@@ -65,11 +65,12 @@ def angle_error(estimate: AttitudeEstimate, reference: Rotation | None) -> Array
     if reference is None or estimate.angles is None or estimate.singular:
         return None
     assert estimate.C_nb is not None
-    return angle_errors(estimate.sequence, estimate.C_nb, reference)
+    errors = angle_errors(estimate.sequence, estimate.C_nb, reference)
+    return np.where(np.isfinite(estimate.angles), errors, np.nan)
 
 
 def _heading_error(estimate: AttitudeEstimate, truth: Rotation | None) -> float | None:
-    if truth is None or estimate.C_nb is None:
+    if truth is None or estimate.C_nb is None or estimate.heading is None:
         return None
     error = float(heading_errors(estimate.C_nb, truth))
     return None if np.isnan(error) else error
@@ -144,7 +145,8 @@ def evaluate_each(
 class Spread:
     """Errors of one method over its positions: `sigma` about their mean (n - 1), `rms` about 0.
 
-    Both (3,): roll, yaw, pitch [rad]; `count` positions; `reference` 'truth' or 'nominal'.
+    Both (3,): roll, yaw, pitch [rad], NaN of an angle that is not determined in every position;
+    `count` positions; `reference` 'truth' or 'nominal'.
     """
 
     method: str
@@ -180,8 +182,12 @@ def by_method(scores: Sequence[Score]) -> list[tuple[tuple[str, str], list[Score
     return list(groups.items())
 
 
-def score_to_json(scored: Score) -> dict[str, object]:
-    """One estimate for machines: degrees, absent where there is no value."""
+def score_to_json(scored: Score, noise_only: bool = False) -> dict[str, object]:
+    """One estimate for machines: degrees, absent where there is no value.
+
+    null where a value is not determined: `undetermined` says why. `noise_only`: whether its
+    standard deviations are of noise alone, for want of a data sheet.
+    """
     e = scored.estimate
     entry: dict[str, object] = {"method": e.method, "label": e.label}
     if e.window:
@@ -190,8 +196,8 @@ def score_to_json(scored: Score) -> dict[str, object]:
     entry["heading_deg"] = None if e.heading is None else e.heading / DEG
     entry |= _named("", e.angles)
     entry["singular"] = e.singular
-    if e.latitude is not None:
-        entry["latitude_deg"] = e.latitude / DEG
+    if e.latitude is not None or "latitude" in e.undetermined:
+        entry["latitude_deg"] = None if e.latitude is None else e.latitude / DEG
     entry |= _named("sigma_", e.sigmas)
     if e.heading_sigma is not None:
         entry["sigma_heading_deg"] = e.heading_sigma / DEG
@@ -204,6 +210,7 @@ def score_to_json(scored: Score) -> dict[str, object]:
         entry["error_latitude_deg"] = scored.latitude_error / DEG
     entry |= _named("error_nominal_", scored.error_nominal)
     entry |= _biases("bias", e.biases) | _biases("sigma_bias", e.bias_sigmas)
+    entry |= {"undetermined": e.undetermined, "noise_only": noise_only}
     entry["flags"] = list(e.flags)
     return entry
 
@@ -211,7 +218,10 @@ def score_to_json(scored: Score) -> dict[str, object]:
 def _named(prefix: str, angles: Array | None) -> dict[str, object]:
     if angles is None:
         return {}
-    return {f"{prefix}{n}_deg": float(a) / DEG for n, a in zip(ANGLES, angles, strict=True)}
+    return {
+        f"{prefix}{n}_deg": None if np.isnan(a) else float(a) / DEG
+        for n, a in zip(ANGLES, angles, strict=True)
+    }
 
 
 def _biases(name: str, values: Array | None) -> dict[str, object]:

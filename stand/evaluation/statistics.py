@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from alignment.arrays import Array, IntArray
+from alignment.estimate import ANGLE_LIMIT
 from alignment.units import DEG
 
 TAIL = 0.025  # of either end of a 95 % interval
@@ -28,6 +29,7 @@ class EstimateErrors(NamedTuple):
 
     `north`, `east`: the small rotation about N and E that takes truth to estimate, and its
     sigmas; `heading` likewise; `nees` of the whole rotation; floors of white noise.
+    `undetermined` is 1 where the heading is not determined: it has no number then, and no `nees`.
     """
 
     heading: float = nan
@@ -39,6 +41,7 @@ class EstimateErrors(NamedTuple):
     nees: float = nan
     heading_floor: float = nan
     tilt_floor: float = nan
+    undetermined: float = 0.0
 
 
 class Outcome(NamedTuple):
@@ -57,7 +60,9 @@ class Tally:
 
     `ratio` is rms over floor with its 95 % interval; `nees` the mean over estimates, with the
     interval that a consistent covariance keeps to in 95 of 100 such comparisons. NaN where there
-    is nothing to say. `seconds` is the work per run, `estimates` how many were pooled.
+    is nothing to say. `seconds` is the work per run, `estimates` how many were pooled, of which
+    `undetermined` have no heading that can stand: where these are most, nothing is said of
+    heading at all.
     """
 
     method: str
@@ -81,19 +86,43 @@ class Tally:
     nees_low: float
     nees_high: float
     seconds: float
+    undetermined: int = 0
+
+    @property
+    def why_undetermined(self) -> str:
+        """Why nothing is said of heading; '' where something is."""
+        if not _most(self.undetermined, self.estimates):
+            return ""
+        return self.undetermined_text
+
+    @property
+    def undetermined_text(self) -> str:
+        """How many estimates have no heading that can stand; '' where all have one."""
+        if not self.undetermined:
+            return ""
+        limit = f"{ANGLE_LIMIT / DEG:.0f} deg"
+        return f"sigma above {limit} in {self.undetermined} of {self.estimates} estimates"
 
     @property
     def beyond_linear(self) -> bool:
         """Whether heading is so uncertain that floors and sigmas no longer hold."""
-        return max(self.sigma_heading, self.floor_heading) > LINEAR
+        return not self.why_undetermined and (
+            self.sigma_heading > LINEAR or self.floor_heading > LINEAR
+        )
 
 
 def tally(method: str, runs: int, outcomes: Sequence[Outcome]) -> Tally:
     """One method's outcomes, one per run, pooled."""
     refusals = [o.refusal for o in outcomes if o.refusal]
-    table = np.array([f for o in outcomes for f in o.found], dtype=float).reshape(-1, 9)
+    width = len(EstimateErrors._fields)
+    table = np.array([f for o in outcomes for f in o.found], dtype=float).reshape(-1, width)
     run = np.repeat(np.arange(len(outcomes)), [len(o.found) for o in outcomes])
-    heading, north, east, heading_sigma, north_sigma, east_sigma, nees, floor, tilt_floor = table.T
+    (heading, north, east, heading_sigma, north_sigma, east_sigma, nees, floor, tilt_floor, no) = (
+        table.T
+    )
+    undetermined = int(no.sum())
+    if _most(undetermined, len(table)):  # the few others are no sample of it
+        heading = heading_sigma = nees = np.full(len(table), nan)
     rms, low, high = rms_interval(heading, run)
     tilts = np.concatenate([north, east])
     rms_tilt, tilt_low, tilt_high = rms_interval(tilts, np.tile(run, 2))
@@ -124,7 +153,12 @@ def tally(method: str, runs: int, outcomes: Sequence[Outcome]) -> Tally:
         nees_low=nees_low,
         nees_high=nees_high,
         seconds=sum(o.seconds for o in outcomes) / runs,
+        undetermined=undetermined,
     )
+
+
+def _most(part: int, whole: int) -> bool:
+    return 2 * part > whole
 
 
 def rms_interval(values: ArrayLike, run: ArrayLike) -> tuple[float, float, float]:

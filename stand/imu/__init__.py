@@ -1,7 +1,7 @@
 """The instrument: what an IMU reports of the truth, and the presets that say how badly."""
 
 from stand.imu.model import TERMS, Imu, Temperature, UnitErrors, without
-from stand.imu.preset import ImuEntry, ImuSpec, Stated, TriadSpec, imu_from, load_imu
+from stand.imu.preset import ImuEntry, ImuSpec, Stated, TriadSpec, imu_from, load_imu, unstated
 
 __all__ = [
     "TERMS",
@@ -14,5 +14,6 @@ __all__ = [
     "UnitErrors",
     "imu_from",
     "load_imu",
+    "unstated",
     "without",
 ]

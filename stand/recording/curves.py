@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from alignment.arrays import Array, IntArray, set_owned
+from alignment.arrays import Array, IntArray, owned, set_owned
 from stand.columns import cell
 
 ANGLES = ("roll", "yaw", "pitch")
@@ -25,9 +25,10 @@ class AngleCurves:
         Since the start of the run.
     angles, errors, sigmas : (m, 3)
         Roll, yaw, pitch [rad]: estimated, estimated minus true (wrapped), and predicted
-        standard deviation (0 where the method gives none).
+        standard deviation (0 where the method gives none). NaN of an angle not determined.
     error_rotations : (m, 3)
-        Rotation vector [rad], in b, that turns the true instrument axes onto the estimated ones.
+        Rotation vector [rad], in b, that turns the true instrument axes onto the estimated ones;
+        NaN where an angle is not determined.
     """
 
     method: str
@@ -40,14 +41,9 @@ class AngleCurves:
 
     def __post_init__(self) -> None:
         m = len(self.t_ns)
-        set_owned(
-            self,
-            t_ns=(self.t_ns, (m,), np.int64),
-            angles=(self.angles, (m, 3), float),
-            errors=(self.errors, (m, 3), float),
-            sigmas=(self.sigmas, (m, 3), float),
-            error_rotations=(self.error_rotations, (m, 3), float),
-        )
+        set_owned(self, t_ns=(self.t_ns, (m,), np.int64))
+        for name in ("angles", "errors", "sigmas", "error_rotations"):
+            object.__setattr__(self, name, owned(getattr(self, name), name, (m, 3), nan=True))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

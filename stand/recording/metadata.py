@@ -13,6 +13,9 @@ from alignment import DEFAULT_METHOD, Options, Priors, Site
 from alignment.angles import SequenceRule
 from alignment.readings import EDGE, Fixes
 from alignment.units import ARC_SECOND, DEG
+from stand import toml_files as catalogue
+from stand.errors import StandError
+from stand.imu import ImuSpec, imu_from
 from stand.table.joints import JOINTS
 from stand.toml_files import checked
 
@@ -258,6 +261,24 @@ class DriveRecord(_Record):
     id: str
     start_C_nb_xyzw: Json[Quaternion]
     start_sigma_rad: Annotated[float, Field(gt=0, le=pi)]
+
+
+def recorded_imu(metadata: Mapping[str, Mapping[str, str]]) -> ImuSpec | None:
+    """The preset that a recording of ours carries; None where there is none.
+
+    Raises
+    ------
+    StandError
+        It is not as this version reads it.
+    """
+    text = metadata.get("imu", {}).get("toml")
+    if text is None:
+        return None
+    name = metadata.get(RUN, {}).get("imu", "imu")
+    try:
+        return imu_from(catalogue.Source(name, f"{name}.toml", text))
+    except StandError as error:
+        raise StandError(f"the preset in its metadata: {error}") from error
 
 
 def epoch_of(metadata: Metadata) -> int:

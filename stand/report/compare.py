@@ -20,7 +20,8 @@ from stand.evaluation.comparison import Comparison
 from stand.evaluation.heading_history import History, histories
 from stand.evaluation.statistics import Tally
 from stand.folder import RECORDINGS, write_file
-from stand.report.document import number, sigma_text
+from stand.imu import unstated
+from stand.report.document import UNDETERMINED, number, sigma_text
 from stand.report.tables import TableData
 from stand.simulation.settings import run_id
 
@@ -62,7 +63,13 @@ def table(comparison: Comparison) -> TableData:
     notes: list[str] = list(NOTES)
     if any(t.beyond_linear for t in comparison.tallies):
         notes.append(BEYOND)
+    notes += [
+        f"heading {UNDETERMINED} by {t.method}: {t.undetermined_text}"
+        for t in comparison.tallies
+        if t.undetermined
+    ]
     notes += refusals(comparison.tallies)
+    notes += unstated(s.imu)
     return TableData(
         title,
         COLUMNS,
@@ -90,7 +97,9 @@ def _row(t: Tally) -> tuple[str, ...]:
         return (t.method, "refuses", *[""] * (len(COLUMNS) - 2))
     return (
         t.method,
-        _short(t.rms_heading / DEG) + ("*" if t.beyond_linear else ""),
+        UNDETERMINED
+        if t.why_undetermined
+        else _short(t.rms_heading / DEG) + ("*" if t.beyond_linear else ""),
         _short(t.sigma_heading / DEG),
         _short(t.floor_heading / DEG),
         _between(t.ratio, t.ratio_low, t.ratio_high),
@@ -152,7 +161,9 @@ def picture(comparison: Comparison, found: Sequence[History]) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    methods = list(dict.fromkeys(h.method for h in found))
+    undetermined = {t.method for t in comparison.tallies if t.why_undetermined}
+    there = {h.method for h in found} | undetermined
+    methods = [t.method for t in comparison.tallies if t.method in there]
     wide = min(3, max(1, len(methods)))
     high = max(1, ceil(len(methods) / wide))
     size = (max(5.2 * wide, 9.0), 2.9 * high + 1.2)
@@ -164,6 +175,8 @@ def picture(comparison: Comparison, found: Sequence[History]) -> bytes:
     last = max((float(h.t[-1]) for h in found), default=1.0)
     for place, (axes, method) in enumerate(zip(grid.flat, methods, strict=False)):
         own = [h for h in found if h.method == method]
+        end = UNDETERMINED if method in undetermined else _at_end(own[-1])
+        axes.set_title(f"{method}: {end}", loc="left", fontsize=10, color=INK["ink"])
         _panel(axes, own, _floor_of(comparison, method), last)
         if place + wide >= len(methods):
             axes.set_xlabel("time [s]", color=INK["ink"])
@@ -185,11 +198,11 @@ def _floor_of(comparison: Comparison, method: str) -> float:
     return found[0] / DEG if found else float("nan")
 
 
+def _at_end(h: History) -> str:
+    return f"{number(h.error[-1] / DEG)} {sigma_text(h.sigma[-1] / DEG)} at the end"
+
+
 def _panel(axes: Axes, own: Sequence[History], floor: float, last: float) -> None:
-    end = own[-1]
-    error, sigma = end.error[-1] / DEG, end.sigma[-1] / DEG
-    title = f"{own[0].method}: {number(error)} {sigma_text(sigma)} at the end"
-    axes.set_title(title, loc="left", fontsize=10, color=INK["ink"])
     axes.set_facecolor(INK["paper"])
     axes.grid(True, color=INK["grid"], linewidth=0.8)
     axes.tick_params(colors=INK["ink"], labelsize=8)
@@ -215,4 +228,4 @@ def _half_height(own: Sequence[History]) -> float:
     worst = [
         np.maximum(3 * h.sigma, np.abs(h.error))[len(h.t) // 4 :].max() for h in own if len(h.t)
     ]
-    return min(1.15 * float(np.max(worst)) / DEG + 1e-12, 180.0)
+    return min(1.15 * float(np.max(worst)) / DEG + 1e-12, 180.0) if worst else 180.0

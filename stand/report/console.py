@@ -14,7 +14,18 @@ from stand.errors import printable
 from stand.report.tables import TableData
 
 WIDTH = 132  # where no terminal says its own
-LEFT = ("turns", "title", "source", "place", "finding", "kind", "steps", "estimates")
+LEFT = (
+    "turns",
+    "title",
+    "source",
+    "place",
+    "finding",
+    "kind",
+    "steps",
+    "axis",
+    "contributions",
+    "estimates",
+)
 
 
 def console(stderr: bool = False) -> Console:

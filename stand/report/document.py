@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from alignment import ESTIMATORS
+from alignment import ESTIMATORS, AttitudeEstimate
 from alignment.arrays import Array
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G
 from stand.evaluation.score import Refusal, Score, Spread, by_method, spreads
+from stand.imu import ImuSpec, unstated
 from stand.samples import CHANNELS
 from stand.simulation.step_record import StepRecord
 from stand.table.joints import JOINTS
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from stand.evaluation.run_result import RunResult
 from stand.report.tables import TableData
 
+UNDETERMINED = "not determined"
 _BIAS_UNITS = np.repeat([DEG_PER_HOUR, MILLI_G], 3)
 ANGLE_NOTE = (
     "Yaw is positive from north to west. Where X1 is within 45 deg of the vertical, angles are "
@@ -36,7 +39,12 @@ def method_text(method: str, window: str) -> str:
 
 
 def number(value: float) -> str:
-    """A signed number of degrees: four decimals, or its power of ten where those show nothing."""
+    """A signed number of degrees: four decimals, or its power of ten where those show nothing.
+
+    'not determined' of NaN, here and in `angle`.
+    """
+    if np.isnan(value):
+        return UNDETERMINED
     if value == 0:
         return "0"
     if abs(value) < 5e-4:
@@ -44,8 +52,10 @@ def number(value: float) -> str:
     return f"{value:+.4f}" if abs(value) < 10 else f"{value:+.2f}"
 
 
-def sigma_text(value: float) -> str:
-    """A standard deviation with one significant digit, tens written out."""
+def sigma_text(value: float, noise_only: bool = False) -> str:
+    """A standard deviation with one significant digit, tens written out; what it holds."""
+    if noise_only:
+        return f"{sigma_text(value)} noise only"
     if value > 180:
         return "± >180"
     if value < 1e-12:
@@ -55,30 +65,40 @@ def sigma_text(value: float) -> str:
 
 def angle(value: float) -> str:
     """An angle with four decimals and no negative zero."""
+    if np.isnan(value):
+        return UNDETERMINED
     return f"{round(value, 4) + 0.0:.4f}"
 
 
-def score_tables(scores: Sequence[Score]) -> list[TableData]:
-    """One table per method and window: angles, errors with predicted sigma, deviations."""
+def score_tables(
+    scores: Sequence[Score], imu: ImuSpec | None = None, noise_only: bool = False
+) -> list[TableData]:
+    """One table per method and window: angles, errors with predicted sigma, deviations.
+
+    The last one's notes say what the data sheet of `imu` leaves out of every sigma. `noise_only`:
+    there is none, and every sigma says so.
+    """
     rows = spreads(scores)
     tables = []
     for (method, window), members in by_method(scores):
         own = [s for s in rows if (s.method, s.window) == (method, window)]
         if not ESTIMATORS[method].window(window).attitude:
-            tables.append(_pair_table(members))
+            tables.append(_pair_table(members, noise_only))
         elif all(s.estimate.C_nb is None for s in members):
             tables.append(_refused_table(members))
         else:
-            tables.append(_table(members, own))
+            tables.append(_table(members, own, noise_only))
         if any(s.estimate.biases is not None for s in members):
-            tables.append(_bias_table(members))
+            tables.append(_bias_table(members, noise_only))
+    if tables and imu is not None:
+        tables[-1] = replace(tables[-1], notes=(*tables[-1].notes, *unstated(imu)))
     return tables
 
 
-def _table(scores: Sequence[Score], deviations: Sequence[Spread]) -> TableData:
+def _table(scores: Sequence[Score], deviations: Sequence[Spread], noise_only: bool) -> TableData:
     first = scores[0].estimate
     scored = any(s.error is not None for s in scores)
-    latitude = any(s.estimate.latitude is not None for s in scores)
+    latitude = any(_latitude(s, noise_only) for s in scores)
     columns = ["position", "turns", "roll", "yaw", "pitch"] + ([] if scored else ["heading"])
     columns += [f"{'error' if scored else 'sigma'} {a}" for a in ("roll", "yaw", "pitch")]
     columns += ["latitude"] if latitude else []
@@ -86,7 +106,7 @@ def _table(scores: Sequence[Score], deviations: Sequence[Spread]) -> TableData:
     return TableData(
         title,
         tuple(columns),
-        tuple(_row(s, scored, latitude) for s in scores if s.estimate.C_nb is not None),
+        tuple(_row(s, scored, latitude, noise_only) for s in scores if s.estimate.C_nb is not None),
         tuple(_footers(first.method, deviations, len(columns))),
         tuple(_notes(scores)),
         ("turns", "roll", "yaw", "pitch")
@@ -95,25 +115,34 @@ def _table(scores: Sequence[Score], deviations: Sequence[Spread]) -> TableData:
     )
 
 
-def _row(scored: Score, with_error: bool, latitude: bool) -> tuple[str, ...]:
+def _row(scored: Score, with_error: bool, latitude: bool, noise_only: bool) -> tuple[str, ...]:
     e = scored.estimate
     assert e.angles is not None
     turns = "singular" if e.singular else "-".join(word[0] for word in e.sequence.value.split("-"))
     cells = [e.label, turns, *(angle(a / DEG) for a in e.angles)]
     if not with_error:
-        cells.append("none" if e.heading is None else angle(e.heading / DEG))
+        cells.append(_heading(e))
     for i in range(3):
-        sigma = "" if e.sigmas is None else sigma_text(e.sigmas[i] / DEG)
+        sigma = "" if e.sigmas is None else sigma_text(e.sigmas[i] / DEG, noise_only)
         error = "" if scored.error is None else number(scored.error[i] / DEG)
-        cells.append(f"{error} {sigma}".strip() if with_error else sigma)
-    return (*cells, _latitude(scored)) if latitude else tuple(cells)
+        stands = error != UNDETERMINED
+        cells.append((f"{error} {sigma}".strip() if stands else error) if with_error else sigma)
+    return (*cells, _latitude(scored, noise_only)) if latitude else tuple(cells)
 
 
-def _latitude(scored: Score) -> str:
+def _heading(e: AttitudeEstimate) -> str:
+    if "heading" in e.undetermined:
+        return UNDETERMINED
+    return "none" if e.heading is None else angle(e.heading / DEG)
+
+
+def _latitude(scored: Score, noise_only: bool) -> str:
     e = scored.estimate
+    if "latitude" in e.undetermined:
+        return UNDETERMINED
     if e.latitude is None:
         return ""
-    sigma = "" if e.latitude_sigma is None else sigma_text(e.latitude_sigma / DEG)
+    sigma = "" if e.latitude_sigma is None else sigma_text(e.latitude_sigma / DEG, noise_only)
     return f"{e.latitude / DEG:.3f} {sigma}".rstrip()
 
 
@@ -125,14 +154,14 @@ def _refused_table(scores: Sequence[Score]) -> TableData:
     return TableData(title, ("position", "finding"), rows)
 
 
-def _pair_table(scores: Sequence[Score]) -> TableData:
+def _pair_table(scores: Sequence[Score], noise_only: bool) -> TableData:
     first = scores[0].estimate
-    rows = tuple((s.estimate.label, _latitude(s)) for s in scores)
+    rows = tuple((s.estimate.label, _latitude(s, noise_only)) for s in scores)
     title = f"{method_text(first.method, first.window)} [deg]"
     return TableData(title, ("positions", "latitude"), rows, notes=tuple(_notes(scores)))
 
 
-def _bias_table(scores: Sequence[Score]) -> TableData:
+def _bias_table(scores: Sequence[Score], noise_only: bool) -> TableData:
     """Biases that a method found, a row per fit."""
     fits: dict[bytes, tuple[list[str], tuple[str, ...]]] = {}
     for s in scores:
@@ -141,7 +170,8 @@ def _bias_table(scores: Sequence[Score]) -> TableData:
             continue
         values, sigmas = e.biases / _BIAS_UNITS, e.bias_sigmas / _BIAS_UNITS
         cells = tuple(
-            f"{number(v)} {sigma_text(sigma)}" for v, sigma in zip(values, sigmas, strict=True)
+            f"{number(v)} {sigma_text(sigma, noise_only)}"
+            for v, sigma in zip(values, sigmas, strict=True)
         )
         fits.setdefault(e.biases.tobytes(), ([], cells))[0].append(e.label)
     first = scores[0].estimate
@@ -155,7 +185,7 @@ def _bias_table(scores: Sequence[Score]) -> TableData:
 
 def _footers(method: str, deviations: Sequence[Spread], width: int) -> list[tuple[str, ...]]:
     def footer(name: str, values: Array) -> tuple[str, ...]:
-        cells = (name, "", "", "", "", *(f"{v:.3g}" for v in values))
+        cells = (name, "", "", "", "", *(_deviation(v) for v in values))
         return cells + ("",) * (width - len(cells))
 
     rows = []
@@ -172,11 +202,23 @@ def _footers(method: str, deviations: Sequence[Spread], width: int) -> list[tupl
     return rows
 
 
+def _deviation(value: float) -> str:
+    return UNDETERMINED if np.isnan(value) else f"{value:.3g}"
+
+
+def undetermined_texts(e: AttitudeEstimate) -> list[str]:
+    """What is not determined and why: a sentence for all that have one reason."""
+    names: dict[str, list[str]] = {}
+    for name, reason in e.undetermined.items():
+        names.setdefault(reason, []).append(name)
+    return [f"{', '.join(own)} {UNDETERMINED}: {reason}" for reason, own in names.items()]
+
+
 def _notes(scores: Sequence[Score]) -> list[str]:
     """The method's own note, then each flag once with the positions it stands for."""
     found: dict[str, list[str]] = {}
     for s in scores:
-        for flag in s.estimate.flags:
+        for flag in (*undetermined_texts(s.estimate), *s.estimate.flags):
             found.setdefault(flag, []).append(s.estimate.label)
     note = ESTIMATORS[scores[0].estimate.method].note
     return [note] + [
@@ -264,7 +306,7 @@ def report_document(result: RunResult) -> str:
         + (f" Joints by the simulated servo: {s.table.title}." if result.records else ""),
         "",
     ]
-    tables = score_tables(result.scores)
+    tables = score_tables(result.scores, s.imu)
     if result.records:
         tables.append(motion_table(result.records))
     body = [markdown(table) for table in tables]

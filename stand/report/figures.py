@@ -375,7 +375,7 @@ def _ratio_marker(row: RatioRow, reach: float) -> str:
 
 def errors(method: str, number: int, tracks: Sequence[AngleCurves], total: float) -> Drawing:
     """Errors of a method's angles over the run, with one predicted sigma about zero."""
-    greatest = max((float(np.abs(c.errors).max()) for c in tracks if len(c.t_ns)), default=0.0)
+    greatest = max((_greatest(c.errors) for c in tracks), default=0.0)
     unit, per = ("arc s", ARC_SECOND) if greatest < 0.05 * DEG else ("deg", DEG)
 
     def draw(figure: Figure) -> None:
@@ -385,6 +385,8 @@ def errors(method: str, number: int, tracks: Sequence[AngleCurves], total: float
                 _error_curve(axes, track, k, per)
             axes.axhline(0, color=SOFT, linewidth=0.8)
             _error_span(axes, [c.errors[:, k] / per for c in tracks])
+            if not any(np.isfinite(c.errors[:, k]).any() for c in tracks):
+                axes.text(0.5, 0.2, "not determined", transform=axes.transAxes, ha="center")
             _time_axis(axes, total)
             frame(axes, f"{angle} [{unit}]")
             axes.set_xlabel("" if k < 2 else axes.get_xlabel())
@@ -392,7 +394,10 @@ def errors(method: str, number: int, tracks: Sequence[AngleCurves], total: float
 
     last = "; ".join(
         f"{c.label}: "
-        + ", ".join(f"{a} {e / per:+.3g}" for a, e in zip(ANGLES, c.errors[-1], strict=True))
+        + ", ".join(
+            f"{a} not determined" if np.isnan(e) else f"{a} {e / per:+.3g}"
+            for a, e in zip(ANGLES, c.errors[-1], strict=True)
+        )
         for c in tracks
         if len(c.t_ns)
     )
@@ -405,11 +410,16 @@ def errors(method: str, number: int, tracks: Sequence[AngleCurves], total: float
     )
 
 
+def _greatest(values: np.ndarray) -> float:
+    """The greatest size there is; 0 of nothing but NaN."""
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+
+
 def _error_curve(axes: Axes, track: AngleCurves, k: int, per: float) -> None:
     step = max(1, len(track.t_ns) // MOST_POINTS)
     t = track.t_ns[::step] * 1e-9
     error, sigma = track.errors[::step, k] / per, track.sigmas[::step, k] / per
-    if sigma.any():
+    if np.nan_to_num(sigma).any():
         axes.fill_between(t, -sigma, sigma, color=HUES[5], alpha=0.3, linewidth=0)
     axes.plot(t, error, color=HUES[0], linewidth=1.2)
 
@@ -417,7 +427,7 @@ def _error_curve(axes: Axes, track: AngleCurves, k: int, per: float) -> None:
 def _error_span(axes: Axes, errors_of: Sequence[np.ndarray]) -> None:
     """What the curves span once they have begun: the first moments of a track may be anything."""
     settled = np.concatenate([e[len(e) // 20 :] for e in errors_of] or [np.zeros(1)])
-    size = float(np.abs(settled).max(initial=0.0)) or 1.0
+    size = _greatest(settled) or 1.0
     axes.set_ylim(-1.25 * size, 1.25 * size)
 
 

@@ -84,7 +84,7 @@ def _steps(result: Rehearsal) -> TableData:
     d = result.duration
     sums = ("", "", "total", "", f"{d.motion:.1f}", f"{d.settling:.2f}", f"{d.dwell:.1f}", "", "")
     columns = ("step", "kind", "place", "from s", "motion s", "settling s", "dwell s", "most used")
-    return TableData("Steps", (*columns, "steps"), tuple(rows), (sums,))
+    return TableData("Steps", (*columns, "axis"), tuple(rows), (sums,))
 
 
 def _accuracy(result: Rehearsal) -> TableData:
@@ -98,7 +98,7 @@ def _accuracy(result: Rehearsal) -> TableData:
         )
         for p in result.predictions
     )
-    return TableData("Predicted sigma", ("method", "place", "kind", "sigma", "finding"), rows)
+    return TableData("Predicted sigma", ("method", "place", "kind", "sigma", "contributions"), rows)
 
 
 def _made_of(p: Prediction) -> str:

@@ -16,8 +16,10 @@ import numpy as np
 
 from alignment import ESTIMATORS
 from alignment.angles import angles_from_C_nb, near_singular
+from alignment.estimate import ANGLES
 from alignment.units import DEG
 from stand.errors import StandError, located
+from stand.evaluation.aligned import sheet_beside
 from stand.evaluation.score import Refusal, Score, evaluate_each, suited
 from stand.folder import refuse_files, write_file
 from stand.imu.preset import ImuEntry
@@ -26,7 +28,13 @@ from stand.recording.curves import AngleCurves
 from stand.recording.log import Log, load_log
 from stand.recording.mcap.reader import read_attachments
 from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN, recorded_steps
-from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
+from stand.report.document import (
+    ANGLE_NOTE,
+    UNDETERMINED,
+    motion_table,
+    refusal_lines,
+    score_tables,
+)
 from stand.report.figures import Bar, errors, timeline
 from stand.report.gallery import Gallery, Position, gallery
 from stand.report.page import render, span_text
@@ -85,7 +93,7 @@ def page(file: Path) -> str:
         "facts": _facts(run, log, total),
         "summary": _summary(scores, refusals),
         "refusals": refusal_lines(refusals),
-        "tables": score_tables(scores),
+        "tables": score_tables(scores, sheet_beside(recorded.metadata)),
         "angle_note": ANGLE_NOTE if scores else "",
         "errors": _errors(log, {r.method for r in refusals}, total),
         "servo": motion_table(recorded.records) if recorded.records else None,
@@ -173,20 +181,24 @@ def _facts(run: Mapping[str, str], log: Log, total: float) -> list[tuple[str, st
 
 
 def _summary(scores: Sequence[Score], refusals: Sequence[Refusal]) -> list[str]:
-    """A line per method: its greatest error, or that it gives none."""
+    """A line per method: its greatest error, what is not determined, or that it gives none."""
     lines = []
     for method in dict.fromkeys(s.estimate.method for s in scores):
-        own = [s for s in scores if s.estimate.method == method and s.error is not None]
-        if not own:
-            continue
-        worst = max(own, key=lambda s: float(np.abs(s.error).max()))  # pyright: ignore[reportArgumentType,reportCallIssue]
-        assert worst.error is not None
-        k = int(np.argmax(np.abs(worst.error)))
-        size = abs(float(worst.error[k])) / DEG
-        angle = ("roll", "yaw", "pitch")[k]
-        lines.append(
-            f"{method}: greatest error {size:.3g}°, of {angle} in “{worst.estimate.label}”"
-        )
+        own = [s for s in scores if s.estimate.method == method]
+        sizes = [
+            (abs(float(error)), angle, s.estimate.label)
+            for s in own
+            if s.error is not None
+            for angle, error in zip(ANGLES, s.error, strict=True)
+            if np.isfinite(error)
+        ]
+        if sizes:
+            size, angle, label = max(sizes)
+            lines.append(f"{method}: greatest error {size / DEG:.3g}°, of {angle} in “{label}”")
+        names = dict.fromkeys(name for s in own for name in s.estimate.undetermined)
+        for name in names:
+            n = sum(name in s.estimate.undetermined for s in own)
+            lines.append(f"{method}: {name} {UNDETERMINED} in {n} of {len(own)} estimates")
     lines += [f"{r.method}: no estimate" for r in refusals]
     return lines
 

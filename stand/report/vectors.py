@@ -14,9 +14,12 @@ import numpy as np
 
 from alignment.against_truth import rotation_error
 from alignment.arrays import Array
+from alignment.estimate import determined
 from alignment.methods.vectors import Fixes, Matching
 from alignment.units import DEG
 from stand.evaluation.milestones import LIMITS, Doubt, Point, doubts, needed, points
+from stand.imu import unstated
+from stand.report.document import UNDETERMINED
 from stand.report.page import INKS
 from stand.report.tables import TableData
 from stand.vehicle.path import Path
@@ -42,7 +45,10 @@ _OUTAGE = 1.5  # usual intervals between fixes: a longer one is an outage
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Errors:
-    """One solution against the true path, (k,): place [m], attitude and its sigma [rad]."""
+    """One solution against the true path, (k,): place [m], attitude and its sigma [rad].
+
+    NaN of an attitude that is not determined.
+    """
 
     t: Array
     place: Array
@@ -53,11 +59,13 @@ class Errors:
 def errors(matching: Matching, path: Path) -> Errors:
     """Distance from the true place, whole turn from the true attitude, and its predicted sigma."""
     motion = path.at(matching.t)
+    sigma = np.sqrt(np.trace(matching.covariance, axis1=1, axis2=2))
+    attitude = np.linalg.norm(rotation_error(matching.C_nb, motion.C_nb), axis=1)
     return Errors(
         matching.t,
         np.linalg.norm(matching.position - motion.r_e, axis=1),
-        np.linalg.norm(rotation_error(matching.C_nb, motion.C_nb), axis=1),
-        np.sqrt(np.trace(matching.covariance, axis1=1, axis2=2)),
+        np.where(determined(sigma), attitude, np.nan),
+        sigma,
     )
 
 
@@ -196,6 +204,7 @@ def table(result: DriveResult) -> TableData:
             "sigma holds noise, biases, the start; gyro scale and axes that are off come on top, "
             "by their size times the angle turned.",
             *(line for name in result.matchings for line in _lines(name, result)),
+            *unstated(result.settings.imu),
             *(f"{name}: {reason}" for name, reason in result.refusals.items()),
         ),
         optional=tuple(c for c in ("10 fixes", "30 fixes", "place m", *limits) if c in columns),
@@ -203,6 +212,8 @@ def table(result: DriveResult) -> TableData:
 
 
 def _cell(point: Point) -> str:
+    if point.undetermined:
+        return UNDETERMINED
     if point.state == "start":
         return f"{point.error / DEG:.3g} start"
     carried = " ~" if point.state == "carried" else ""
@@ -210,7 +221,12 @@ def _cell(point: Point) -> str:
 
 
 def _lines(name: str, result: DriveResult) -> list[str]:
-    return [f"{name}: {_line(d)}" for d in doubts(result.matchings[name])]
+    open_ones = [
+        f"{name}: attitude {UNDETERMINED} after {p.fixes} fixes: {p.undetermined}"
+        for p in points(result.curves[name])
+        if p.undetermined
+    ]
+    return [*open_ones, *(f"{name}: {_line(d)}" for d in doubts(result.matchings[name]))]
 
 
 def _line(d: Doubt) -> str:

@@ -376,11 +376,11 @@ def test_an_estimate_without_attitude_has_no_angles():
 
 
 def test_an_estimate_owns_its_covariance():
-    covariance = np.diag([1.0, 2.0, 3.0])
+    covariance = np.diag([0.01, 0.02, 0.03])  # a radian of sigma would leave no angle
     C = Rotation.from_matrix(by_hand(YPR, 0.1, -0.7, 0.2))
     estimate = AttitudeEstimate("m", "p", 0, 1, C, YPR, covariance=covariance)
     covariance[:] = 0
-    np.testing.assert_array_equal(estimate.covariance, np.diag([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(estimate.covariance, np.diag([0.01, 0.02, 0.03]))
     assert estimate.heading == pytest.approx(0.7, abs=1e-15 * 4)  # rounding
     np.testing.assert_allclose(estimate.angles, [0.1, -0.7, 0.2], rtol=0, atol=1e-15 * 4)
     with pytest.raises(ValueError, match=r"covariance: shape \(2, 2\)"):

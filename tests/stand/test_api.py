@@ -81,7 +81,8 @@ def test_six_lines_of_a_notebook(tmp_path):
     found = stand.align(run)
     axes = Figure().subplots()
     axes.plot(run.t, run.w_ib_b - run.true_w_ib_b)
-    axes.set(title=f"heading {np.degrees(found.estimates[0].heading):.2f} deg", xlabel="t [s]")
+    fit = found.estimates[-1]  # of both positions: one alone has a heading sigma above 30 deg
+    axes.set(title=f"heading {np.degrees(fit.heading):.2f} deg", xlabel="t [s]")
     assert len(axes.lines) == 3
     FigureCanvasAgg(axes.figure).print_png(tmp_path / "errors.png")
 

@@ -36,5 +36,8 @@ def relay(curves: Iterable[AngleCurves]) -> list[AngleCurves]:
 def exaggeration(curves: Sequence[AngleCurves]) -> float:
     """The power of ten that shows the median error as 2 to 20 degrees, if that is more."""
     errors = np.concatenate([np.linalg.norm(curve.error_rotations, axis=1) for curve in curves])
+    errors = errors[np.isfinite(errors)]
+    if not len(errors):
+        return 1.0
     shown = 20.0 * DEG / max(float(np.median(errors)), 1e-9)
     return float(10.0 ** np.clip(np.floor(np.log10(shown)), 0.0, 6.0))

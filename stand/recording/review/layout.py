@@ -107,9 +107,14 @@ def _plots(screen: Screen) -> rrb.Vertical:
         plots["imu/accel"],
         plots["imu/gyro"],
         rrb.Tabs(plots["residual/accel"], plots["residual/gyro"], active_tab=0),
-        *(_plot(screen, f"angles/{k}", f"{k.capitalize()} error, ±3σ [deg]") for k in shown),
+        *(_plot(screen, f"angles/{k}", _error_title(screen, k)) for k in shown),
     ]
     return rrb.Vertical(*rows, row_shares=[0.1 * len(rows)] + [1.0] * (len(rows) - 1))
+
+
+def _error_title(screen: Screen, angle: str) -> str:
+    known = f"angles/{angle}" in screen.ranges
+    return f"{angle.capitalize()} error" + (", ±3σ [deg]" if known else ": not determined")
 
 
 def _plot(screen: Screen, origin: str, title: str) -> rrb.TimeSeriesView:

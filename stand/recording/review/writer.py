@@ -368,20 +368,26 @@ class ReviewWriter:
         self._extend_range(entity.rsplit("/", 1)[0], rows[1])
 
     def _extend_range(self, plot: str, rows: Array) -> None:
-        ranges = self._screen.ranges
+        ranges, rows = self._screen.ranges, rows[np.isfinite(rows)]
+        if not len(rows):  # of an angle that is not determined anywhere
+            return
         low, high = ranges.get(plot, (np.inf, -np.inf))
-        ranges[plot] = min(low, float(np.nanmin(rows))), max(high, float(np.nanmax(rows)))
+        ranges[plot] = min(low, float(rows.min())), max(high, float(rows.max()))
 
     def _limit_errors(self, tested: Sequence[AngleCurves]) -> None:
         """Keep the method under test in sight where a rival drifts away."""
         for k, angle in enumerate(ANGLES):
             own = [np.maximum(np.abs(c.errors[:, k]), 3.0 * c.sigmas[:, k]) for c in tested]
-            limit = float(6.0 * np.percentile(np.concatenate(own), 90.0) / DEG)
+            sizes = np.concatenate(own)
+            sizes = sizes[np.isfinite(sizes)]
+            if not len(sizes):
+                continue
+            limit = float(6.0 * np.percentile(sizes, 90.0) / DEG)
             if 0.0 < limit < np.abs(self._screen.ranges[f"angles/{angle}"]).max():
                 self._screen.limits[f"angles/{angle}"] = -limit, limit
 
     def _send_sigmas(self, curves: Sequence[AngleCurves]) -> None:
-        if not any(curve.sigmas.any() for curve in curves):
+        if not any(np.nan_to_num(curve.sigmas).any() for curve in curves):
             return
         for k, angle in enumerate(ANGLES):
             parts = ((c.t_ns, c.sigmas[:, k : k + 1] * [3.0, -3.0] / DEG) for c in curves)
@@ -397,8 +403,12 @@ class ReviewWriter:
         style = rr.Arrows3D.from_fields(colors=XYZ_PALE, radii=[0.005 * self._scene.radius])
         self._log(entity, style)
         for curve in curves:
-            vectors = turned_axes(curve.error_rotations[::step], factor) * length
-            self._send(entity, curve.t_ns[::step], rr.Arrows3D.columns(vectors=vectors))
+            turned = curve.error_rotations[::step]
+            known = np.isfinite(turned).all(axis=1)  # all angles determined
+            if known.any():
+                vectors = turned_axes(turned[known], factor) * length
+                t_ns = curve.t_ns[::step][known]
+                self._send(entity, t_ns, rr.Arrows3D.columns(vectors=vectors))
         ends = np.array([curve.t_ns[-1] + 1 for curve in curves])
         hidden = rr.Arrows3D.columns(vectors=np.empty((0, 3))).partition([0] * len(curves))
         self._send(entity, ends, hidden)

@@ -159,6 +159,8 @@ def test_json_of_an_estimate():
         "error_nominal_roll_deg": pytest.approx(0.0, abs=ROUNDING),
         "error_nominal_yaw_deg": pytest.approx(2.0),
         "error_nominal_pitch_deg": pytest.approx(0.0, abs=ROUNDING),
+        "undetermined": {},
+        "noise_only": False,
         "flags": ["doubt"],
     }
     assert entry == near
@@ -179,6 +181,8 @@ def test_json_leaves_out_what_is_not_there():
         "heading_deg",
         "singular",
         "latitude_deg",
+        "undetermined",
+        "noise_only",
         "flags",
     }
 
