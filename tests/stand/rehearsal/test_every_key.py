@@ -454,7 +454,11 @@ def _within(value: Any) -> Iterator[tuple[str, str]]:
 def test_every_key_there_is_has_a_case():
     """A key that a model gets and no procedure above sets would be one that nobody has tried."""
     there = set(every_key(ProcedureEntry, set()))
-    assert {("AxisSetEntry", "wobble_arc_s"), ("SwayEntry", "psd_file"), ("RateStep", "turns")} <= there
+    assert {
+        ("AxisSetEntry", "wobble_arc_s"),
+        ("SwayEntry", "psd_file"),
+        ("RateStep", "turns"),
+    } <= there
     tried: set[tuple[str, str]] = set()
     for name, text in BASES.items():
         source = catalogue.Source(name, f"{name}.toml", text)
