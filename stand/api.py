@@ -236,6 +236,10 @@ def read(
 
 def recording_file(path: Named) -> Path:
     """The MCAP file of a recording: itself, or that of a folder."""
+    if not isinstance(path, str | PathLike):
+        from stand.errors import StandError
+
+        raise StandError(f"recording = {path!r}: must be a path")
     path = Path(path)
     return path / "run.mcap" if path.is_dir() else path
 

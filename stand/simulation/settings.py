@@ -203,6 +203,9 @@ def settings(
         if isinstance(procedure, Procedure)
         else load_procedure(entry_name("procedure", procedure))
     )
+    own_table = table
+    if own_table is not None and not isinstance(own_table, Table):
+        own_table = load_table(entry_name("table", own_table))
     options = loaded.entry.estimate.options()
     if sequences is not None:
         options = replace(options, rule=one_of("sequences", sequences, SequenceRule))

@@ -256,6 +256,7 @@ def test_misuse_costs_one_line(change, line):
         (lambda: stand.rehearse("static"), "settings = 'static': must be of stand.settings(...)"),
         (lambda: stand.simulate("static"), "settings = 'static': must be of stand.settings(...)"),
         (lambda: stand.run("static"), "settings = 'static': must be of stand.settings(...)"),
+        (lambda: stand.read(None), "recording = None: must be a path"),
         (lambda: stand.catalogue(None), "unknown catalogue None: known: imus, methods, "),
         (lambda: stand.settings(3), "procedure = 3: must be an id, a path, or one that is load"),
         (lambda: stand.unit("ideal", rate_hz=10, seed=0.5), "seed = 0.5: must be a whole number"),
