@@ -198,11 +198,9 @@ def settings(
     stand.errors.StandError: latitude = 95 deg: must be -90 to 90
     """
     refuse_mistaken(mistaken, settings)
-    loaded = (
-        procedure
-        if isinstance(procedure, Procedure)
-        else load_procedure(entry_name("procedure", procedure))
-    )
+    loaded = procedure
+    if not isinstance(loaded, Procedure):
+        loaded = load_procedure(entry_name("procedure", loaded))
     own_table = table
     if own_table is not None and not isinstance(own_table, Table):
         own_table = load_table(entry_name("table", own_table))
@@ -212,9 +210,7 @@ def settings(
     return assembled(
         loaded,
         imu if isinstance(imu, ImuSpec) else load_imu(entry_name("imu", imu)),
-        table
-        if table is None or isinstance(table, Table)
-        else load_table(entry_name("table", table)),
+        own_table,
         site_with(loaded.entry.site.site(), latitude_deg, height_m),
         rate_hz,
         options=options,
