@@ -36,6 +36,16 @@ def _quiet(done: float) -> None:
     """Progress that nobody watches."""
 
 
+def _checked(settings: Settings) -> Settings:
+    """The settings, which are no name of a procedure."""
+    from stand.errors import StandError
+    from stand.simulation.settings import Settings
+
+    if not isinstance(settings, Settings):
+        raise StandError(f"settings = {settings!r}: must be of stand.settings(...)")
+    return settings
+
+
 def simulate(settings: Settings, progress: Progress = _quiet) -> Simulated:
     """A run in memory: samples, truth, joints and the stretches to estimate from.
 
@@ -69,7 +79,7 @@ def simulate(settings: Settings, progress: Progress = _quiet) -> Simulated:
     """
     from stand.results import simulated
 
-    return simulated(settings, progress)
+    return simulated(_checked(settings), progress)
 
 
 def run(
@@ -111,7 +121,7 @@ def run(
     from stand.recorded_run import run as record
     from stand.results import Recorded, shown
 
-    return shown(Recorded, record(settings, out, force, progress))
+    return shown(Recorded, record(_checked(settings), out, force, progress))
 
 
 def drive(
@@ -226,6 +236,10 @@ def read(
 
 def recording_file(path: Named) -> Path:
     """The MCAP file of a recording: itself, or that of a folder."""
+    if not isinstance(path, str | PathLike):
+        from stand.errors import StandError
+
+        raise StandError(f"recording = {path!r}: must be a path")
     path = Path(path)
     return path / "run.mcap" if path.is_dir() else path
 
@@ -340,13 +354,13 @@ def rehearse(
     >>> answer.feasible, round(answer.duration.total)
     (True, 600)
     """
-    from stand.errors import StandError
+    from stand.errors import whole
     from stand.rehearsal.advice import with_advice
     from stand.results import Rehearsed, shown
 
-    if verify is not None and verify < 1:
-        raise StandError(f"verify = {verify}: must be 1 or more")
-    answer = with_advice(settings)
+    if verify is not None:
+        whole("verify", verify, 1)
+    answer = with_advice(_checked(settings))
     if verify is not None:
         from stand.rehearsal.verify import with_verification
 
@@ -391,10 +405,14 @@ def compare(
     >>> [(t.method, t.runs, t.refused) for t in found.tallies]
     [('triad', 4, 0)]
     """
+    from stand.errors import whole
     from stand.evaluation.comparison import compare as compare_methods
     from stand.results import Compared, shown
 
-    return shown(Compared, compare_methods(settings, runs, progress, workers))
+    whole("runs", runs, 1)
+    if workers is not None:
+        whole("workers", workers, 1)
+    return shown(Compared, compare_methods(_checked(settings), runs, progress, workers))
 
 
 def allan(

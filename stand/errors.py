@@ -1,8 +1,10 @@
 """Known faults: each becomes one line and exit code 2 at the command line."""
 
 import difflib
+import operator
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from alignment.errors import Fault
 
@@ -31,9 +33,21 @@ def printable(text: str) -> str:
     return text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
 
 
-def unknown(what: str, name: str, allowed: Iterable[str]) -> StandError:
+def whole(name: str, value: Any, least: int = 0) -> int:
+    """A whole number that is not below `least`; anything else is refused by its name."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        message = f"{name} = {value!r}: must be a whole number, {least} or more"
+        raise StandError(message) from None
+    if number < least:
+        raise StandError(f"{name} = {number}: must be {least} or more")
+    return number
+
+
+def unknown(what: str, name: object, allowed: Iterable[str]) -> StandError:
     """An error for a name that is not in a list, with near matches first."""
     names = sorted(allowed)
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    near = difflib.get_close_matches(str(name), names, n=3, cutoff=0.5)
     hint = f"did you mean {' or '.join(near)}? " if near else ""
     return StandError(f"unknown {what} {name!r}: {hint}known: {', '.join(names)}")

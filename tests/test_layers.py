@@ -147,6 +147,7 @@ def _ours(wanted: set[str], modules: dict[str, set[str]]) -> set[str]:
 POSITIONAL = {
     "alignment/methods/fine.py",
     "alignment/methods/inertial.py",
+    "alignment/methods/six_position.py",
     "alignment/methods/two_gyro.py",
     "stand/report/document.py",
 }

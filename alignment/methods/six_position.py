@@ -107,14 +107,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     zero = ("same samples gave the offset: zero by construction",)
     estimates = [
         AttitudeEstimate(
-            METHOD,
-            dwell.label,
-            dwell.t_from,
-            t_offset,
-            C_nb=C_nb,
-            sequence=sequence,
-            window="same",
-            flags=flags + zero,
+            METHOD, dwell.label, dwell.t_from, t_offset, C_nb, sequence, "same", flags=flags + zero
         )
     ]
     if len(dwell.readings.between(t_offset, dwell.t_to)) < 2:
@@ -171,8 +164,8 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
                 dwell.label,
                 readings.t[ends - 1],
                 site.plumb * attitude_from_means(w, f, sequence),
-                sequence=sequence,
-                covariance=np.array(covariance),
+                sequence,
+                np.array(covariance),
             )
         )
     return tracks

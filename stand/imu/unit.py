@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alignment.arrays import Array
-from stand.errors import StandError
+from stand.errors import StandError, whole
 from stand.imu.model import Imu, without
 from stand.imu.preset import ImuSpec, imu_from
 from stand.imu.snapshot import put_back, taken
@@ -58,8 +58,7 @@ class Unit:
             raise StandError(
                 f"rate = {rate_hz:g} Hz: must be a whole number, 1 to {HIGHEST_RATE_HZ}"
             )
-        if seed < 0:
-            raise StandError(f"seed = {seed}: must be 0 or more")
+        whole("seed", seed)
         self.sheet, self.rate_hz, self.seed = spec, int(rate_hz), seed
         self.without = tuple(switched_off)
         own = without(spec, self.without)

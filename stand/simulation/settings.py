@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from inspect import Parameter, signature
 from math import isfinite
+from numbers import Real
 from os import PathLike, fspath
 from typing import Never, TypeVar
 
@@ -17,7 +18,7 @@ import numpy as np
 from alignment import ESTIMATORS, Options, Priors, Site
 from alignment.angles import SequenceRule
 from alignment.units import DEG
-from stand.errors import StandError, unknown
+from stand.errors import StandError, unknown, whole
 from stand.imu import ImuSpec, Temperature, load_imu, without
 from stand.imu.priors import BASE_ARM, priors_of
 from stand.motion.polynomial import MotionKind
@@ -86,12 +87,15 @@ class Settings:
     allan_terms: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.rate_hz, Real):
+            raise StandError(f"rate = {self.rate_hz!r}: must be a whole number of Hz")
         if self.rate_hz != int(self.rate_hz):
             raise StandError(f"rate = {self.rate_hz:g} Hz: must be a whole number")
         if not 1 <= self.rate_hz <= HIGHEST_RATE_HZ:
             raise StandError(f"rate = {self.rate_hz} Hz: must be 1 to {HIGHEST_RATE_HZ}")
-        if self.seed < 0:
-            raise StandError(f"seed = {self.seed}: must be 0 or more")
+        whole("seed", self.seed)
+        if not isinstance(self.true_table, bool):
+            raise StandError(f"true_table = {self.true_table!r}: must be True or False")
         for method in self.methods or ():
             if method not in ESTIMATORS:
                 raise unknown("method", method, ESTIMATORS)
@@ -194,14 +198,19 @@ def settings(
     stand.errors.StandError: latitude = 95 deg: must be -90 to 90
     """
     refuse_mistaken(mistaken, settings)
-    loaded = procedure if isinstance(procedure, Procedure) else load_procedure(fspath(procedure))
+    loaded = procedure
+    if not isinstance(loaded, Procedure):
+        loaded = load_procedure(entry_name("procedure", loaded))
+    own_table = table
+    if own_table is not None and not isinstance(own_table, Table):
+        own_table = load_table(entry_name("table", own_table))
     options = loaded.entry.estimate.options()
     if sequences is not None:
         options = replace(options, rule=one_of("sequences", sequences, SequenceRule))
     return assembled(
         loaded,
-        imu if isinstance(imu, ImuSpec) else load_imu(fspath(imu)),
-        table if table is None or isinstance(table, Table) else load_table(fspath(table)),
+        imu if isinstance(imu, ImuSpec) else load_imu(entry_name("imu", imu)),
+        own_table,
         site_with(loaded.entry.site.site(), latitude_deg, height_m),
         rate_hz,
         options=options,
@@ -263,14 +272,27 @@ def stated_priors(made: Settings) -> Priors:
 def site_with(site: Site, latitude_deg: float | None, height_m: float | None) -> Site:
     """The site with what was said instead."""
     if latitude_deg is not None:
-        if not abs(latitude_deg) <= 90:
+        if not abs(_number("latitude", latitude_deg)) <= 90:
             raise StandError(f"latitude = {latitude_deg:g} deg: must be -90 to 90")
         site = replace(site, latitude=latitude_deg * DEG)
     if height_m is not None:
-        if not (isfinite(height_m) and LOWEST_M <= height_m <= HIGHEST_M):
+        if not (isfinite(_number("height", height_m)) and LOWEST_M <= height_m <= HIGHEST_M):
             raise StandError(f"height = {height_m:g} m: must be {LOWEST_M} to {HIGHEST_M}")
         site = replace(site, height=height_m)
     return site
+
+
+def _number(name: str, value: float) -> float:
+    if not isinstance(value, Real):
+        raise StandError(f"{name} = {value!r}: must be a number")
+    return value
+
+
+def entry_name(what: str, name: Named) -> str:
+    """The id or path that names an entry of a catalogue."""
+    if not isinstance(name, str | PathLike):
+        raise StandError(f"{what} = {name!r}: must be an id, a path, or one that is loaded")
+    return fspath(name)
 
 
 def one_of(name: str, value: str, choices: type[Choice]) -> Choice:
@@ -282,7 +304,7 @@ def one_of(name: str, value: str, choices: type[Choice]) -> Choice:
 
 def words(name: str, given: Sequence[str]) -> tuple[str, ...]:
     """Several words, of which text would be its letters."""
-    if isinstance(given, str):
+    if isinstance(given, str) or not all(isinstance(word, str) for word in given):
         raise StandError(f"{name} = {given!r}: must be a list of words")
     return tuple(given)
 

@@ -250,6 +250,17 @@ def test_misuse_costs_one_line(change, line):
         (lambda: stand.read("x", fix_sigma=[5, 0]), "--fix-sigma 5,0: both must be above 0"),
         (lambda: stand.rehearse(None, verify=0), "verify = 0: must be 1 or more"),
         (lambda: stand.compare(None, runs=0), "runs = 0: must be 1 or more"),
+        (lambda: stand.compare(None, runs=1.5), "runs = 1.5: must be a whole number, 1 or more"),
+        (lambda: stand.compare(None, workers=0), "workers = 0: must be 1 or more"),
+        (lambda: stand.rehearse(None, verify="a"), "verify = 'a': must be a whole number, 1 or"),
+        (lambda: stand.compare("static"), "settings = 'static': must be of stand.settings(...)"),
+        (lambda: stand.rehearse("static"), "settings = 'static': must be of stand.settings(...)"),
+        (lambda: stand.simulate("static"), "settings = 'static': must be of stand.settings(...)"),
+        (lambda: stand.run("static"), "settings = 'static': must be of stand.settings(...)"),
+        (lambda: stand.read(None), "recording = None: must be a path"),
+        (lambda: stand.catalogue(None), "unknown catalogue None: known: imus, methods, "),
+        (lambda: stand.settings(3), "procedure = 3: must be an id, a path, or one that is load"),
+        (lambda: stand.unit("ideal", rate_hz=10, seed=0.5), "seed = 0.5: must be a whole number"),
     ],
 )
 def test_a_wrong_argument_costs_one_line(call, line):
