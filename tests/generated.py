@@ -39,7 +39,7 @@ def generated(number: int, longest_s: float = REST_S[1]) -> Generated:
         f'title = "Generated {number}"',
         f'table = "{table}"',
         f"[site]\nlatitude_deg = {latitude:.3f}",
-        "[estimate]\nmethods = []",
+        '[estimate]\nmethods = ["triad", "two-position", "multi-position"]',
         "[move_limits]\nrate_deg_s = 20\nacceleration_deg_s2 = 20\njerk_deg_s3 = 80",
     ]
     for k in range(rng.integers(RESTS[0], RESTS[1], endpoint=True)):

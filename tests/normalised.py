@@ -163,8 +163,8 @@ def broken(all_of: Iterable[Promise]) -> list[str]:
     """The promises that are not kept, in words; by the family of all of them."""
     rows = [p for p in all_of if p.values]
     return [
-        f"{p.case} {p.method} {p.label!r}: NEES/dof {p.mean:.3g} not in "
-        f"{low:.2f} to {high:.2f} (heading sigma {np.degrees(p.sigma):.3g} deg, {len(p.values)} runs)"
+        f"{p.case} {p.method} {p.label!r}: {p.mean:.3g} not in {low:.2f} to {high:.2f} "
+        f"(heading sigma {np.degrees(p.sigma):.3g} deg, {len(p.values)} runs)"
         for p in rows
         for low, high in [p.bounds(len(rows))]
         if not p.kept(len(rows))
