@@ -3,9 +3,25 @@
 import numpy as np
 
 from alignment.arrays import Array
+from alignment.units import DEG_PER_HOUR, STANDARD_GRAVITY
 
 
 def heading_doubt(covariance: Array) -> tuple[str, ...]:
     """A flag when heading is too unsure for first-order theory (sigma above 8 deg)."""
     sigma = float(np.degrees(np.sqrt(covariance[2, 2])))
     return ("heading sigma above 8 deg: beyond first order",) if sigma > 8.0 else ()
+
+
+def drift_doubt(gyro: Array, accel: Array) -> tuple[str, ...]:
+    """A flag where readings at rest drift beyond noise, by so much (3,) from end to end."""
+    told = []
+    if gyro.any():
+        told.append(f"gyros by {gyro.max() / DEG_PER_HOUR:.2g} deg/h")
+    if accel.any():
+        told.append(f"accelerometers by {accel.max() / STANDARD_GRAVITY * 1e6:.2g} ug")
+    if not told:
+        return ()
+    return (
+        f"drift from end to end beyond noise: {' and '.join(told)}: counted as one sigma; a "
+        "slower one is not known without a data sheet",
+    )

@@ -15,7 +15,7 @@ from alignment.methods.rocking_gains import fine_functional, inertial_functional
 from alignment.methods.single_gyro import single_gyro, single_gyro_gains
 from alignment.methods.six_position import six_position, six_position_gains, six_position_tracks
 from alignment.methods.triad import triad, triad_gains
-from alignment.methods.two_gyro import two_gyro
+from alignment.methods.two_gyro import two_gyro, two_gyro_functional
 from alignment.methods.two_sample import two_sample, two_sample_tracks
 from alignment.methods.vectors.method import vector_matching
 
@@ -109,8 +109,7 @@ ESTIMATORS = {
         note="± holds the sway's own angular rate, which the published bound leaves out",
         estimate=two_gyro,
         takes="any",
-        no_prediction="its error is what the base turns from start to end of a record, over the "
-        "horizontal Earth rate: of the sway that is drawn, not of the sensors",
+        functional=two_gyro_functional,
         needs_latitude=True,
         needs_upright=True,
         azimuth_matters=True,

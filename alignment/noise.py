@@ -1,14 +1,17 @@
 """How far a mean can be trusted: from the data themselves, not from a data sheet.
 
-Real logs are not white (a dithered ring laser's samples look 40 times noisier than its 16 s
-means), so the variance of a mean comes from the scatter of block means.
+Real logs are not white: a dithered ring laser's samples look 40 times noisier than its 16 s means,
+and accelerometers settle for minutes. So the variance of a mean comes from what the record shows
+in the band that a mean lets through.
 """
 
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
 from alignment.arrays import Array
+from alignment.doubts import drift_doubt
 from alignment.errors import NotAtRest, TooShort
 from alignment.readings import Dwell, ImuReadings
 from alignment.sampling import step_of
@@ -17,6 +20,11 @@ from alignment.sampling import step_of
 # three digits that IEEE Std 952 (annex C) prints
 FLICKER_FLOOR = 0.664
 BLOCKS = 32  # the variance of a mean from 32 blocks is itself known to 25 % (1 sigma)
+_FINE = 4096  # blocks from which waves are summed: fewer would fold jitter down to them
+_ORDERS = 20  # periods of a record below which noise counts for its mean
+_FAR_LESS = 0.35  # of the whole: chance makes that of the lower half of orders in 2 of 1000
+_DRIFT_ORDERS = 8
+_DRIFTS = 15.0  # mean F (1, 10 degrees of freedom) of three axes: 1 in 10 000 records of noise
 
 GAP = 10.0  # usual steps: a longer one is a gap
 
@@ -41,30 +49,144 @@ def block_means(values: Array, blocks: int) -> Array:
 
 
 def mean_variance(values: Array) -> Array:
-    """Variance (k,) of the mean of `values` (n, k), from the scatter of its block means.
+    """Variance (k,) of the mean of `values` (n, k), from what the record shows at low frequency.
 
     Notes
     -----
-    Holds while errors of different blocks are independent: noise with correlation longer than a
-    32nd of the record, and any constant bias, are not in it. Blocks of n samples differ by one
-    where 32 does not divide n, which overstates the variance (by 12 % at n = 48, 1 % at 500).
+    Rates that begin and end somewhere in a jitter of the angle have a mean that is off by what the
+    angle jumps from end to end over T, whatever the rate's own noise. So ``S/T`` of the density S
+    at low frequency, and ``2 V/T^2`` of the variance V of the integral about its line; white noise
+    makes a V of ``S T/15``, for which the first is lessened. S is the mean of 30 ordinates below
+    20 periods of the record by waves that vanish at its ends: jitter does not leak into it. Where
+    noise rises within them the lower half counts. White noise tells the variance to 25 % (1 sigma).
+
+    Then the square of a steady drift over the record, where the columns, a triad's, show one
+    beyond doubt (see `drift_of`): what came before and after differs by as much. Records of 32
+    samples or fewer give the textbook variance. A constant bias is not in it, nor a drift below
+    the noise.
     """
-    return _mean_and_variance(values)[1]
+    n = len(values)
+    if n <= BLOCKS:
+        return np.asarray(values.var(axis=0, ddof=1) / n)
+    sums, edges = _sums(values)
+    level, cosines, sines = _level(sums, edges)
+    wander = 2 * _integral_variance(sums, edges) / n**2
+    return np.asarray(13 / 15 * level + wander + _drift(cosines, sines, n) ** 2)
 
 
 def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     """Means (6,) of rates and forces, and the variances (6,) of those means, as `mean_variance`."""
-    w, w_variance = _mean_and_variance(readings.w_ib_b)
-    f, f_variance = _mean_and_variance(readings.f_b)
-    return np.concatenate([w, f]), np.concatenate([w_variance, f_variance])
+    values = readings.w_ib_b, readings.f_b
+    means = np.concatenate([v.mean(axis=0) for v in values])
+    return means, np.concatenate([mean_variance(v) for v in values])
 
 
-def _mean_and_variance(values: Array) -> tuple[Array, Array]:
-    """In one pass over the values: the mean is that of the block means, by their lengths."""
-    n, blocks = len(values), min(BLOCKS, len(values))
-    means = block_means(values, blocks)
-    lengths = np.diff(np.arange(blocks + 1) * n // blocks)
-    return lengths @ means / n, means.var(axis=0, ddof=1) / blocks
+def integral_variance(values: Array) -> Array:
+    """Variance (k,) of the sum of `values` (n, k) so far about its line, in samples squared."""
+    return _integral_variance(*_sums(values))
+
+
+def low_density(values: Array) -> Array:
+    """Density (k,) of `values` (n, k), per sample, below twenty periods of the record."""
+    level, _, _ = _level(*_sums(values))
+    return level * len(values)
+
+
+def jitter_of(values: Array) -> Array:
+    """Variance (k,) of that sum by what is no white noise of the `values`, in samples squared."""
+    n = len(values)
+    sums, edges = _sums(values)
+    level, _, _ = _level(sums, edges)
+    return np.asarray(np.maximum(_integral_variance(sums, edges) - n**2 * level / 15, 0.0))
+
+
+def drift_of(values: Array) -> Array:
+    """How far a triad's `values` (n, 3) drift steadily from end to end (3,); 0 where none may.
+
+    Notes
+    -----
+    A ramp has sines that fall as 1/order and no cosines. The three count where the mean of their
+    ratios F, of the fit to orders 1 to 8 and of what that leaves, is above 15: in white noise one
+    of ten thousand records. Axes count together, since what warms or settles does so in all three.
+    """
+    if len(values) <= BLOCKS:
+        return np.zeros(values.shape[1])
+    cosines, sines = _waves(*_sums(values), _DRIFT_ORDERS)
+    return _drift(cosines, sines, len(values))
+
+
+def _sums(values: Array) -> tuple[Array, np.ndarray]:
+    """Sums (m, k) of values less their mean over blocks between edges (m + 1,) [samples]."""
+    n, m = len(values), min(len(values), _FINE)
+    edges = np.arange(m + 1) * n // m
+    total = np.add.reduceat(values, edges[:-1], axis=0)
+    lengths = np.diff(edges)[:, None]
+    return total - lengths * (total.sum(axis=0) / n), edges
+
+
+def _waves(sums: Array, edges: np.ndarray, orders: int) -> tuple[Array, Array]:
+    """Cosines and sines (orders, k) of whole periods over the record; sines vanish at its ends."""
+    cosines, sines = _basis(int(edges[-1]), len(sums), orders)
+    return cosines @ sums, sines @ sums
+
+
+@lru_cache(maxsize=8)
+def _basis(n: int, blocks: int, orders: int) -> tuple[Array, Array]:
+    edges = np.arange(blocks + 1) * n // blocks
+    angle = 2 * np.pi * np.outer(np.arange(1, orders + 1), (edges[1:] + edges[:-1]) / (2 * n))
+    return np.cos(angle), np.sin(angle)
+
+
+def _level(sums: Array, edges: np.ndarray) -> tuple[Array, Array, Array]:
+    """Variance (k,) of the mean by the density at low frequency; cosines and sines.
+
+    By all orders, or by the lower half of them where that is far less than the whole.
+    """
+    n = int(edges[-1])
+    cosines, sines = _waves(sums, edges, min(_ORDERS, (n - 1) // 2))
+    half = len(sines) // 2
+    whole, lower = _power(cosines, sines), _power(cosines[:half], sines[:half])
+    power = np.where(lower < _FAR_LESS * whole, lower, whole)
+    return 2 * power / n**2, cosines, sines
+
+
+def _power(cosines: Array, sines: Array) -> Array:
+    """Mean square (k,) of sines and of pairs of cosines."""
+    pairs = _pairs(cosines)
+    total = np.sum(sines**2, axis=0) + np.sum(pairs**2, axis=0)
+    return np.asarray(total / (len(sines) + len(pairs)))
+
+
+def _pairs(cosines: Array) -> Array:
+    """Differences of each two successive cosines, which vanish at the ends of the record."""
+    even = len(cosines) // 2 * 2
+    return np.asarray((cosines[0:even:2] - cosines[1:even:2]) / np.sqrt(2))
+
+
+def _integral_variance(sums: Array, edges: np.ndarray) -> Array:
+    integral = np.concatenate([np.zeros((1, sums.shape[1])), np.cumsum(sums, axis=0)])
+    integral -= integral.mean(axis=0)
+    line = edges - edges.mean()
+    slope = line @ integral / (line @ line)
+    return np.asarray(np.mean((integral - np.outer(line, slope)) ** 2, axis=0))
+
+
+def _drift(cosines: Array, sines: Array, n: int) -> Array:
+    sines, pairs = sines[:_DRIFT_ORDERS], _pairs(cosines[2:_DRIFT_ORDERS])
+    ramp = 1 / np.arange(1, len(sines) + 1)
+    fit = ramp @ sines / (ramp @ ramp)
+    left = np.sum((sines - np.outer(ramp, fit)) ** 2, axis=0) + np.sum(pairs**2, axis=0)
+    left /= len(sines) - 1 + len(pairs)
+    there = np.any(sines, axis=0)
+    ratios = np.divide(fit**2 * (ramp @ ramp), left, out=np.zeros_like(left), where=there)
+    if not ratios.mean() > _DRIFTS:
+        return np.zeros_like(fit)
+    return np.asarray(2 * np.pi / n * np.abs(fit))
+
+
+def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
+    """A flag where readings at rest drift, as `drift_of` has it."""
+    return drift_doubt(drift_of(readings.w_ib_b), drift_of(readings.f_b))
 
 
 def gap_doubt(readings: ImuReadings) -> tuple[str, ...]:

@@ -238,6 +238,7 @@ def align(
     latitude_deg: float | None = None,
     height_m: float | None = None,
     sequences: str | None = None,
+    windows_s: Sequence[float] = (),
 ) -> Aligned:
     """Estimate the attitude from recordings: several are several dwells of one unit.
 
@@ -253,11 +254,14 @@ def align(
         Of the site; else as recorded.
     sequences : str, optional
         By which order of turns a position is read: ``"regular"`` or ``"published"``.
+    windows_s : sequence of float, optional
+        Lengths of windows [s] into which every stretch is cut too: how their estimates scatter,
+        beside the sigma stated.
 
     Returns
     -------
     Aligned
-        ``estimates``; ``scores`` with errors where the truth is known; ``refusals``.
+        ``estimates``; ``scores`` with errors where the truth is known; ``refusals``; ``windows``.
 
     Raises
     ------
@@ -289,6 +293,7 @@ def align(
         latitude_deg=latitude_deg,
         height_m=height_m,
         sequences=sequences,
+        windows_s=windows_s,
     )
     return shown(Aligned, found)
 

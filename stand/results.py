@@ -28,6 +28,7 @@ from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score
 from stand.report.listing import entries_table
 from stand.report.notebook import Shown
 from stand.report.tables import TableData
+from stand.report.windows import windows_table
 from stand.samples import AXES, CHANNELS, ImuBlock, TruthBlock
 from stand.simulation.collector import NS, DwellCollector
 from stand.simulation.settings import Settings, methods_of, run_id
@@ -262,7 +263,8 @@ class Aligned(Shown, Alignment):
         return f"{len(self.scores)} estimates from {', '.join(log.path for log in self.logs)}"
 
     def tables(self) -> Sequence[TableData]:
-        return score_tables(self.scores)
+        more = [windows_table(self.windows)] if self.windows else []
+        return [*score_tables(self.scores), *more]
 
     def remarks(self) -> Sequence[str]:
         return [*refusal_lines(self.refusals), ANGLE_NOTE]

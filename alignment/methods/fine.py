@@ -12,15 +12,15 @@ GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013), 14.2, 15.2
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
-from alignment.constant_errors import in_one_attitude
+from alignment.constant_errors import BY_AXIS, in_one_attitude
 from alignment.cross import cross_matrix
-from alignment.doubts import heading_doubt
+from alignment.doubts import drift_doubt, heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
@@ -32,9 +32,11 @@ from alignment.methods.inertial import (
     gravity_doubt,
     gravity_velocity,
     match,
-    noise_of,
+    rest_covariance,
+    rest_of,
     sway_covariance,
     told_at,
+    told_noise,
     wander_doubt,
 )
 from alignment.nominal import TRACK_STEP
@@ -58,8 +60,10 @@ _CHUNK = 2048  # updates whose matrices are held at once
 _CONSISTENT = 5.0  # standard errors by which the innovations' mean square may exceed one
 _SHOWN = 0.5  # rad: a track begins when heading is known to this
 
-_SUMS = {"gyro": "dtheta", "accel": "dv"}  # what a scale factor error multiplies
-CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "lever_arm")
+_SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multiply
+_ASTRAY = ("gyro_misalignment", "gyro_non_orthogonality")
+CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
+_TURNED = 0.5  # rad: of a stretch that turns by more, gyros that are misaligned are no bias
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,7 +178,8 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
         ``latitude`` needed, not at a pole.
     options : Options
         `priors`: ``gyro_walk`` and ``accel_walk`` (0: from the readings); biases, scale factor
-        errors and ``lever_arm`` become states where their prior is above 0. Where neither
+        errors and ``lever_arm`` become states where their prior is above 0, of a stretch that
+        turns the gyros' misalignment and non-orthogonality too. Where neither
         accelerometer constant has one, gravity's size is free within 1 %: an unstated bias along
         the vertical would else pass for sway.
 
@@ -225,12 +230,15 @@ def innovations(dwell: Dwell, site: Site, options: Options) -> Innovations:
 def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     """The filter over one stretch; parameters and errors as for `fine`."""
     site.horizontal_rate()
-    readings, priors = checked_readings(dwell), in_one_attitude(options.priors, site.gravity)
-    noise = noise_of(readings, priors)
+    readings = checked_readings(dwell)
     carried = carry(readings, UPDATE)
     matched = match(carried, site)
+    priors = states_of(options.priors, carried, site)
+    noise = told_noise(readings, carried, matched, priors)
     coarse, wander = covariances(carried, matched, noise, priors)
+    rest = rest_of(readings, priors)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
+    flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
     flags += wander_doubt(dwell.label, carried, matched, wander)
     names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
     model = Model(readings, site, noise, priors, names)
@@ -247,7 +255,21 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
             f"{dwell.label}: the linearisation did not settle: heading is not determined, and a "
             "filter about a wrong one knows no tilt either"
         )
-    return _answer(model, reference, run, flags)
+    return _answer(model, reference, run, rest_covariance(carried, matched, rest), flags)
+
+
+def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
+    """The priors, with what passes for a bias taken for one.
+
+    Of a stretch that turns, axes of gyros that are off are no bias: they feign a turn about
+    another axis, and remain errors of their own.
+    """
+    _, _, _, w = carried.q.T
+    if 2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0)) < _TURNED:
+        return in_one_attitude(priors, site.gravity)
+    own = {name: getattr(priors, name) for name in _ASTRAY}
+    folded = in_one_attitude(replace(priors, **dict.fromkeys(_ASTRAY, 0.0)), site.gravity)
+    return replace(folded, **own)
 
 
 def _fine(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
@@ -460,8 +482,10 @@ def error_matrices(
             H[:, :, column] = C_nb
             continue
         sensor, _, kind = name.partition("_")
-        values = None if kind == "bias" else getattr(carried, _SUMS[sensor])[steps]
-        driven = drive(carried, C_ni, steps, values)
+        driven = drive(carried, C_ni, steps)
+        if kind != "bias":
+            felt = getattr(carried, _SUMS[sensor])[steps] / spans[:, 0]
+            driven = driven @ BY_AXIS[kind](felt, felt)
         if sensor == "gyro":
             F[:, :3, column] = driven
             F[:, 3:6, column] = -push @ driven / 2
@@ -507,8 +531,11 @@ def _walks(
     return Q
 
 
-def _answer(model: Model, reference: _Reference, run: _Pass, flags: tuple[str, ...]) -> Filtered:
-    """Attitudes and constants from the reference and its errors."""
+def _answer(
+    model: Model, reference: _Reference, run: _Pass, more: Array, flags: tuple[str, ...]
+) -> Filtered:
+    """Attitudes and constants from the reference and its errors; `more` (3, 3): what the filter
+    does not know of."""
     carried = reference.carried
     left = (carried.t[-1] - carried.t)[:, None] * model.site.w_ie_n  # n turns back to then
     to_n = Rotation.from_rotvec(left)
@@ -521,7 +548,7 @@ def _answer(model: Model, reference: _Reference, run: _Pass, flags: tuple[str, .
     return Filtered(
         carried.t,
         to_n * at_end * Rotation.from_quat(carried.q),
-        R @ run.attitude @ R.transpose(0, 2, 1),
+        R @ run.attitude @ R.transpose(0, 2, 1) + more,
         model.names,
         constants,
         np.sqrt(run.variances[:, _ERRORS:]).reshape(m, count, 3),

@@ -9,34 +9,38 @@ and J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Contr
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
+from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
-from alignment.constant_errors import in_one_attitude
+from alignment.constant_errors import constant_columns
 from alignment.cross import cross_matrix
-from alignment.doubts import heading_doubt
+from alignment.doubts import drift_doubt, heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
-from alignment.noise import gap_doubt
+from alignment.noise import check_rest, drift_of, gap_doubt, jitter_of
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
-from alignment.strapdown import Carried, carry
+from alignment.strapdown import Carried, carry, matrices
 
 METHOD = "inertial"
 EVERY = slice(None)
 BLOCK = 0.5  # s: the sums of the match run over blocks, the integration over samples
 _LEAST_BLOCKS = 16
 _WELL_RESOLVED, _RESOLVED = 64, 4096  # blocks into which a short, a long record is cut
-_LEAST_SPECTRUM, _MOST_SPECTRUM = 64, 2**17  # samples from which noise is told
+LEAST_SPECTRUM, _MOST_SPECTRUM = 64, 2**17  # samples from which noise is told
 _GRAVITY_DOUBT = 0.01  # part of gravity by which the mean specific force may differ unremarked
 _WANDER_ORDERS = slice(3, 6)  # Legendre orders of velocity that neither the fit nor a bias makes
 _SMOOTH_ORDER = 8  # velocity beyond it is sway, not drift
+_TOLD_ORDERS = slice(3, 9)  # by which noise is told where the spectrum of the readings is motion's
+_PARTS = np.geomspace(1e-6, 1.0, 25)  # of a variance
+_CERTAIN = 3.0  # of log likelihood: chi-square of two degrees of freedom at one in twenty
 _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
 _WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarked
 _WANDER_LIMIT = 10.0  # sigmas that are refused, where the instrument also moves by this:
@@ -50,6 +54,19 @@ class Noise:
 
     gyro: Array
     accel: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rest:
+    """What a record at rest shows beside white noise, of each axis (3,); zeros where it moves.
+
+    `jitter`: variance of the angle about what noise makes of it [rad^2], which the last sample
+    has. `gyro_drift`, `accel_drift`: steady drifts from end to end [rad/s], [m/s^2].
+    """
+
+    jitter: Array
+    gyro_drift: Array
+    accel_drift: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,8 +100,8 @@ def white_levels(values: Array, interval: float) -> Array:
     reads low where a filter of the unit cuts below an eighth of the rate, high where motion
     fills all octaves. Of long records the middle 2^17 samples serve.
     """
-    if len(values) < _LEAST_SPECTRUM:
-        raise TooShort(f"{len(values)} samples: noise needs {_LEAST_SPECTRUM}, or give its prior")
+    if len(values) < LEAST_SPECTRUM:
+        raise TooShort(f"{len(values)} samples: noise needs {LEAST_SPECTRUM}, or give its prior")
     middle = max(0, len(values) - _MOST_SPECTRUM) // 2
     values = values[middle : middle + _MOST_SPECTRUM]
     n = len(values)
@@ -115,6 +132,62 @@ def noise_of(readings: ImuReadings, priors: Priors) -> Noise:
         )
     )
     return Noise(gyro, accel)
+
+
+def is_told(priors: Priors) -> bool:
+    """Whether a data sheet tells the noise, so that the readings are not asked."""
+    return priors.gyro_walk > 0 or priors.accel_walk > 0
+
+
+def rest_of(readings: ImuReadings, priors: Priors) -> Rest:
+    """What the readings show beside white noise, where they are at rest and no sheet tells it."""
+    nothing = Rest(*np.zeros((3, 3)))
+    if is_told(priors) or len(readings) < LEAST_SPECTRUM:
+        return nothing
+    try:
+        check_rest(readings, "")
+    except NotAtRest:
+        return nothing
+    w = readings.w_ib_b
+    return Rest(jitter_of(w) * readings.interval**2, drift_of(w), drift_of(readings.f_b))
+
+
+def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
+    """The noise as the velocity curve shows it, where that is far less than the spectrum's.
+
+    Notes
+    -----
+    Of a base that moves, or of gyros that jitter, the spectrum of the readings is all motion's. In
+    inertial space rotation drops out, and of sway little is left at a few periods per record:
+    there the noise that matters shows, in the 18 velocities of orders 3 to 8 (of polynomials)
+    that neither the fit nor a bias makes. Their likelihood by parts a, b <= 1 of the variances of
+    gyros and accelerometers, over parts that are equally likely by their logarithm: where the best
+    is beyond that of the whole by what one record of twenty has, the mean parts count. A sway
+    as slow as that hides it, and the noise stays too large.
+    """
+    size = _TOLD_ORDERS.stop - _TOLD_ORDERS.start
+    C_ni = matched.C_ni.as_matrix()
+    root = np.sqrt(carried.spans)[:, None]
+    smooth, _ = np.linalg.qr(_legendre(carried) * root)  # a vertical bias is in the lower orders
+    basis = smooth[:, _TOLD_ORDERS] * root
+    weights = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(len(basis), 3 * size, 3)
+    gyro, accel = sensitivity(weights, C_ni, carried)
+    none = Noise(np.zeros(3), np.zeros(3))
+    by_gyro, by_accel = (
+        functional_covariance(gyro, accel, C_ni, carried, part, Priors())
+        for part in (replace(none, gyro=noise.gyro), replace(none, accel=noise.accel))
+    )
+    by_accel = by_accel + _FINEST**2 * np.eye(len(by_accel))
+    ratios, V = eigh(by_gyro, by_accel)  # both diagonal: ratios, and ones
+    values = (V.T @ (basis.T @ matched.residual).ravel()) ** 2
+    variances = _PARTS[:, None, None] * np.maximum(ratios, 0.0) + _PARTS[:, None]
+    likelihood = -0.5 * np.sum(np.log(variances) + values / variances, axis=-1)
+    if likelihood.max() - likelihood[-1, -1] < _CERTAIN:
+        return noise
+    weight = np.exp(likelihood - likelihood.max())
+    weight /= weight.sum()
+    a, b = weight.sum(axis=1) @ _PARTS, weight.sum(axis=0) @ _PARTS
+    return Noise(noise.gyro * np.sqrt(a), noise.accel * np.sqrt(b))
 
 
 def gravity_velocity(t: Array, site: Site) -> tuple[Array, Array]:
@@ -175,18 +248,9 @@ def sensitivity(weights: Array, C_ni: Array, carried: Carried) -> tuple[Array, A
     return _after(-S @ cross_matrix(push)), S
 
 
-def drive(
-    carried: Carried, C_ni: Array, blocks: slice = EVERY, values: Array | None = None
-) -> Array:
-    """What constants of b do in n over some blocks, (k, 3, 3): biases, or scale of `values`.
-
-    Column j: the integral over the block of a unit bias of axis j; or, with `values` (k, 3) (the
-    blocks' sums in b), of a unit scale factor error of it.
-    """
-    turned = C_ni @ carried.turned[blocks]
-    if values is None:
-        return turned
-    return np.asarray(turned * (values / carried.spans[blocks, None])[:, None, :])
+def drive(carried: Carried, C_ni: Array, blocks: slice = EVERY) -> Array:
+    """What unit biases of b do in n over some blocks (k, 3, 3): integrals, a column per axis."""
+    return np.asarray(C_ni @ carried.turned[blocks])
 
 
 def functional_covariance(
@@ -194,20 +258,20 @@ def functional_covariance(
 ) -> Array:
     """Covariance (k, k) of functionals with sensitivities (m, k, 3): noise and constants."""
     turned, root = drive(carried, C_ni), np.sqrt(carried.spans)[:, None, None]
-    columns = [
+    white = [
         (part @ (turned / root) * level).transpose(1, 0, 2).reshape(part.shape[1], -1)
         for part, level in ((gyro, noise.gyro), (accel, noise.accel))
     ]
-    covariance = sum(c @ c.T for c in columns)
-    for part, values, sigma in (
-        (gyro, None, priors.gyro_bias),
-        (accel, None, priors.accel_bias),
-        (gyro, carried.dtheta, priors.gyro_scale),
-        (accel, carried.dv, priors.accel_scale),
-    ):
+    covariance = sum(c @ c.T for c in white)
+    for part, sigma in ((gyro, priors.gyro_bias), (accel, priors.accel_bias)):
         if sigma > 0:
-            J = sigma * (part @ drive(carried, C_ni, values=values)).sum(axis=0)
+            J = sigma * (part @ turned).sum(axis=0)
             covariance = covariance + J @ J.T
+    spans = carried.spans[:, None]
+    columns = constant_columns(carried.dtheta / spans, carried.dv / spans, priors)
+    if columns.shape[-1]:
+        J = (gyro @ turned @ columns[:, :3] + accel @ turned @ columns[:, 3:]).sum(axis=0)
+        covariance = covariance + J @ J.T
     drift = _drift(carried)
     for part, sigma in ((gyro, priors.gyro_instability), (accel, priors.accel_instability)):
         if sigma > 0:
@@ -221,9 +285,13 @@ def _drift(carried: Carried) -> Array:
 
     Means of the two halves of a record then differ by sqrt(2), as that plateau says they do.
     """
+    return np.asarray(2 * np.sqrt(2) * _line(carried))
+
+
+def _line(carried: Carried) -> Array:
+    """From -1/2 to 1/2 over the record (m, 1, 1), at the middles of the blocks."""
     middle = np.cumsum(carried.spans) - carried.spans / 2
-    line = middle / carried.spans.sum() - 0.5
-    return np.asarray(2 * np.sqrt(2) * line[:, None, None])
+    return np.asarray((middle / carried.spans.sum() - 0.5)[:, None, None])
 
 
 def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
@@ -236,7 +304,7 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     site : Site
         ``latitude`` needed, not at a pole.
     options : Options
-        `priors`: ``gyro_walk`` and ``accel_walk`` (0: from the readings, see `white_levels`);
+        `priors`: ``gyro_walk`` and ``accel_walk`` (both 0: see `white_levels` and `quieter`);
         biases and scale factor errors enter the covariance by theirs.
 
     Returns
@@ -271,9 +339,10 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     """The attitude at the end of the record so far, as it grows: the last of them `inertial`'s."""
     site.horizontal_rate()
     readings = checked_readings(dwell)
-    priors = in_one_attitude(options.priors, site.gravity)
-    noise = noise_of(readings, priors)
+    priors = options.priors
     carried = carry(readings, block_of(readings))
+    noise = told_noise(readings, carried, match(carried, site), priors)
+    rest = rest_of(readings, priors)
     m = len(carried.spans)
     ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
     found = []
@@ -281,7 +350,8 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         part = carried.until(int(end))
         matched = match(part, site)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
-        found.append((C_nb, covariances(part, matched, noise, priors)[0]))
+        P, _ = covariances(part, matched, noise, priors)
+        found.append((C_nb, P + rest_covariance(part, matched, rest)))
     sequence = options.rule.sequence_for(found[-1][0].inv().apply([0.0, 0.0, -1.0]))
     return [
         AttitudeTrack(
@@ -315,10 +385,12 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     readings = checked_readings(dwell)
     carried = carry(readings, block_of(readings))
     matched = match(carried, site)
-    priors = in_one_attitude(options.priors, site.gravity)
-    noise = noise_of(readings, priors)
-    covariance, wander = covariances(carried, matched, noise, priors)
+    noise = told_noise(readings, carried, matched, options.priors)
+    covariance, wander = covariances(carried, matched, noise, options.priors)
+    rest = rest_of(readings, options.priors)
+    covariance = covariance + rest_covariance(carried, matched, rest)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
+    flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
     flags += wander_doubt(dwell.label, carried, matched, wander)
     C_nb = told_at(dwell, matched.C_ni * Rotation.from_quat(carried.q[-1]))
     return AttitudeEstimate(
@@ -362,6 +434,34 @@ def covariances(
     sway = sway + _slow_sway(wander_values(carried, matched), wander)
     ends = [fit @ cross_matrix(reference[[k]])[0] for k in (0, -1)]
     return P[:3, :3] + sum(e @ sway @ e.T for e in ends), wander
+
+
+def told_noise(readings: ImuReadings, carried: Carried, matched: Match, priors: Priors) -> Noise:
+    """White noise by the priors, or as the readings show it in the band that matters."""
+    noise = noise_of(readings, priors)
+    return noise if is_told(priors) else quieter(noise, carried, matched)
+
+
+def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:
+    """What jitter and drifts of a record at rest add to the attitude's covariance (3, 3).
+
+    A drift of d from end to end is a ramp, and as much of a constant: of another record it would
+    be another one.
+    """
+    C_ni = matched.C_ni.as_matrix()
+    spans, reference = carried.spans, matched.reference
+    C_nb = C_ni @ matrices(carried.q[-1:])[0]
+    covariance: Array = (C_nb * rest.jitter) @ C_nb.T
+    if not (rest.gyro_drift.any() or rest.accel_drift.any()):
+        return covariance
+    weights = -fit_matrix(spans, reference) @ cross_matrix(reference * spans[:, None])
+    gyro, accel = sensitivity(weights, C_ni, carried)
+    turned = drive(carried, C_ni)
+    line = _line(carried)
+    for part, drift in ((gyro + np.eye(3), rest.gyro_drift), (accel, rest.accel_drift)):
+        for J in ((part @ turned).sum(axis=0), (line * (part @ turned)).sum(axis=0)):
+            covariance = covariance + (J * drift) @ (J * drift).T
+    return covariance
 
 
 def _slow_sway(values: Array, covariance: Array) -> Array:

@@ -17,7 +17,7 @@ from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gains import Answer, after_offset
 from alignment.information import Stretch
-from alignment.noise import check_at_rest, gap_doubt, mean_variance
+from alignment.noise import BLOCKS, check_at_rest, gap_doubt, mean_variance
 from alignment.nominal import (
     nominal_attitude,
     placed_covariance,
@@ -74,7 +74,9 @@ def integrate(
     return earth * start * Rotation.from_quat(q)
 
 
-def integrated_drift_covariance(variance_rate: Array, t: Array, window: float) -> Array:
+def integrated_drift_covariance(
+    variance_rate: Array, t: Array, window: float, offset: Array | None = None
+) -> Array:
     """Variance (m, 3) [rad^2] about b of integrated white rate noise after offset removal.
 
     Parameters
@@ -85,15 +87,19 @@ def integrated_drift_covariance(variance_rate: Array, t: Array, window: float) -
         Time since the start [s].
     window : float
         Seconds from the start whose mean gave the offset.
+    offset : (3,), optional
+        Variance of that mean [rad^2/s^2], where it is known by itself.
 
     Notes
     -----
-    ``N^2 t (1 - t/T0)`` inside the window (a bridge), ``N^2 (t - T0) + N^2 (t - T0)^2/T0`` after.
+    ``N^2 t (1 - t/T0)`` inside the window (a bridge), ``N^2 (t - T0) + N^2 (t - T0)^2/T0`` after;
+    N^2/T0 is the variance of the offset: of rates that are no white noise it is another.
     """
+    offset = variance_rate / window if offset is None else offset
     late = np.maximum(t - window, 0.0)
     inside = np.minimum(t, window)
-    growth = inside * (1 - inside / window) + late + late**2 / window
-    return growth[:, None] * variance_rate
+    growth = inside * (1 - inside / window) + late
+    return growth[:, None] * variance_rate + late[:, None] ** 2 * offset
 
 
 def _track(
@@ -113,7 +119,9 @@ def _track(
     t = readings.t[ends - 1]
     variance_rate = mean_variance(readings.w_ib_b) * readings.interval * len(readings)
     elapsed = t - dwell.t_from
-    about_b = integrated_drift_covariance(variance_rate, elapsed, options.offset_window)
+    few = len(dwell.window(0.0, options.offset_window)) <= BLOCKS  # tell less than the record
+    own = None if few else offset.variances[:3]
+    about_b = integrated_drift_covariance(variance_rate, elapsed, options.offset_window, own)
     # bias of later readings against that of the window: the two differ by the Allan deviation
     late = np.maximum(elapsed - options.offset_window, 0.0)
     about_b += 2 * (priors.gyro_instability * late[:, None]) ** 2

@@ -7,7 +7,6 @@ linear functional of the errors of its sensors over time.
 import numpy as np
 
 from alignment.arrays import Array
-from alignment.constant_errors import in_one_attitude
 from alignment.cross import cross_matrix
 from alignment.earth import Site
 from alignment.gains import Functional, functional
@@ -19,6 +18,7 @@ from alignment.methods.fine import (
     Model,
     columns_of,
     error_matrices,
+    states_of,
 )
 from alignment.methods.inertial import (
     EVERY,
@@ -59,9 +59,9 @@ def inertial_functional(readings: ImuReadings, site: Site, options: Options) -> 
 def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Functional:
     """The Kalman filter with its gains frozen, run backward from its last attitude."""
     checked_by = inertial_functional(readings, site, options)
-    priors = in_one_attitude(options.priors, site.gravity)
     carried = carry(readings, STEP)
     matched = match(carried, site)
+    priors = states_of(options.priors, carried, site)
     noise = noise_of(readings, priors)
     names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
     C_ni = matched.C_ni.as_matrix()

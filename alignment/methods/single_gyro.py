@@ -21,7 +21,7 @@ from alignment.information import Stretch
 from alignment.levelling import attitude_covariance
 from alignment.methods.position_fit import ROUNDING, local_vectors
 from alignment.methods.triad import triad_attitude
-from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
+from alignment.noise import check_at_rest, gap_doubt, mean_and_variance, rest_doubt
 from alignment.options import Options
 from alignment.readings import Dwell
 from alignment.saturation import saturation_doubt
@@ -199,6 +199,7 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         flags=gap_doubt(dwell.window())
         + saturation_doubt(dwell.label, dwell.window())
         + heading_doubt(covariance)
+        + rest_doubt(dwell.window())
         + _rate_doubt(means[:3]),
     )
 

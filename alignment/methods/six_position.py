@@ -17,7 +17,13 @@ from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gains import Answer, after_offset, compass_gain, from_b
 from alignment.information import Stretch
 from alignment.levelling import attitude_covariance, attitude_from_means
-from alignment.noise import check_at_rest, gap_doubt, mean_and_variance, mean_variance
+from alignment.noise import (
+    check_at_rest,
+    gap_doubt,
+    mean_and_variance,
+    mean_variance,
+    rest_doubt,
+)
 from alignment.nominal import (
     TRACK_LEAD,
     ZeroOffset,
@@ -110,6 +116,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     C_nb = _corrected_attitude(fresh, offset, sequence, site)
     _, variances = mean_and_variance(fresh)
     variances += offset.variances + _drift_variances(options.priors)
+    G = G * [[1.0], [1.0], [_weaker(fresh, offset, C_nb, site)]]
     covariance = attitude_covariance(nominal, variances, G) + placed_covariance(options.priors)
     estimates.append(
         AttitudeEstimate(
@@ -121,10 +128,16 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
             sequence,
             "fresh",
             covariance,
-            flags=flags + heading_doubt(covariance),
+            flags=flags + heading_doubt(covariance) + rest_doubt(fresh),
         )
     )
     return estimates
+
+
+def _weaker(fresh: ImuReadings, offset: ZeroOffset, C_nb: Rotation, site: Site) -> float:
+    """How much less surely a rate shows north that noise has made smaller than the Earth's."""
+    w_n = (site.plumb.inv() * C_nb).apply(fresh.w_ib_b.mean(axis=0) - offset.values[:3])
+    return max(1.0, site.horizontal_rate() / max(float(np.hypot(w_n[0], w_n[1])), 1e-12))
 
 
 def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrack]:

@@ -9,27 +9,35 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from alignment.angles import C_nb_from_angles, Sequence
 from alignment.arrays import Array
 from alignment.constant_errors import constant_covariance
-from alignment.doubts import heading_doubt
+from alignment.doubts import drift_doubt, heading_doubt
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, TooShort
 from alignment.estimate import AttitudeEstimate
-from alignment.levelling import attitude_covariance, attitude_sensitivity, level
+from alignment.gains import Functional, functional
+from alignment.levelling import level
+from alignment.methods.inertial import LEAST_SPECTRUM, white_levels
 from alignment.methods.position_fit import ROUNDING, local_vectors
-from alignment.noise import gap_doubt
+from alignment.noise import drift_of, gap_doubt, integral_variance, low_density
 from alignment.options import Options
 from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
-from alignment.units import ARC_MINUTE
+from alignment.strapdown import carry
+from alignment.units import ARC_MINUTE, STANDARD_GRAVITY
 
 METHOD = "two-gyro"
 
-LARGEST_TILT = np.radians(10.0)  # mean tilt: second order is then 1.7 % of the first
+LARGEST_TILT = np.radians(10.0)  # mean tilt: near enough to level for two gyros to tell
 LARGEST_SWAY = np.radians(5.0)  # rms about the mean
 LEAST_SAMPLES = 32
+_HALF = 0.5
+_STEP = 1e-4  # of Earth rate, of gravity: differences for slopes
+_STILL = 1e-5  # rad rms: a base that rocks by less rests
+_BLOCK = 0.5  # s
 _DIFFERENCES = 20  # sum of squares of 1, -3, 3, -1: variance of third differences of white noise
 
 
@@ -78,6 +86,43 @@ def azimuth(
         tilt = np.asarray(beta) * np.cos(found) + np.asarray(gamma) * np.sin(found)
         found = uncorrected + np.tan(latitude) * tilt
     return np.asarray(found)
+
+
+def azimuth_of_sway(
+    f1: float, f2: float, beta: ArrayLike, gamma: ArrayLike, latitude: float
+) -> float:
+    """Azimuth of X1 [rad], clockwise from north, of mean rates under any tilts (n,) meanwhile.
+
+    Notes
+    -----
+    At azimuth a the gyro along b's axis i sees, over ``W cos lat`` and on average,
+    ``m_i = cos(a) p_i - sin(a) q_i + tan(lat) u_i``: p, q, u the means of ahead, right and up in
+    b. ``f1 m_3 = f2 m_1`` is solved as it stands, so no order of the tilts is left out; only the
+    ratio of the rates counts. To first order it is `azimuth`.
+
+    Raises
+    ------
+    AlignmentError
+        Two azimuths give such rates (``tan(lat)`` times the tilt above 1), or none.
+    """
+    t = float(np.tan(latitude))
+    beta, gamma = np.asarray(beta), np.asarray(gamma)
+    p1 = np.mean(np.cos(gamma))
+    q1, q3 = -np.mean(np.sin(gamma) * np.sin(beta)), np.mean(np.cos(beta))
+    u1, u3 = np.mean(np.sin(gamma) * np.cos(beta)), np.mean(np.sin(beta))
+    if abs(t) * np.hypot(u1, u3) >= 1:
+        raise AlignmentError(
+            f"tilted by {np.degrees(np.arcsin(np.hypot(u1, u3))):.1f} deg: two azimuths give such "
+            f"rates; below {np.degrees(np.arcsin(1 / abs(t))):.1f} deg one does at this latitude"
+        )
+    A, B, C = -f2 * p1, f1 * q3 - f2 * q1, t * (f1 * u3 - f2 * u1)
+    size = np.hypot(A, B)
+    if not abs(C) < size:
+        raise AlignmentError("no azimuth gives such rates")
+    both = -np.arctan2(B, A) + np.arccos(-C / size) * np.array([1.0, -1.0])
+    m1 = np.cos(both) * p1 - np.sin(both) * q1 + t * u1
+    m3 = -np.sin(both) * q3 + t * u3
+    return float(both[np.argmax(f1 * m1 + f2 * m3)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,13 +194,23 @@ def rocking_rate_variance(w_ib_b: Array, interval: float) -> Array:
     variance ``V = D + N^2 T/15``; so ``N^2/T + 2 D/T^2 = 2 V/T^2 + (13/15) N^2/T``. Drift slower
     than the record adds to V likewise.
     """
-    n = len(w_ib_b)
-    T = interval * n
-    turned = np.cumsum(w_ib_b - w_ib_b.mean(axis=0), axis=0) * interval
-    turned -= turned.mean(axis=0)
-    line = np.arange(n) - (n - 1) / 2
-    wander = np.maximum(turned.var(axis=0) - (line @ turned) ** 2 / (line @ line) / n, 0.0)
-    return np.asarray(2 * wander / T**2 + 13 / 15 * white_density(w_ib_b, interval) / T)
+    T = interval * len(w_ib_b)
+    wander = integral_variance(w_ib_b) * interval**2
+    return np.asarray(2 * wander / T**2 + 13 / 15 * quiet_density(w_ib_b, interval) / T)
+
+
+def quiet_density(values: Array, interval: float) -> Array:
+    """Density (k,) of white noise in the quietest of three bands: motion fills one or two.
+
+    Third differences see what is faster than a sway, the spectrum's octaves what lies between it
+    and a dither, the lowest twenty periods of the record what lies below. The first counts unless
+    another has less than half of it: chance alone does not make that.
+    """
+    density = white_density(values, interval)
+    other = low_density(values) * interval
+    if len(values) >= LEAST_SPECTRUM:
+        other = np.minimum(other, white_levels(values, interval) ** 2)
+    return np.where(other < _HALF * density, other, density)
 
 
 def two_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
@@ -185,21 +240,20 @@ def two_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     Notes
     -----
     Leading errors: the sway's own rate, ``sqrt(2 D)/T`` over ``W cos lat`` (0.5 deg over 300 s:
-    some 44 deg); ``-dw_E/(W cos lat) + tan(lat) b_E/g``; second order in the mean tilts.
+    some 44 deg); ``-dw_E/(W cos lat) + tan(lat) b_E/g``. The tilts are in it to all orders, as
+    `azimuth_of_sway` has them: [S1]'s first order would be wrong by degrees at 8 deg and latitude
+    67. The covariance is by the estimate's own slopes there.
     """
     site.horizontal_rate()
-    latitude, gravity = local_vectors(site)
+    latitude, _ = local_vectors(site)
     assert latitude is not None
-    assert gravity is not None
     for dwell in dwells:
         if dwell.turn is not None:
             raise AlignmentError(f"{dwell.label}: turns at a constant rate: no mean attitude")
-    return [_single(dwell, latitude, gravity, site, options) for dwell in dwells]
+    return [_single(dwell, latitude, site, options) for dwell in dwells]
 
 
-def _single(
-    dwell: Dwell, latitude: float, gravity: float, site: Site, options: Options
-) -> AttitudeEstimate:
+def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> AttitudeEstimate:
     readings = dwell.window()
     if len(readings) < LEAST_SAMPLES:
         raise TooShort(
@@ -207,11 +261,15 @@ def _single(
         )
     sway = sway_of(readings.f_b)
     _check_sway(dwell.label, readings, sway)
+    roll, gamma = level(readings.f_b, Sequence.YAW_ROLL_PITCH)
     w = readings.w_ib_b.mean(axis=0)
-    found = float(azimuth(w[0], w[2], sway.beta, sway.gamma, latitude))
+    try:
+        found = azimuth_of_sway(w[0], w[2], -roll, gamma, latitude)
+    except AlignmentError as error:
+        raise AlignmentError(f"{dwell.label}: {error}") from error
     C_nb = C_nb_from_angles(Sequence.YAW_ROLL_PITCH, -sway.beta, -found, sway.gamma)
-    G = attitude_sensitivity(EARTH_RATE * np.cos(latitude), EARTH_RATE * np.sin(latitude), gravity)
-    covariance = attitude_covariance(C_nb, _reading_covariance(readings, options), G)
+    slopes = _slopes(C_nb, latitude)
+    covariance = slopes @ _reading_covariance(readings, options) @ slopes.T
     up = readings.f_b.mean(axis=0)
     if dwell.nominal is not None:
         up = dwell.nominal.inv().apply([0.0, 0.0, -1.0])
@@ -226,23 +284,76 @@ def _single(
         flags=gap_doubt(readings)
         + saturation_doubt(dwell.label, readings)
         + heading_doubt(covariance)
-        + _doubts(sway, latitude, covariance),
+        + _doubts(readings, sway, latitude),
     )
 
 
+def _attitude(w: Array, f: Array, latitude: float) -> Rotation:
+    """``C_nb`` of a rest with mean rate and force (3,)."""
+    roll, gamma = level(f, Sequence.YAW_ROLL_PITCH)
+    found = azimuth_of_sway(w[0], w[2], -roll, gamma, latitude)
+    return C_nb_from_angles(Sequence.YAW_ROLL_PITCH, float(roll), -found, float(gamma))
+
+
+def _slopes(C_nb: Rotation, latitude: float) -> Array:
+    """Small rotation about n (3, 6) per error of mean rates and forces in b, by differences.
+
+    Of what perfect sensors give at ``C_nb``: by readings that are far off slopes would be too.
+    """
+    w = C_nb.inv().apply(EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)]))
+    f = C_nb.inv().apply([0.0, 0.0, -STANDARD_GRAVITY])
+    found = np.empty((3, 6))
+    for k, step in enumerate(_STEP * np.repeat([EARTH_RATE, STANDARD_GRAVITY], 3)):
+        moved = np.zeros(6)
+        moved[k] = step
+        above, below = (
+            _attitude(w + sign * moved[:3], f + sign * moved[3:], latitude) for sign in (1, -1)
+        )
+        found[:, k] = (above * below.inv()).as_rotvec() / (2 * step)
+    return found
+
+
+def two_gyro_functional(readings: ImuReadings, site: Site, options: Options) -> Functional:
+    """Means of two gyros and of levelling, by the slopes of the estimate; of a base at rest.
+
+    Raises
+    ------
+    AlignmentError
+        The base rocks: what it turns from start to end is the error, and no sensor's.
+    """
+    site.horizontal_rate()
+    latitude, _ = local_vectors(site)
+    assert latitude is not None
+    sway = sway_of(readings.f_b)
+    _check_sway("base", readings, sway)
+    carried = carry(readings, _BLOCK)
+    T = float(carried.t[-1] - carried.t[0])
+    if sway.rms > _STILL:
+        wander = np.sqrt(2 * integral_variance(readings.w_ib_b)[[0, 2]].max()) * readings.interval
+        leaves = np.degrees(wander / T / site.horizontal_rate())
+        raise AlignmentError(
+            f"no prediction is made: the base rocks by {np.degrees(sway.rms):.2g} deg rms, and "
+            f"what it turns from start to end is some {leaves:.2g} deg of heading (1 sigma), "
+            "whatever the sensors; see --verify"
+        )
+    C_nb = _attitude(readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0), latitude)
+    slopes = _slopes(C_nb, latitude)
+    parts = (carried.spans / T)[:, None, None]
+    C_ni = C_nb * Rotation.from_quat(carried.q[-1]).inv()
+    return functional(carried, C_ni, parts * slopes[:, :3], parts * slopes[:, 3:], np.zeros((3, 3)))
+
+
 def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
-    """Of the mean rates and forces, (6, 6); the vertical gyro is not used."""
+    """Of the mean rates and forces, (6, 6)."""
     T = readings.interval * len(readings)
     means = np.concatenate([readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0)])
     variances = np.concatenate(
         [
             rocking_rate_variance(readings.w_ib_b, readings.interval),
-            white_density(readings.f_b, readings.interval) / T,
+            quiet_density(readings.f_b, readings.interval) / T + drift_of(readings.f_b) ** 2,
         ]
     )
-    whole = np.diag(variances + ROUNDING**2) + constant_covariance(means, options.priors)
-    whole[1], whole[:, 1] = 0.0, 0.0
-    return whole
+    return np.diag(variances + ROUNDING**2) + constant_covariance(means, options.priors)
 
 
 def _check_sway(label: str, readings: ImuReadings, sway: Sway) -> None:
@@ -260,13 +371,7 @@ def _check_sway(label: str, readings: ImuReadings, sway: Sway) -> None:
         )
 
 
-def _doubts(sway: Sway, latitude: float, covariance: Array) -> tuple[str, ...]:
-    sigma = float(np.sqrt(covariance[2, 2]))
+def _doubts(readings: ImuReadings, sway: Sway, latitude: float) -> tuple[str, ...]:
     bound = sway_bound(sway, latitude)
     flags = (f"published bound of a sample, sway's own rate left out: {bound / ARC_MINUTE:.2g}'",)
-    second = abs(np.tan(latitude)) * (sway.beta**2 + sway.gamma**2) / 2
-    if second > sigma:
-        flags += (
-            f"second order of the mean tilts, left out, may reach {second / ARC_MINUTE:.2g}'",
-        )
-    return flags
+    return flags + drift_doubt(np.zeros(3), drift_of(readings.f_b))

@@ -75,6 +75,13 @@ def align(
         str | None,
         typer.Option(metavar="M,M/S", help="vectors: noise of the fixes; else what they state."),
     ] = None,
+    windows: Annotated[
+        str | None,
+        typer.Option(
+            metavar="S,S",
+            help="Cut each stretch into windows of these lengths too: scatter beside sigma.",
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Estimate the attitude from recordings: ours, or any MCAP with an IMU at rest.
@@ -87,6 +94,8 @@ def align(
 
     Readings alone tell noise; a data sheet tells the rest: stand align log.mcap --imu stim300
 
+    Is a sigma right? stand align log.mcap --windows 60,300
+
     A turning table's log: stand align log.mcap --method carousel --turn-joint yaw --latitude 48.5
     """
     with quick_imports():
@@ -96,6 +105,7 @@ def align(
     axis = numbers("--turn-axis", turn_axis, 3)
     attitude = numbers("--start-attitude", start_attitude, 3)
     noise = numbers("--fix-sigma", fix_sigma, 2)
+    lengths = numbers("--windows", windows) or ()
     with working("reading", as_json):
         logs = [
             api.read(
@@ -120,6 +130,7 @@ def align(
             latitude_deg=latitude,
             height_m=height,
             sequences=None if sequences is None else sequences.value,
+            windows_s=lengths,
         )
     if as_json:
         print_json(alignment_json(found))

@@ -78,16 +78,17 @@ def words(text: str) -> list[str]:
     return [word.strip() for word in text.split(",") if word.strip()]
 
 
-def numbers(option: str, text: str | None, count: int) -> tuple[float, ...] | None:
-    """So many numbers with commas between; nothing where nothing was said."""
+def numbers(option: str, text: str | None, count: int | None = None) -> tuple[float, ...] | None:
+    """So many numbers (or any) with commas between; nothing where nothing was said."""
     if text is None:
         return None
     try:
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()
-    if len(values) != count or not all(map(isfinite, values)):
+    if len(values) != (count or len(values) or 1) or not all(map(isfinite, values)):
         from stand.errors import StandError
 
-        raise StandError(f"{option} {text}: must be {count} numbers with commas between")
+        so_many = f"{count} numbers" if count else "numbers"
+        raise StandError(f"{option} {text}: must be {so_many} with commas between")
     return values

@@ -16,6 +16,7 @@ from stand.evaluation.score import (
     spread_to_json,
     spreads,
 )
+from stand.evaluation.windows import Scatter, scatter_to_json, scatters
 from stand.imu import ImuSpec, load_imu
 from stand.imu.priors import priors_of
 from stand.recording.log import Log
@@ -42,6 +43,8 @@ class Alignment:
         Every estimate, with its errors where the truth is known.
     refusals : tuple of Refusal
         Methods that would not answer, and why.
+    windows : tuple of Scatter
+        How estimates scatter from window to window, where that was asked for.
     """
 
     logs: tuple[Log, ...]
@@ -49,6 +52,7 @@ class Alignment:
     options: Options
     scores: tuple[Score, ...]
     refusals: tuple[Refusal, ...]
+    windows: tuple[Scatter, ...] = ()
 
     @property
     def estimates(self) -> tuple[AttitudeEstimate, ...]:
@@ -64,6 +68,7 @@ def align(
     latitude_deg: float | None = None,
     height_m: float | None = None,
     sequences: str | None = None,
+    windows_s: Sequence[float] = (),
 ) -> Alignment:
     """Estimate from recordings: several are several dwells of one unit.
 
@@ -80,6 +85,8 @@ def align(
     latitude_deg, height_m : float, optional
     sequences : str, optional
         By which order of turns a position is read.
+    windows_s : sequence of float, optional
+        Lengths of windows into which every stretch is cut too: see `stand.evaluation.windows`.
 
     Raises
     ------
@@ -104,12 +111,18 @@ def align(
     scores, refusals = evaluate_each(dwells, truths, site, options, methods)
     if refusals and not scores:
         raise StandError(f"{first.path}: {refusals[0].reason}")
+    rows: list[Scatter] = []
+    if windows_s:
+        answered = [m for m in methods if any(s.estimate.method == m for s in scores)]
+        rows, left_out = scatters(dwells, site, options, answered, windows_s)
+        refusals = [*refusals, *left_out]
     return Alignment(
         logs=tuple(logs),
         site=site,
         options=options,
         scores=tuple(scores),
         refusals=tuple(refusals),
+        windows=tuple(rows),
     )
 
 
@@ -145,7 +158,8 @@ def _check_methods(path: str, methods: Sequence[str], site: Site) -> None:
 def alignment_json(found: Alignment) -> dict[str, Any]:
     """For machines."""
     latitude = found.site.latitude
-    return {
+    asked = {"windows": [scatter_to_json(row) for row in found.windows]} if found.windows else {}
+    return asked | {
         "recordings": [log.path for log in found.logs],
         "topic": found.logs[0].topic,
         "latitude_deg": None if latitude is None else latitude / DEG,

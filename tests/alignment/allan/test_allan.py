@@ -1,5 +1,6 @@
 """Allan analysis against published numbers, closed forms and ensembles made with plain numpy."""
 
+from dataclasses import replace
 from math import pi, sqrt
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from alignment.allan.analysis import needed
 from alignment.allan.analysis import shown as is_shown
 from alignment.allan.covariance import degrees_of_freedom
 from alignment.allan.deviation import deviation, variances
-from alignment.allan.fit import fit, interval
+from alignment.allan.fit import LIMIT, Rival, fit, interval
 from alignment.allan.stretches import interruptions, longest
 from alignment.allan.terms import KEYS, design, index, plateau, value, variance, weight
 from alignment.errors import NotAtRest, TooShort
@@ -196,6 +197,26 @@ def test_intervals_cover(regime):
         false += sum(is_shown(fitted, index(key)) for key in absent)
     assert held >= 15
     assert false <= 1
+
+
+def test_a_rival_has_what_the_best_leaves_it():
+    """A rival that is worse by nearly the whole limit adds hardly more than its own weight; one
+    that is as good adds its whole interval. Here one of a curve four times as high."""
+    rng = np.random.default_rng(17)
+    x = white(rng, 20000, 0.01, 1e-3)
+    best = fit(deviation(x, 0.01))
+    term = index("N")
+    alone = interval(replace(best, rivals=()), term)
+    problem = replace(best.problem, variance=4 * best.problem.variance)
+    found = {}
+    for worse in (0.0, 0.999 * LIMIT):
+        rival = Rival(problem, 4 * best.solution, worse)
+        found[worse] = interval(replace(best, rivals=(rival,)), term)
+    weight = 4 * best.solution[term]
+    assert all(low == alone[0] for low, _ in found.values())
+    assert found[0.0][1] == pytest.approx(4 * alone[1], rel=0.02)
+    # the root of a thousandth of the limit: 3 % of the half width, by a search to a few per cent
+    assert found[0.999 * LIMIT][1] - weight < 0.1 * (found[0.0][1] - weight)
 
 
 def test_values_of_a_mixture():

@@ -10,8 +10,16 @@ from scipy.stats import chi2, norm
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site, Turn
 from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
-from alignment.methods.carousel import carousel, carousel_attitude, whole_turns
+from alignment.methods.carousel import (
+    _alike,
+    carousel,
+    carousel_attitude,
+    combined,
+    lag_of,
+    whole_turns,
+)
 from alignment.methods.harmonics import (
+    Harmonics,
     TurningVector,
     harmonic_fit,
     interval_harmonics,
@@ -245,6 +253,45 @@ def test_unequal_rates_both_ways_tell_the_lag_too():
     forth = turning(NOSE_60, radians(6), lag=0.02)
     back = turning(NOSE_60, radians(-2), lag=0.02, start=400.0)
     assert abs(heading_error([forth, back])) < 1e-11
+
+
+def test_what_telling_the_lag_costs_by_hand():
+    """+6 and -2 deg/s, phases alike in noise: mean rate 2, squares about it 16 + 16 of weight w.
+
+    So the phase without lag is (2 phi_1 + 6 phi_2)/8, its variance 40/64 of one, where the mean of
+    both has 1/2: the lag adds 1/8 of one.
+    """
+    axis, sigma = np.array([0.0, 1.0, 0.0]), 1e-8
+    across = np.array([3e-5, 0.0, 0.0])
+    shifts = (6e-3, -2e-3)  # a lag of 1 ms per rad/s
+    vectors = [
+        TurningVector(
+            Rotation.from_rotvec(shift * axis).apply(across),
+            np.asarray(sigma**2),
+            np.zeros(3),
+            np.asarray(1.0),
+        )
+        for shift in shifts
+    ]
+    lag, added = lag_of(vectors, [6.0, -2.0], axis)
+    one = (sigma / 3e-5) ** 2
+    assert lag == pytest.approx(1e-3, rel=1e-6)
+    assert added == pytest.approx(one / 8, rel=1e-6)
+    together = combined(vectors, [6.0, -2.0], axis, lag)
+    np.testing.assert_allclose(together.across, across, rtol=0, atol=1e-12)
+    assert together.variance / 3e-5**2 + added == pytest.approx(one * 40 / 64, rel=1e-6)
+
+
+def test_noise_of_stretches_is_pooled_by_their_samples():
+    """One and three: variances of 1 and 5 are 4 together."""
+
+    def told(samples, variance):
+        normal = np.diag([1.0, 2.0, 2.0]) / samples
+        return Harmonics(np.zeros(3), np.zeros(3), np.zeros(3), np.full(3, variance), normal)
+
+    pooled = _alike([told(100, 1.0), told(300, 5.0)])
+    for harmonics in pooled:
+        np.testing.assert_allclose(harmonics.variance, 4.0, rtol=1e-12)
 
 
 def test_a_drift_both_ways_cancels_whichever_gyros_count():

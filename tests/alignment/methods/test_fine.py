@@ -9,22 +9,39 @@ import pytest
 from rocking import Angle, G, Motion, errors
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
-from test_inertial import CAROUSEL, QUIET, SLOW, STILL, campaign, dwell, exact, nees, one, site
+from test_inertial import (
+    ASTRAY,
+    CAROUSEL,
+    QUIET,
+    SLOW,
+    STILL,
+    astray,
+    campaign,
+    dwell,
+    exact,
+    nees,
+    one,
+    site,
+)
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
 from alignment.methods.fine import (
     _ERRORS,
     METHOD,
+    Model,
     _inverse,
     _Pass,
     _updates,
+    columns_of,
+    error_matrices,
     filtered,
     fine,
     fine_tracks,
     innovations,
 )
-from alignment.methods.inertial import inertial
+from alignment.methods.inertial import Noise, gravity_velocity, inertial
+from alignment.strapdown import carry
 
 W = 7.292115e-5  # rad/s
 T, RATE = 60.0, 5.0
@@ -270,6 +287,52 @@ def test_updates_are_those_of_the_textbook(drifting):
             x, P = F[k] @ x, F[k] @ P @ F[k].T + Q[k]
 
 
+@pytest.mark.parametrize("motion", [STILL, SLOW_CENTRED], ids=["still", "rocking"])
+def test_a_long_interval_is_its_short_ones(motion):
+    """Transition and noise of 0.1 s against ten of 10 ms, composed: ``F2 F1``, ``F2 Q1 F2' + Q2``.
+
+    All cross terms of attitude, velocity, place, biases, scale and misalignment are in them. In
+    one interval rates, f and C stay: to (0.05 s w)^2 of rocking, and Q to (1 ms/10 ms)^2.
+    """
+    t, w, f, _ = motion.readings(1.0, 1000.0, 100.0)
+    names = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "gyro_misalignment")
+    priors = Priors(
+        1e-6, 1e-3, 1e-4, 1e-4, 2e-7, 3e-5, gyro_walk=2e-5, accel_walk=3e-4, gyro_misalignment=1e-3
+    )
+    readings = ImuReadings(t, w, f)
+    noise = Noise(np.array([1.0, 2.0, 3.0]) * 1e-5, np.array([3.0, 1.0, 2.0]) * 1e-4)
+    model = Model(readings, site(motion), noise, priors, names)
+    C_ni = motion.state(np.zeros(1))[0][0]
+    found = []
+    for span in (0.1, 0.01):
+        carried = carry(readings, span)
+        push = np.diff(gravity_velocity(carried.t, site(motion))[0], axis=0)
+        F, Q, _ = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
+        found.append((F, Q))
+    (F, Q), (short_F, short_Q) = found
+    whole_F, whole_Q = np.eye(F.shape[1]), np.zeros(F.shape[1:])
+    for a, q in zip(short_F[:10], short_Q[:10], strict=True):
+        whole_F, whole_Q = a @ whole_F, a @ whole_Q @ a.T + q
+    size = np.sqrt(np.diag(whole_Q))
+    free = size > 0
+    scale = np.outer(size[free], size[free])
+    # drifts of biases count from the next interval on: a part 1/10 of what they make of the rest
+    own = np.ix_(free, free)
+    errors_ = np.arange(_ERRORS - 1)
+    block = np.ix_(errors_, errors_)
+    np.testing.assert_allclose(
+        Q[0][block] / np.outer(size[:9], size[:9]),
+        whole_Q[block] / np.outer(size[:9], size[:9]),
+        atol=0.02,
+    )
+    assert np.abs((Q[0][own] - whole_Q[own]) / scale).max() < 0.1
+    # what each error makes of each other in 0.1 s, by the largest of its kind
+    for rows in (slice(0, 3), slice(3, 6), slice(6, 9)):
+        for columns in (slice(0, 3), slice(3, 6), *(columns_of(k) for k in range(5))):
+            part, want = F[0][rows, columns], whole_F[rows, columns]
+            np.testing.assert_allclose(part, want, rtol=0, atol=0.02 * np.abs(want).max())
+
+
 # --- Monte Carlo ------------------------------------------------------------------------------
 
 SMALL = ARW / 5
@@ -301,6 +364,15 @@ def test_normalised_errors_are_chi_square_in_every_regime():
         assert np.sqrt(covariance[:, 2, 2]).max() < radians(8)
         found[name] = nees(error, covariance).mean()
     assert all(low < value < high for value in found.values()), (low, high, found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", [CAROUSEL, HALF_TURN], ids=["carousel", "half turn"])
+def test_gyros_that_are_astray_are_told_by_what_turns(motion):
+    """States of their own: the NEES was 17 to 24 where a turning unit's axes passed for biases."""
+    error, covariance = astray(52, motion, 10.0, 40, ASTRAY, ASTRAY, method=fine)
+    low, high = chi2.ppf([0.0125, 0.9875], 120) / 40
+    assert low < nees(error, covariance).mean() < high
 
 
 @pytest.mark.slow

@@ -162,10 +162,24 @@ def test_answer_does_not_depend_on_the_start_of_the_clock_or_the_label():
 
 
 @pytest.mark.parametrize("motion", [SLOW, CAROUSEL, STILL], ids=["rocking", "carousel", "still"])
-@pytest.mark.parametrize("constant", ["gyro_bias", "accel_bias", "gyro_scale", "accel_scale"])
+@pytest.mark.parametrize(
+    "constant",
+    [
+        "gyro_bias",
+        "accel_bias",
+        "gyro_scale",
+        "accel_scale",
+        "gyro_misalignment",
+        "gyro_non_orthogonality",
+        "accel_misalignment",
+        "accel_non_orthogonality",
+    ],
+)
 def test_sensitivity_to_constants_by_differencing_the_estimator(motion, constant):
     """What a prior adds to the covariance is the outer product of the estimator's own slopes."""
-    size = 1e-9 if constant == "gyro_bias" else 1e-5
+    size = {"gyro_bias": 1e-9, "gyro_misalignment": 1e-6, "gyro_non_orthogonality": 1e-6}.get(
+        constant, 1e-5
+    )
     t, w, f, _ = motion.readings(60.0, 10.0, 100.0)
     options = Options(priors=QUIET)
     base = inertial([dwell(t, w, f)], site(motion), options)[0]
@@ -178,8 +192,14 @@ def test_sensitivity_to_constants_by_differencing_the_estimator(motion, constant
             rates = w * (1 + size * axis)
         elif constant == "accel_bias":
             forces = f + size * axis
-        else:
+        elif constant == "accel_scale":
             forces = f * (1 + size * axis)
+        else:
+            x, y, z = size * axis
+            turn_ = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])  # what is felt, times the axis
+            lean = np.array([[0, z, y], [z, 0, x], [y, x, 0]]) / 2
+            by = (lean if "ortho" in constant else -turn_).T
+            rates, forces = (w + w @ by, f) if "gyro" in constant else (w, f + f @ by)
         moved = inertial([dwell(t, rates, forces)], site(motion), options)[0]
         slopes.append(errors(moved.C_nb.as_matrix()[None], base.C_nb.as_matrix())[0])
     with_prior = replace(QUIET, **{constant: size})
@@ -261,6 +281,42 @@ def test_normalised_errors_are_chi_square_in_every_regime():
     assert all(low < value < high for value in found.values()), (low, high, found)
 
 
+def astray(seed, motion, rate, runs, priors, known, method=inertial):
+    """As `campaign`, of gyros whose axes are off by `priors`' misalignment and leaning."""
+    rng = np.random.default_rng(seed)
+    t, w, f, C = motion.readings(T, rate, 100.0)
+    found, covariances = [], []
+    for _ in range(runs):
+        x, y, z = priors.gyro_misalignment * rng.normal(size=3)
+        a, b, c = priors.gyro_non_orthogonality * rng.normal(size=3) / 2
+        M = np.array([[0, z + c, b - y], [c - z, 0, x + a], [y + b, a - x, 0]])
+        rates = w @ (np.eye(3) + M).T + priors.gyro_bias * rng.normal(size=3)
+        rates += priors.gyro_walk * sqrt(rate) * rng.normal(size=w.shape)
+        forces = f + priors.accel_walk * sqrt(rate) * rng.normal(size=f.shape)
+        (estimate,) = method([dwell(t, rates, forces)], site(motion), Options(priors=known))
+        found.append(estimate.C_nb.as_matrix())
+        covariances.append(estimate.covariance)
+    return errors(np.array(found), C), np.array(covariances)
+
+
+ASTRAY = Priors(
+    1e-6, gyro_walk=SMALL, accel_walk=1e-4, gyro_misalignment=3e-4, gyro_non_orthogonality=2e-4
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", [CAROUSEL, SLOW], ids=["carousel", "rocking"])
+def test_gyros_that_are_astray_are_in_the_covariance_of_what_turns(motion):
+    """12 deg/s times 0.3 mrad is 13 deg/h across the vertical, as large as the Earth's rate."""
+    error, covariance = astray(51, motion, 5.0, 60, ASTRAY, ASTRAY)
+    low, high = chi2.ppf([0.0125, 0.9875], 180) / 60
+    assert low < nees(error, covariance).mean() < high
+    if motion is CAROUSEL:  # and without it they are not
+        blind = replace(ASTRAY, gyro_misalignment=0.0, gyro_non_orthogonality=0.0)
+        error, covariance = astray(51, motion, 5.0, 20, ASTRAY, blind)
+        assert nees(error, covariance).mean() > 2 * high
+
+
 @pytest.mark.slow
 def test_noise_told_from_rocking_readings_serves_as_well():
     """At 20 Hz 60 s give the levels to 7 %: what that adds to the NEES is below its bounds."""
@@ -273,6 +329,44 @@ def test_shortest_record_has_a_track_of_one_point():
     stretch, _ = exact(STILL, 3.2, 10.0)
     (track,) = inertial_tracks(stretch, site(STILL), Options(priors=QUIET))
     assert len(track.t) == 1
+
+
+@pytest.mark.slow
+def test_a_sway_counts_where_it_begins_and_where_it_ends():
+    """Perfect sensors on a base whose place sways by 3 cm: both ends are in the sigma, each alike.
+
+    Phases are drawn, so squares of errors over the stated variances are 1 on average; 2 if one end
+    alone counted.
+    """
+    rng = np.random.default_rng(61)
+    ratios = []
+    for _ in range(80):
+        sway = tuple(
+            Angle(amplitude=0.03, frequency=rng.uniform(0.15, 0.3), phase=rng.uniform(0, 2 * pi))
+            for _ in range(3)
+        )
+        estimate, error = one(replace(STILL, sway=sway), 60.0, 10.0)
+        ratios.append(error**2 / estimate.covariance.diagonal())
+    # a square of a sum of two waves' ends: variance 1.5 to 2, so 0.15 of the mean of 80; three
+    north, east, down = np.mean(ratios, axis=0)
+    assert 0.55 < down < 1.45
+    assert 0.4 < (north + east) / 2 < 1.6
+
+
+def test_the_law_of_a_sway():
+    """``60 r/(g T^2)`` of tilt over ``W T cos lat``, one end at its extreme and one at rest."""
+    r, seconds = 0.03, 60.0
+    # toward east: (0, r cos) at the start at its extreme, at the end a quarter later at zero
+    east = Angle(amplitude=r, frequency=12.25 / seconds, phase=pi / 2)
+    estimate, error = one(replace(STILL, sway=(Angle(), east, Angle())), seconds, 20.0)
+    north = Angle(amplitude=r, frequency=12.25 / seconds, phase=pi / 2)
+    other, off = one(replace(STILL, sway=(north, Angle(), Angle())), seconds, 20.0)
+    law = 60 * r / (G * seconds**2) / (W * seconds * cos(radians(48.5)))
+    # sway toward north is the one that feigns a turn of gravity
+    assert max(abs(error[2]), abs(off[2])) == pytest.approx(law, rel=0.15)
+    for found in (estimate, other):
+        sigma = sqrt(found.covariance[2, 2])
+        assert sigma < law  # rms of a wave is r/sqrt 2, of each end
 
 
 # --- noise from the readings ------------------------------------------------------------------

@@ -298,13 +298,15 @@ def test_the_words_of_the_verdict():
     way round a table of 5' under a unit that needs no turn: it pays by nothing."""
     walk = 0.003 * DEG_RT_H
     floor = walk / sqrt(40) / (W * cos(HERE.latitude)) / MINUTE  # 9.81'
-    pays, numbers = shown_verdict(Priors(DEG_H, 1e-9), (20.0, 20.0), 67, walk)
-    assert pays
-    # one record: 62 degrees of freedom, 9 %, three sigma; words have three digits
-    assert numbers[0] == pytest.approx(floor, rel=0.3)
+    told = [shown_verdict(Priors(DEG_H, 1e-9), (20.0, 20.0), [67, k], walk) for k in range(20)]
+    assert all(pays for pays, _ in told)
+    numbers = np.mean([numbers for _, numbers in told], axis=0)
+    # each record tells the noise of an axis to 9 %, the quarter turn by two of them: of the means
+    # of 20 records three sigma; words have three digits
+    assert numbers[0] == pytest.approx(floor, rel=0.07)
     assert numbers[1] == pytest.approx(345, abs=1.0)
     assert numbers[2] == pytest.approx(numbers[0], rel=0.02)
-    assert numbers[3] / numbers[2] == pytest.approx(sqrt(2), rel=0.02)
+    assert numbers[3] / numbers[2] == pytest.approx(sqrt(2), rel=0.06)
 
 
 @pytest.mark.parametrize("north", [10.0, -25.0])

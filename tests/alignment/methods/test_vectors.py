@@ -204,6 +204,21 @@ def test_integrals_join_and_differ():
         assert (gyro.turn[1] - made.turn[3]) / bias == pytest.approx(turned, abs=1e-4)
 
 
+def test_integrals_of_a_later_start_are_those_of_a_record_that_starts_there():
+    """A record that begins at a sample's edge knows nothing of what came before it."""
+    rng = np.random.default_rng(3)
+    w, f = 0.5 * rng.standard_normal((300, 3)), 5 * rng.standard_normal((300, 3))
+    t = np.arange(1, 301) * 0.01
+    whole = integrals(ImuReadings(t, w, f), np.array([0.0, 0.55, 1.3, 2.9]))
+    part = whole.since(np.array([1, 1]), np.array([2, 3]))
+    alone = integrals(ImuReadings(t[55:], w[55:], f[55:]), np.array([0.55, 1.3, 2.9]))
+    for name in part.__slots__:
+        # rounding of sums of 300
+        np.testing.assert_allclose(
+            getattr(part, name), getattr(alone, name)[1:], rtol=0, atol=1e-11, err_msg=name
+        )
+
+
 def test_integrals_refuse_what_was_not_recorded():
     readings = spun()
     with pytest.raises(AlignmentError, match=r"cover 0.000 to 4.000 s"):

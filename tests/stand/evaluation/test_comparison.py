@@ -282,7 +282,7 @@ def test_estimates_that_repeat_their_own_offset_are_not_counted(half_turn):
     ARW over 9.96651 deg/h, offset of 10 s and 14 s after it: 7.48 mrad; the others would halve its
     square. 16 normal numbers: 99.9 % of chi-square.
     """
-    (row,) = compare(half_turn, 8, ["six-position"], workers=1).tallies
+    (row,) = compare(replace(half_turn, methods=("six-position",)), 8, workers=1).tallies
     assert row.estimates == 16
     sigma = 0.003 / 60 / (9.96651 / 3600) * sqrt(1 / 10 + 1 / 14)
     low, high = chi2.ppf([0.0005, 0.9995], 16)

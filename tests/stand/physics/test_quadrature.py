@@ -105,6 +105,23 @@ def test_step_of_a_rate_by_hand():
     assert (list(parts), list(lobatto)) == ([1], [True])
 
 
+def test_the_arm_of_two_axes_by_hand():
+    """2 and 3 rad/s: all together turn by exp(5 t), a link's spin is 5 exp(3 t) as b sees it.
+
+    Sixth derivatives: of gravity g 5^6 = 153 229 m/s^8; of what spins an arm of 1 m 5 3^7 = 10 935,
+    of its centripetal force 25 6^6 = 1 166 400: h = (1.512e-3/1 330 564)^(1/6) = 32.30 ms. Without
+    the arm the rate's 3 646 rad/s^7 would set it: (1.512e-5/3 646)^(1/6) = 40.1 ms.
+    """
+    coefficients = np.zeros((2, 1, 6))
+    coefficients[0, 0, [OUTER, JOINTS.index("inner")]] = 2.0, 3.0
+    motion = Motion(np.array([0.0, 3.0]), coefficients)
+    assert longest_steps(LOBATTO, motion, np.array([0]), [])[0] == pytest.approx(32.30e-3, rel=1e-3)
+    # fourth derivatives: g 5^4 + 5 3^5 + 25 6^4 = 39 744; of the rate 5 3^4 = 405: it is shorter
+    simpson = longest_steps(SIMPSON, motion, np.array([0]), [])[0]
+    assert simpson == pytest.approx((2880e-11 / (405 + 7.292e-5 * 625)) ** 0.25, rel=1e-4)
+    assert simpson < (2880e-9 / 39744) ** 0.25
+
+
 def test_an_axis_that_slows_down_is_no_faster_than_at_its_start():
     """From 90 deg/s to rest in 100 s: of g turned by q, ``g (w^4 + 6 w^2 b + 3 b^2)`` at its start
     bounds the fourth derivative, b its braking. Centripetal force is a square of time."""

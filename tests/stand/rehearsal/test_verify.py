@@ -166,15 +166,16 @@ def test_true_biases_are_those_of_the_run(half_turn):
     assert not np.allclose(trials.biases(7), trials.biases(8))
 
 
-def test_a_method_without_prediction_is_told_all_the_same(half_turn):
+def test_two_gyros_at_rest_are_predicted_and_reached(half_turn):
     half_turn.write_text(HALF_TURN.replace('"two-position"', '"two-gyro"'), encoding="utf-8")
     asked = asked_of(half_turn)
-    result = with_verification(rehearse(asked), asked, 3, workers=1)
+    result = with_verification(rehearse(asked), asked, 12, workers=1)
     for label in ("first", "second"):
         found = row(result, "two-gyro", label, "heading")
-        assert (found.predicted, found.agrees, found.runs) == (None, None, 3)
-        # 3 runs; the floor of 24 s is 0.21 deg
-        assert 0.02 * DEG < found.sigma < 2 * DEG
+        assert found.predicted is not None
+        assert found.agrees
+        # chi-square of 12 at 0.1 and 99.9 %
+        assert 0.18 < (found.sigma / found.predicted) ** 2 * 12 / 12 < 2.75
 
 
 # --- statistics

@@ -1,0 +1,272 @@
+"""A log cut into windows: how its estimates scatter, beside the sigma that methods state of them.
+
+What is common to all windows, a bias above all, cannot show here; what changes between them must,
+whatever a data sheet says.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Priors, Site, Turn
+from alignment.arrays import Array
+from alignment.errors import AlignmentError, NotAtRest
+from alignment.noise import check_at_rest
+from alignment.units import DEG
+from stand.errors import StandError
+from stand.evaluation.score import Refusal, circular
+
+SHORT = 0.02  # part of a window by which the last one may be short
+TAIL = 0.025  # of either end of a 95 % interval
+LIMITS = {"heading": 30 * DEG, "yaw": 30 * DEG, "latitude": 10 * DEG}  # sigmas that say nothing
+BASE_MOVES = "the base moves, and so does what is estimated"
+NOISE_ONLY = "noise only"
+_TOLD = tuple(
+    f"{sensor}_{name}"
+    for sensor in ("gyro", "accel")
+    for name in ("bias", "instability", "random_walk", "ramp")
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scatter:
+    """One quantity by one method over the windows of one stretch.
+
+    Attributes
+    ----------
+    method, window : str
+        As of the estimates.
+    label : str
+        Of the stretch.
+    seconds : float
+        Length of a window.
+    quantity : str
+        heading (of a vertical X1 yaw), roll, pitch or latitude.
+    count : int
+        Windows that were estimated.
+    scatter, low, high : float
+        Standard deviation about their own mean (n - 1) [rad] and its 95 % interval by chi-square,
+        as of independent normal values; NaN of one window.
+    sigma : float or None
+        Root mean square of the sigmas stated [rad]; None where a method states none, or one that
+        says nothing (above 30 deg of heading, 10 deg of latitude).
+    remark : str
+        What must be known beside the numbers; '' for nothing.
+    """
+
+    method: str
+    window: str
+    label: str
+    seconds: float
+    quantity: str
+    count: int
+    scatter: float
+    low: float
+    high: float
+    sigma: float | None
+    remark: str
+
+    @property
+    def ratio(self) -> float | None:
+        """Variance of the estimates over that which is stated; 1 of a sigma that is right."""
+        return None if not self.sigma or self.count < 2 else (self.scatter / self.sigma) ** 2
+
+
+def check_lengths(lengths: Sequence[float]) -> None:
+    """Raise `StandError` of window lengths [s] that are none."""
+    for seconds in lengths:
+        if not (np.isfinite(seconds) and seconds > 0):
+            raise StandError(f"windows {seconds:g}: must be lengths above 0 s")
+
+
+def windows_of(dwell: Dwell, seconds: float) -> list[Dwell]:
+    """The stretch in windows of a length [s], one after the other; what is left over is left out.
+
+    The last one may be short by 2 %. Each has the readings and encoder angles of its own time.
+    """
+    count = int((dwell.t_to - dwell.t_from) / seconds + SHORT)
+    edges = [min(dwell.t_from + k * seconds, dwell.t_to) for k in range(count + 1)]
+    return [_cut(dwell, a, b) for a, b in pairwise(edges)]
+
+
+def _cut(dwell: Dwell, t_from: float, t_to: float) -> Dwell:
+    part = dwell.readings.between(t_from, t_to)
+    turn = dwell.turn
+    if turn is not None and len(part):
+        first = int(np.searchsorted(dwell.readings.t, part.t[0]))
+        turn = Turn(turn.axis_b, turn.angle[first : first + len(part)])
+    return replace(dwell, t_from=t_from, t_to=t_to, readings=part, turn=turn)
+
+
+def scatters(
+    dwells: Sequence[Dwell],
+    site: Site,
+    options: Options,
+    methods: Sequence[str],
+    lengths: Sequence[float],
+) -> tuple[list[Scatter], list[Refusal]]:
+    """Scatter and stated sigma of every method's estimates over windows of these lengths.
+
+    Parameters
+    ----------
+    dwells : sequence of Dwell
+        Stretches of a log: the k-th windows of all are estimated together, as positions of one
+        unit, so that methods that need several have them.
+    site : Site
+    options : Options
+    methods : sequence of str
+        Of `ESTIMATORS`.
+    lengths : sequence of float
+        [s]
+
+    Returns
+    -------
+    list of Scatter
+        By method, length, stretch and quantity.
+    list of Refusal
+        Why a method left out windows.
+
+    Raises
+    ------
+    StandError
+        A length that is not above 0; longer than every stretch.
+    """
+    check_lengths(lengths)
+    found: list[Scatter] = []
+    refusals: list[Refusal] = []
+    for seconds in lengths:
+        parts = [windows_of(dwell, seconds) for dwell in dwells]
+        most = max((len(part) for part in parts), default=0)
+        if not most:
+            longest = max((d.t_to - d.t_from for d in dwells), default=0.0)
+            raise StandError(f"windows of {seconds:g} s: the longest stretch has {longest:.1f} s")
+        together = [[part[k] for part in parts if k < len(part)] for k in range(most)]
+        moving = {dwell.label for dwell in dwells if dwell.turn is None and not _rests(dwell)}
+        for method in methods:
+            estimates, refused = _estimated(method, together, site, options)
+            found += _summed(method, seconds, estimates, moving, options.priors)
+            if refused:
+                refusals.append(_refusal(method, seconds, refused, most))
+    return found, refusals
+
+
+def _rests(dwell: Dwell) -> bool:
+    try:
+        check_at_rest(dwell)
+    except NotAtRest:
+        return False
+    return True
+
+
+def _refusal(method: str, seconds: float, refused: Sequence[str], most: int) -> Refusal:
+    return Refusal(
+        method, f"{len(refused)} of {most} windows of {seconds:g} s: the first: {refused[0]}"
+    )
+
+
+def _estimated(
+    method: str, together: Sequence[Sequence[Dwell]], site: Site, options: Options
+) -> tuple[list[AttitudeEstimate], list[str]]:
+    estimates: list[AttitudeEstimate] = []
+    refused = []
+    entry = ESTIMATORS[method]
+    for dwells in together:
+        mine = [dwell for dwell in dwells if entry.suited(dwell)]
+        try:
+            if not mine:
+                raise AlignmentError(entry.lacking)
+            estimates += [e for e in entry.estimate(mine, site, options) if not circular(e)]
+        except AlignmentError as error:
+            refused.append(str(error))
+    return estimates, refused
+
+
+def _summed(
+    method: str,
+    seconds: float,
+    estimates: Sequence[AttitudeEstimate],
+    moving: set[str],
+    priors: Priors,
+) -> Iterator[Scatter]:
+    groups: dict[tuple[str, str], list[AttitudeEstimate]] = {}
+    for e in estimates:
+        groups.setdefault((e.label, e.window), []).append(e)
+    sheet = any(getattr(priors, name) > 0 for name in _TOLD)
+    for (label, window), members in groups.items():
+        remarks = ([] if sheet else [NOISE_ONLY]) + ([BASE_MOVES] if label in moving else [])
+        for quantity, values, sigmas in _quantities(members):
+            n = len(values)
+            scatter = _spread(values)
+            low, high = (
+                scatter * np.sqrt((n - 1) / chi2.ppf([1 - TAIL, TAIL], n - 1))
+                if n > 1
+                else (np.nan, np.nan)
+            )
+            sigma = None if sigmas is None else float(np.sqrt(np.mean(sigmas**2)))
+            told = [*remarks]
+            if sigma is not None and sigma > LIMITS.get(quantity, np.inf):
+                told.append(f"not determined: sigma {sigma / DEG:.0f} deg")
+                sigma = None
+            yield Scatter(
+                method=method,
+                window=window,
+                label=label,
+                seconds=seconds,
+                quantity=quantity,
+                count=n,
+                scatter=scatter,
+                low=float(low),
+                high=float(high),
+                sigma=sigma,
+                remark="; ".join(told),
+            )
+
+
+def _quantities(
+    members: Sequence[AttitudeEstimate],
+) -> Iterator[tuple[str, Array, Array | None]]:
+    """Values and stated sigmas (n,) of what all of the estimates tell."""
+    if all(e.angles is not None and not e.singular for e in members):
+        angles = np.array([e.angles for e in members])
+        own = [e.sigmas for e in members]
+        sigmas = None if any(s is None for s in own) else np.array(own)
+        yaw = "yaw" if any(e.heading is None for e in members) else "heading"
+        for k, quantity in ((1, yaw), (0, "roll"), (2, "pitch")):
+            yield quantity, angles[:, k], None if sigmas is None else sigmas[:, k]
+    latitudes = [e.latitude for e in members]
+    if all(value is not None for value in latitudes):
+        own = [e.latitude_sigma for e in members]
+        sigmas = None if any(s is None for s in own) else np.array(own, dtype=float)
+        yield "latitude", np.array(latitudes, dtype=float), sigmas
+
+
+def _spread(angles: Array) -> float:
+    """Standard deviation (n - 1) of angles about their own mean, on the circle; NaN of one."""
+    if len(angles) < 2:
+        return float("nan")
+    middle = np.angle(np.mean(np.exp(1j * angles)))
+    off = np.angle(np.exp(1j * (angles - middle)))
+    return float(off.std(ddof=1))
+
+
+def scatter_to_json(row: Scatter) -> dict[str, Any]:
+    """One row for machines, in degrees; null where there is no number."""
+    lone = row.count < 2
+    return {
+        "method": row.method,
+        "window": row.window,
+        "label": row.label,
+        "seconds": row.seconds,
+        "quantity": row.quantity,
+        "windows": row.count,
+        "scatter_deg": None if lone else row.scatter / DEG,
+        "scatter_low_deg": None if lone else row.low / DEG,
+        "scatter_high_deg": None if lone else row.high / DEG,
+        "sigma_deg": None if row.sigma is None else row.sigma / DEG,
+        "variance_over_stated": row.ratio,
+        "remark": row.remark,
+    }

@@ -1,0 +1,42 @@
+"""The scatter of windows beside the sigmas stated, as a table."""
+
+from collections.abc import Sequence
+
+from alignment.units import DEG
+from stand.evaluation.windows import Scatter
+from stand.report.document import method_text, sigma_text
+from stand.report.tables import TableData
+
+NOTE = (
+    "scatter: standard deviation of the windows' estimates about their own mean, with its 95 % "
+    "interval; sigma: root mean square of what the method states; ratio: of their squares, 1 where "
+    "the sigma is right. What is common to all windows, as a bias is, shows in none of it."
+)
+
+
+def windows_table(rows: Sequence[Scatter]) -> TableData:
+    """One row per method, length, stretch and quantity [deg]."""
+    return TableData(
+        "scatter of windows beside the sigma stated [deg]",
+        ("method", "stretch", "window s", "quantity", "n", "scatter", "sigma", "ratio", "remark"),
+        tuple(_row(row) for row in rows),
+        notes=(NOTE,),
+        optional=("n",),
+    )
+
+
+def _row(row: Scatter) -> tuple[str, ...]:
+    scatter = "one window"
+    if row.count > 1:
+        scatter = f"{row.scatter / DEG:.3g} ({row.low / DEG:.2g} to {row.high / DEG:.2g})"
+    return (
+        method_text(row.method, row.window),
+        row.label,
+        f"{row.seconds:g}",
+        row.quantity,
+        str(row.count),
+        scatter,
+        "" if row.sigma is None else sigma_text(row.sigma / DEG),
+        "" if row.ratio is None else f"{row.ratio:.2g}",
+        row.remark,
+    )

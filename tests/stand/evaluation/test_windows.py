@@ -1,0 +1,233 @@
+"""Windows of a log: the cut, the scatter by hand, and sigmas that hold against it."""
+
+from math import cos, degrees, nan, pi, radians, sqrt
+
+import numpy as np
+import pytest
+from rocking import Angle, G, Motion
+from scipy.spatial.transform import Rotation
+
+from alignment import Dwell, ImuReadings, Options, Priors, Site, Turn
+from stand.errors import StandError
+from stand.evaluation.windows import (
+    BASE_MOVES,
+    NOISE_ONLY,
+    scatter_to_json,
+    scatters,
+    windows_of,
+)
+from stand.report.windows import windows_table
+
+W = 7.292115e-5  # rad/s
+HERE = Site(radians(48.5), local_gravity=G)
+STILL = Motion(yaw=Angle(0.7), pitch=Angle(0.02), roll=Angle(-0.05))
+# Whole periods in 60 s, so that every window ends in one attitude.
+ROCKING = Motion(
+    yaw=Angle(0.7, amplitude=0.04, frequency=8 / 60),
+    pitch=Angle(0.02, amplitude=0.09, frequency=12 / 60, phase=1.0),
+    roll=Angle(-0.05, amplitude=0.07, frequency=10 / 60, phase=0.3),
+)
+
+
+def dwell_of(t, w, f, label="p", turn=None):
+    return Dwell(label, float(2 * t[0] - t[1]), float(t[-1]), ImuReadings(t, w, f), None, turn)
+
+
+# --- the cut --------------------------------------------------------------------------------------
+
+
+def test_windows_follow_one_another_and_the_rest_is_left_out():
+    t = 50 + np.arange(1, 1001) / 10
+    w = np.column_stack([np.arange(1000.0)] * 3)
+    parts = windows_of(dwell_of(t, w, w), 30.0)
+    edges = [p.t_from for p in parts] + [parts[-1].t_to]
+    assert edges == pytest.approx([50, 80, 110, 140])
+    assert [len(p.readings) for p in parts] == [300, 300, 300]
+    assert [p.readings.w_ib_b[0, 0] for p in parts] == [0, 300, 600]
+    assert {p.label for p in parts} == {"p"}
+
+
+def test_the_last_window_may_be_short_by_a_fiftieth():
+    t = np.arange(1, 996) / 10  # 99.5 s
+    parts = windows_of(dwell_of(t, np.zeros((995, 3)), np.ones((995, 3))), 50.0)
+    edges = [p.t_from for p in parts] + [parts[-1].t_to]
+    assert edges == pytest.approx([0, 50, 99.5])
+    assert len(windows_of(dwell_of(t, np.zeros((995, 3)), np.ones((995, 3))), 52.0)) == 1
+
+
+def test_each_window_of_a_turn_has_its_own_angles():
+    t = np.arange(1, 1001) / 10
+    turn = Turn(np.array([0.0, 1, 0]), 0.2 * t)
+    parts = windows_of(dwell_of(t, np.zeros((1000, 3)), np.ones((1000, 3)), "T", turn), 50)
+    first, second = [part.turn.angle for part in parts if part.turn is not None]
+    np.testing.assert_allclose(first, 0.2 * t[:500])
+    np.testing.assert_allclose(second, 0.2 * t[500:])
+
+
+def test_lengths_that_are_none():
+    t = np.arange(1, 1001) / 10
+    dwell = dwell_of(t, np.zeros((1000, 3)), np.ones((1000, 3)))
+    for wrong in (0.0, -1.0, nan):
+        with pytest.raises(StandError, match="must be lengths above 0 s"):
+            scatters([dwell], HERE, Options(), ["triad"], [wrong])
+    with pytest.raises(StandError, match=r"windows of 300 s: the longest stretch has 100\.0 s"):
+        scatters([dwell], HERE, Options(), ["triad"], [300.0])
+
+
+# --- the numbers ----------------------------------------------------------------------------------
+
+
+def tilted(angles, seconds=40.0, hz=10):
+    """A rest per angle [rad]: pitched by so much, X1 north."""
+    n = round(seconds * hz)
+    w, f = [], []
+    for a in angles:
+        c, s = np.cos(a), np.sin(a)
+        north, up = np.array([c, -s, 0]), np.array([s, c, 0])
+        w.append(np.tile(W * (np.cos(0.8) * north + np.sin(0.8) * up), (n, 1)))
+        f.append(np.tile(G * up, (n, 1)))
+    t = np.arange(1, n * len(angles) + 1) / hz
+    return dwell_of(t, np.concatenate(w), np.concatenate(f))
+
+
+def test_scatter_and_its_interval_by_hand():
+    """Tilts of 1, 2, 6 mrad: mean 3, deviations -2, -1, 3: sqrt(14/2) mrad; chi-square of two
+    degrees of freedom at 2.5 and 97.5 %: 0.05064 and 7.3778 (tables)."""
+    dwell = tilted([1e-3, 2e-3, 6e-3])
+    rows, refused = scatters([dwell], HERE, Options(), ["triad"], [40.0])
+    assert not refused
+    assert [row.quantity for row in rows] == ["heading", "roll", "pitch", "latitude"]
+    pitch = rows[2]
+    assert (pitch.method, pitch.label, pitch.seconds, pitch.count) == ("triad", "p", 40.0, 3)
+    assert pitch.scatter == pytest.approx(sqrt(7) * 1e-3, rel=1e-6)
+    assert pitch.low == pytest.approx(sqrt(14 / 7.3778) * 1e-3, rel=1e-4)
+    assert pitch.high == pytest.approx(sqrt(14 / 0.05064) * 1e-3, rel=1e-3)
+    assert pitch.remark == NOISE_ONLY
+    entry = scatter_to_json(pitch)
+    assert entry["scatter_deg"] == pytest.approx(degrees(sqrt(7) * 1e-3), rel=1e-6)
+    assert (entry["windows"], entry["quantity"], entry["seconds"]) == (3, "pitch", 40.0)
+
+
+def test_angles_scatter_on_the_circle():
+    rows, _ = scatters([tilted([0.0, 0.0])], HERE, Options(), ["triad"], [40.0])
+    assert rows[0].scatter < 1e-9
+    south = [Motion(yaw=Angle(pi + d)).readings(40.0, 10)[1:3] for d in (-1e-3, 1e-3)]
+    w, f = (np.concatenate(x) for x in zip(*south, strict=True))
+    t = np.arange(1, len(w) + 1) / 10
+    (heading, *_), _ = scatters([dwell_of(t, w, f)], HERE, Options(), ["triad"], [40.0])
+    assert heading.scatter == pytest.approx(sqrt(2) * 1e-3, rel=1e-3)
+
+
+def test_one_window_has_no_scatter_and_says_so():
+    rows, _ = scatters([tilted([0.0, 0.01])], HERE, Options(), ["triad"], [80.0])
+    assert np.isnan(rows[0].scatter)
+    assert rows[0].ratio is None
+    assert scatter_to_json(rows[0])["scatter_deg"] is None
+    assert windows_table(rows).rows[0][5] == "one window"
+
+
+def test_a_sigma_that_says_nothing_is_no_number():
+    rng = np.random.default_rng(1)
+    t, w, f, _ = STILL.readings(80.0, 10)
+    noisy = dwell_of(t, w + 1e-3 * rng.normal(size=w.shape), f)
+    (heading, *_), _ = scatters([noisy], HERE, Options(), ["triad"], [40.0])
+    assert heading.sigma is None
+    assert "not determined" in heading.remark
+    assert windows_table([heading]).rows[0][6:8] == ("", "")
+
+
+def test_a_sheet_takes_the_words_away_and_a_base_that_moves_is_named():
+    rng = np.random.default_rng(2)
+    t, w, f, _ = ROCKING.readings(120.0, 20)
+    dwell = dwell_of(t, w + 1e-6 * rng.normal(size=w.shape), f)
+    sheet = Options(priors=Priors(gyro_bias=1e-7))
+    (row, *_), _ = scatters([dwell], HERE, sheet, ["inertial"], [60.0])
+    assert row.remark == BASE_MOVES
+    (row, *_), refused = scatters([dwell], HERE, Options(), ["inertial", "triad"], [60.0])
+    assert row.remark == f"{NOISE_ONLY}; {BASE_MOVES}"
+    assert [r.method for r in refused] == ["triad"]
+    assert "2 of 2 windows of 60 s: the first: p: not at rest" in refused[0].reason
+
+
+def test_positions_are_fitted_together_window_by_window():
+    """The k-th windows of two stretches are one fit: a method for several positions answers."""
+    rng = np.random.default_rng(3)
+    dwells = []
+    for label, start, yaw in (("a", 0.0, 0.3), ("b", 100.0, 0.3 + pi)):
+        t, w, f, _ = Motion(yaw=Angle(yaw)).readings(80.0, 10, start)
+        told = Motion(yaw=Angle(yaw)).state(np.zeros(1))[0][0]
+        r = ImuReadings(t, w + 1e-7 * rng.normal(size=w.shape), f)
+        dwells.append(Dwell(label, start, start + 80.0, r, Rotation.from_matrix(told)))
+    rows, refused = scatters(dwells, HERE, Options(), ["two-position"], [40.0])
+    assert not refused
+    assert {row.count for row in rows} == {2}
+
+
+# --- the promise ----------------------------------------------------------------------------------
+
+
+def ratios(motion, seconds, count, hz, methods, noise, seed, site=HERE):
+    """Variance of windows' estimates over the stated one, by method and kind of angle."""
+    t, w, f, _ = motion.readings(seconds * count, hz)
+    w, f = noise(np.random.default_rng(seed), w, f, hz)
+    rows, refused = scatters([dwell_of(t, w, f)], site, Options(), methods, [seconds])
+    assert not refused
+    found: dict[tuple[str, str], list[float]] = {}
+    for row in rows:
+        if row.ratio is not None:
+            kind = "tilt" if row.quantity in ("roll", "pitch") else row.quantity
+            found.setdefault((row.method, kind), []).append(row.ratio)
+    return {key: float(np.mean(values)) for key, values in found.items()}
+
+
+def white(gyro, accel):
+    def add(rng, w, f, hz):
+        return (
+            w + gyro * sqrt(hz) * rng.normal(size=w.shape),
+            f + accel * sqrt(hz) * rng.normal(size=f.shape),
+        )
+
+    return add
+
+
+def dithered(angle, gyro, accel):
+    """Jitter of the angle [rad] beside white noise: a ring laser's."""
+
+    def add(rng, w, f, hz):
+        w, f = white(gyro, accel)(rng, w, f, hz)
+        return w + np.diff(angle * rng.normal(size=(len(w) + 1, 3)), axis=0) * hz, f
+
+    return add
+
+
+def wandering(gyro, accel, walk):
+    """Biases of gyros that walk [rad/s/sqrt(s)] beside white noise."""
+
+    def add(rng, w, f, hz):
+        w, f = white(gyro, accel)(rng, w, f, hz)
+        return w + np.cumsum(walk / sqrt(hz) * rng.normal(size=w.shape), axis=0), f
+
+    return add
+
+
+AT_REST = ("triad", "single-gyro", "two-gyro", "inertial", "fine")
+ARW = radians(1.0) * W * cos(radians(48.5)) * sqrt(60)  # a degree of heading in 60 s
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("motion", "methods", "noise"),
+    [
+        (STILL, AT_REST, white(ARW, 3e-4)),
+        (STILL, AT_REST, dithered(1e-5, ARW / 8, 1e-4)),
+        (STILL, AT_REST, wandering(ARW, 3e-4, 3e-8)),
+        (ROCKING, ("inertial", "fine"), white(ARW, 3e-4)),
+        (ROCKING, ("inertial", "fine"), dithered(1e-5, ARW / 4, 3e-4)),
+    ],
+    ids=["white", "dithered", "wandering", "rocking", "rocking, dithered"],
+)
+def test_scatter_is_of_the_order_of_the_sigma(motion, methods, noise):
+    """Of 20 windows of 60 s, without a data sheet: 19 degrees of freedom are good to a third."""
+    found = ratios(motion, 60.0, 20, 20, methods, noise, 7)
+    assert len(found) >= 2 * len(methods)
+    assert all(0.2 < value < 3 for value in found.values()), found
