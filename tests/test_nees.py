@@ -65,11 +65,13 @@ def test_generated_procedures_are_by_number_and_as_wide_as_they_say():
 # --- what it found -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_of_six_positions_no_two_contradict_each_other_where_heading_is_free():
     """adis16470: biases a hundred times what 60 s tell of Earth rate; whole steps never settled."""
     settings = short(load_procedure("six-position"), "adis16470")
     flags = flags_of(settings, two_position, 10)
-    assert not [flag for flag in flags if "contradict" in flag]
+    # of 50 pairs, each by chance once in a thousand: three come once in 50 000
+    assert len([flag for flag in flags if "contradict" in flag]) <= 2
 
 
 def flags_of(settings, method, runs):
