@@ -98,8 +98,10 @@ def test_bias_beyond_earth_rate_makes_triads_heading_no_surer(consumer_rest):
     options = Options(priors=replace(Options().priors, gyro_bias=5e-3))
     dwell = Dwell("rest", 0.0, 60.0, consumer_rest)
     (known,) = triad([dwell], Site(latitude=np.radians(60.0)), options)
+    assert known.covariance is not None
     assert np.sqrt(known.covariance[2, 2]) == pytest.approx(137.1, rel=1e-3)
     (unknown,) = triad([dwell], Site(latitude=None), options)  # at most all of Earth rate is level
+    assert unknown.covariance is not None
     assert np.sqrt(unknown.covariance[2, 2]) == pytest.approx(68.6, rel=1e-3)
 
 

@@ -250,6 +250,11 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
         variance += float(np.trace(sway_covariance(carried, matched))) / 3
         reference, run = _settle(model, reference, variance, far=False)
         flags += (f"sway beyond noise and lever arm: updates taken at {variance**0.5:.2g} m",)
+    if not np.all(run.expected > 0):
+        raise AlignmentError(
+            f"{dwell.label}: rounding leaves no covariance: priors and noise are too far apart for "
+            "this filter in so long a stretch"
+        )
     if not _is_settled(model, reference, run):
         raise AlignmentError(
             f"{dwell.label}: the linearisation did not settle: heading is not determined, and a "

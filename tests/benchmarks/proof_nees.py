@@ -76,7 +76,9 @@ def told(found: Sequence[Promise]) -> Iterator[str]:
             continue
         means, sigmas = [p.mean for p in rows], [p.sigma for p in rows]
         low, high = np.array([p.bounds(among) for p in rows]).T
-        heading = "not determined" if min(sigmas) > UNDETERMINED else _range(np.degrees(sigmas))
+        heading = (
+            "not determined" if min(sigmas) > UNDETERMINED else _range(np.degrees(sigmas).tolist())
+        )
         kept = "yes" if all(p.kept(among) for p in rows) else "**no**"
         bounds = f"{low.min():.2f} to {high.max():.2f}"
         yield f"| {case} | {method} | {_range(means)} | {bounds} | {heading} | {kept} | {refused} |"
