@@ -21,6 +21,7 @@ bench: $(READY)
 proof: $(READY)
 	$(PY) tests/benchmarks/proof.py
 	$(PY) tests/benchmarks/proof_allan.py
+	$(PY) tests/benchmarks/proof_nees.py
 
 $(READY): pyproject.toml
 	python3 -m venv $(VENV)

@@ -22,6 +22,7 @@ from alignment.constant_errors import BY_AXIS, in_one_attitude
 from alignment.cross import cross_matrix
 from alignment.doubts import drift_doubt, heading_doubt
 from alignment.earth import Site
+from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.methods.inertial import (
     Noise,
@@ -193,7 +194,8 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
     NotAtRest
         The velocity wanders beyond noise and 0.1 m/s: the instrument travels.
     AlignmentError
-        A gap; a turn too fast for the sampling rate.
+        A gap; a turn too fast for the sampling rate; a linearisation that does not settle, for
+        heading is not determined by these readings and priors.
     TooShort, PoleError
 
     Notes
@@ -248,8 +250,16 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
         variance += float(np.trace(sway_covariance(carried, matched))) / 3
         reference, run = _settle(model, reference, variance, far=False)
         flags += (f"sway beyond noise and lever arm: updates taken at {variance**0.5:.2g} m",)
+    if not np.all(run.expected > 0):
+        raise AlignmentError(
+            f"{dwell.label}: rounding leaves no covariance: priors and noise are too far apart for "
+            "this filter in so long a stretch"
+        )
     if not _is_settled(model, reference, run):
-        flags += ("the linearisation did not settle: heading is not known",)
+        raise AlignmentError(
+            f"{dwell.label}: the linearisation did not settle: heading is not determined, and a "
+            "filter about a wrong one knows no tilt either"
+        )
     return _answer(model, reference, run, rest_covariance(carried, matched, rest), flags)
 
 

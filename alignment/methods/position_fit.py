@@ -24,7 +24,9 @@ UNKNOWN_GRAVITY = 0.03  # m/s^2: 9.78 to 9.83 over the Earth
 ROUNDING = np.repeat([1e-10, 1e-7], 3)  # rad/s (2e-5 deg/h), m/s^2: no mean is surer than this
 SEEN = 0.5  # part of its prior that a bias must come down to
 MISFIT = 1e-3  # probability of chi-square above which positions contradict one another
-_ITERATIONS = 30
+_ITERATIONS = 60
+_LEVEL = 1e-6  # of chi-square: rounding may raise a cost so much
+_SHORTEST = 1e-4  # part of a step below which there is no way down
 _CONVERGED = 1e-9  # rad, and parts of a standard deviation
 _POLE = 1e-3  # least horizontal part of Earth rate
 _ANOTHER = np.radians(1.0)  # two ends farther apart than this are two attitudes
@@ -345,26 +347,61 @@ def _mirrored(C: Array, x: Array, hidden: Array, problem: _Problem) -> tuple[Arr
 def _descended(
     start: tuple[Array, Array], y: Array, sigma: Array, problem: _Problem
 ) -> tuple[_State, Array]:
-    """The state that Gauss-Newton ends in, and its cost (r,)."""
-    C, x = (part.copy() for part in start)
-    u = _no_errors(problem, len(y))
-    active = np.arange(len(y))
+    """The state that Gauss-Newton ends in, and its cost (r,).
+
+    A step that raises the cost is tried again at a quarter: where Earth rate is small beside the
+    biases heading is nearly free, and whole steps would leap about for ever.
+    """
+    state = start[0].copy(), start[1].copy(), _no_errors(problem, len(y))
+    system = _linearised(state, y, sigma, problem)
+    costs = _cost(system, state[1], problem)
+    parts, active = np.ones(len(y)), np.arange(len(y))
     for _ in range(_ITERATIONS):
-        system = _linearised((C[active], x[active], u[active]), y[active], sigma[active], problem)
-        step, _ = _step(system, x[active], problem)
-        # beyond a radian the linear system says nothing
-        turn = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
-        step = step / np.maximum(turn, 1.0)
-        found = system.weighed(step)
-        C[active] = _turned(step[:, :3], C[active])
-        x[active, 3:] += step[:, 3:]
-        changes = np.concatenate([step / problem.units, found - u[active]], axis=1)
-        u[active] = found
-        active = active[np.abs(changes).max(axis=1) >= _CONVERGED]
+        then, changes = _stepped(_of(state, active), system, parts[active], problem)
+        tried = _linearised(then, y[active], sigma[active], problem)
+        cost = _cost(tried, then[1], problem)
+        better = cost <= costs[active] + _LEVEL
+        taken = active[better]
+        for whole, new in zip(state, then, strict=True):
+            whole[taken] = new[better]
+        costs[taken] = cost[better]
+        parts[active] = np.where(better, np.minimum(1.0, 2 * parts[active]), parts[active] / 4)
+        going = (changes >= _CONVERGED) & (parts[active] > _SHORTEST)
+        system = _either(better, tried, system, going)
+        active = active[going]
         if not len(active):
             break
-    system = _linearised((C, x, u), y, sigma, problem)
-    return (C, x, u), _cost(system, x, problem)
+    return state, costs
+
+
+def _of(state: _State, runs: Array) -> _State:
+    C, x, u = state
+    return C[runs], x[runs], u[runs]
+
+
+def _either(first: Array, a: "_System", b: "_System", runs: Array) -> "_System":
+    """System `a` of runs that are `first` (r,), `b` of others; those `runs` (r,) alone."""
+    parts = [
+        np.where(first.reshape(-1, *[1] * (x.ndim - 1)), x, y)[runs]
+        for x, y in ((getattr(a, name), getattr(b, name)) for name in _System.__slots__)
+    ]
+    return _System(*parts)
+
+
+def _stepped(
+    state: _State, system: "_System", parts: Array, problem: _Problem
+) -> tuple[_State, Array]:
+    """The state after `parts` (r,) of a step, and the largest change (r,) in units of sigmas."""
+    C, x, u = state
+    step, _ = _step(system, x, problem)
+    # beyond a radian the linear system says nothing
+    turn = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
+    step = step * (parts[:, None] / np.maximum(turn, 1.0))
+    found = system.weighed(step)
+    changes = np.concatenate([step / problem.units, found - u], axis=1)
+    then = x.copy()
+    then[:, 3:] += step[:, 3:]
+    return (_turned(step[:, :3], C), then, found), np.abs(changes).max(axis=1)
 
 
 def _no_errors(problem: _Problem, runs: int) -> Array:

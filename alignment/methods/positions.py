@@ -7,6 +7,7 @@ maximum a posteriori fit.
 """
 
 from collections.abc import Sequence as Ordered
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -38,6 +39,7 @@ MULTI_POSITION = "multi-position"
 
 ANOMALY = 5e-4  # m/s^2: of gravity about its WGS 84 value, where nobody measured it
 
+OVERLAP = 1.5  # samples by which dwells may share readings: stamps of either end are rounded
 LEAST_TURN = np.radians(30.0)  # below it biases hardly change sides
 AMBIGUOUS = 12.0  # margin of chi-square: odds of 400 to 1
 
@@ -66,7 +68,7 @@ def two_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     Raises
     ------
     AlignmentError
-        No nominal attitudes, or no two successive dwells 30 deg apart.
+        No nominal attitudes, dwells that overlap, or no two successive ones 30 deg apart.
     NotAtRest, TooShort, PoleError
 
     Notes
@@ -106,7 +108,8 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
     Raises
     ------
     AlignmentError
-        Fewer than two dwells, no nominal attitudes, or no two of them 30 deg apart.
+        Fewer than two dwells, no nominal attitudes, dwells that overlap, or no two of them 30 deg
+        apart.
     NotAtRest, TooShort, PoleError
 
     Notes
@@ -129,8 +132,18 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
 
 
 def _in_time(dwells: Ordered[Dwell]) -> list[Dwell]:
-    """Successive is meant in time: the order in which dwells are handed over does not matter."""
-    return sorted(dwells, key=lambda dwell: dwell.t_from)
+    """Successive is meant in time: the order in which dwells are handed over does not matter.
+
+    The noise of dwells that share readings is not independent: `AlignmentError`.
+    """
+    found = sorted(dwells, key=lambda dwell: dwell.t_from)
+    for one, next_ in pairwise(found):
+        if next_.t_from < one.t_to - OVERLAP * one.readings.interval:
+            raise AlignmentError(
+                f"{one.label} and {next_.label} overlap: {next_.label} begins at "
+                f"{next_.t_from:g} s, {one.label} ends at {one.t_to:g} s"
+            )
+    return found
 
 
 def _summaries(dwells: Ordered[Dwell]) -> list[tuple[Array, Array]]:

@@ -116,6 +116,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     C_nb = _corrected_attitude(fresh, offset, sequence, site)
     _, variances = mean_and_variance(fresh)
     variances += offset.variances + _drift_variances(options.priors)
+    G = G * [[1.0], [1.0], [_weaker(fresh, offset, C_nb, site)]]
     covariance = attitude_covariance(nominal, variances, G) + placed_covariance(options.priors)
     estimates.append(
         AttitudeEstimate(
@@ -131,6 +132,12 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
         )
     )
     return estimates
+
+
+def _weaker(fresh: ImuReadings, offset: ZeroOffset, C_nb: Rotation, site: Site) -> float:
+    """How much less surely a rate shows north that noise has made smaller than the Earth's."""
+    w_n = (site.plumb.inv() * C_nb).apply(fresh.w_ib_b.mean(axis=0) - offset.values[:3])
+    return max(1.0, site.horizontal_rate() / max(float(np.hypot(w_n[0], w_n[1])), 1e-12))
 
 
 def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrack]:

@@ -140,10 +140,12 @@ def _single(
     latitude = triad_latitude(w, f)
     up = f if dwell.nominal is None else dwell.nominal.inv().apply([0.0, 0.0, -1.0])
     rate, gravity = float(np.linalg.norm(w)), float(np.linalg.norm(f))
-    G = attitude_sensitivity(rate * np.cos(latitude), rate * np.sin(latitude), gravity)
+    G = attitude_sensitivity(
+        min(rate * np.cos(latitude), _most_horizontal(site)), rate * np.sin(latitude), gravity
+    )
     whole = np.diag(variances) + constant_covariance(means, options.priors)
     covariance = attitude_covariance(C_nb, whole, G)
-    to_latitude = _latitude_sensitivity(latitude, rate, gravity)
+    to_latitude = _latitude_sensitivity(latitude, min(rate, EARTH_RATE), gravity)
     variance = attitude_covariance(C_nb, whole, to_latitude)[0, 0]
     flags = gap_doubt(dwell.window()) + saturation_doubt(dwell.label, dwell.window())
     flags += heading_doubt(covariance) + rest_doubt(dwell.window())
@@ -161,6 +163,14 @@ def _single(
         latitude_sigma=_root(variance),
         flags=flags,
     )
+
+
+def _most_horizontal(site: Site) -> float:
+    """The horizontal rate [rad/s] that the Earth can have there.
+
+    What is measured beyond it is bias: it says nothing of north, and makes heading no surer.
+    """
+    return EARTH_RATE if site.latitude is None else site.horizontal_rate()
 
 
 def _root(variance: float) -> float:

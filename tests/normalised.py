@@ -1,0 +1,171 @@
+"""Errors of many runs over the covariances that were stated with them: what a sigma promises.
+
+One attitude has three degrees of freedom. Where heading is not determined only the tilt is
+stated, which has two.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import radians
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from alignment import ESTIMATORS, AttitudeEstimate
+from alignment.against_truth import rotation_error
+from alignment.errors import AlignmentError
+from stand.errors import StandError
+from stand.evaluation.comparison import applicable
+from stand.evaluation.score import circular, suited
+from stand.imu import load_imu
+from stand.procedure.procedure import Procedure, table_of
+from stand.rehearsal.verify import first_seed
+from stand.simulation.monte_carlo import Trials
+from stand.simulation.settings import Settings, assembled
+
+UNDETERMINED = radians(30.0)  # sigma above which a heading is no number
+# A mean of 32 blocks knows its variance with 31 degrees of freedom, a mean over F(3, 31) is
+# 31/29; of five seconds at 5 Hz there are 24.
+FEW_BLOCKS = 24 / 22
+
+# Hz: noise of a coarse unit must blur its steps, and its sheet's rate does
+RATES_HZ = {"adis16470": 200, "icm42688p": 100}
+LOW_HZ = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """One method's estimates of one stretch over all runs.
+
+    `values` (m,), `freedoms` (m,): normalised squared errors and their degrees of freedom, one a
+    run that gave a number; `sigma` [rad] their median heading sigma; `refused`: how many runs gave
+    none, and the first `reason`.
+    """
+
+    case: str
+    method: str
+    label: str
+    values: tuple[float, ...]
+    freedoms: tuple[int, ...]
+    sigma: float
+    refused: int = 0
+    reason: str = ""
+
+    @property
+    def mean(self) -> float:
+        """Of the normalised squared errors per degree of freedom: one is honest."""
+        return sum(self.values) / sum(self.freedoms)
+
+    def bounds(self, among: int) -> tuple[float, float]:
+        """Within which `among` such means lie together in 95 of 100 sets, if all are honest."""
+        tail, freedom = 0.025 / among, sum(self.freedoms)
+        low, high = chi2.ppf([tail, 1 - tail], freedom) / freedom
+        return float(low), float(high) * FEW_BLOCKS
+
+    def kept(self, among: int) -> bool:
+        """Whether it is, or there is no number at all."""
+        if not self.values:
+            return True
+        low, high = self.bounds(among)
+        return low <= self.mean <= high
+
+
+def settings_of(procedure: Procedure, imu: str, rate_hz: int | None = None) -> Settings:
+    """A case as `stand compare` makes it, at the lowest rate that is fair to the unit."""
+    rate = RATES_HZ.get(imu, LOW_HZ) if rate_hz is None else rate_hz
+    site = procedure.entry.site.site()
+    return assembled(procedure, load_imu(imu), table_of(procedure), site, rate)
+
+
+def promises(settings: Settings, runs: int, methods: Sequence[str] | None = None) -> list[Promise]:
+    """What all `methods` (those that take the procedure) come to; refusals are promises kept."""
+    first = first_seed(settings)
+    settings = replace(settings, seed=first)
+    trials, found = Trials(settings), _Found(f"{settings.procedure.id}/{settings.imu.id}")
+    for seed in range(first, first + runs):
+        try:
+            dwells, attitudes = trials.readings(seed)
+        except StandError as error:  # a sway drawn anew may be beyond the table
+            found.refused("", str(error))
+            continue
+        truth = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
+        for method in methods or applicable(trials.plan):
+            try:
+                estimates = ESTIMATORS[method].estimate(
+                    suited(method, dwells), settings.site, settings.options
+                )
+            except AlignmentError as error:
+                found.refused(method, str(error))
+                continue
+            for e in estimates:
+                if e.C_nb is not None and e.label in truth and not circular(e):
+                    found.add(e, error_of(e.C_nb, truth[e.label]))
+    return found.all()
+
+
+def error_of(C_nb: Rotation, truth: Rotation) -> np.ndarray:
+    """Tilt about N and E, then rotation about D [rad], (3,).
+
+    The tilt is of the true vertical as the estimate sees it: to first order the rotation vector,
+    and whatever heading is wrong by it stays a tilt.
+    """
+    down = (C_nb * truth.inv()).apply([0.0, 0.0, 1.0])
+    return np.array([-down[1], down[0], rotation_error(C_nb, truth)[2]])
+
+
+class _Found:
+    def __init__(self, case: str) -> None:
+        self.case = case
+        self._of: dict[tuple[str, str], list[tuple[float, int, float]]] = {}
+        self._refused: dict[str, list[str]] = {}
+
+    def refused(self, method: str, reason: str) -> None:
+        self._refused.setdefault(method, []).append(reason)
+
+    def add(self, e: AttitudeEstimate, error: np.ndarray) -> None:
+        if e.covariance is None:
+            return
+        P, size = e.covariance, 3
+        sigma = float(np.sqrt(P[2, 2]))
+        if not sigma <= UNDETERMINED:
+            P, error, size = P[:2, :2], error[:2], 2
+        if np.linalg.eigvalsh(P)[0] <= 0:
+            return
+        value = float(error @ np.linalg.solve(P, error))
+        self._of.setdefault((e.method, e.label), []).append((value, size, sigma))
+
+    def all(self) -> list[Promise]:
+        made = []
+        for (method, label), rows in self._of.items():
+            values, freedoms, sigmas = zip(*rows, strict=True)
+            why = self._refused.get(method, [])
+            made.append(
+                Promise(
+                    case=self.case,
+                    method=method,
+                    label=label,
+                    values=values,
+                    freedoms=freedoms,
+                    sigma=float(np.median(sigmas)),
+                    refused=len(why),
+                    reason=why[0] if why else "",
+                )
+            )
+        silent = set(self._refused) - {method for method, _ in self._of}
+        for method in sorted(silent):
+            why = self._refused[method]
+            made.append(Promise(self.case, method, "", (), (), np.nan, len(why), why[0]))
+        return made
+
+
+def broken(all_of: Iterable[Promise]) -> list[str]:
+    """The promises that are not kept, in words; by the family of all of them."""
+    rows = [p for p in all_of if p.values]
+    return [
+        f"{p.case} {p.method} {p.label!r}: {p.mean:.3g} not in {low:.2f} to {high:.2f} "
+        f"(heading sigma {np.degrees(p.sigma):.3g} deg, {len(p.values)} runs)"
+        for p in rows
+        for low, high in [p.bounds(len(rows))]
+        if not p.kept(len(rows))
+    ]

@@ -1,0 +1,137 @@
+"""Every sigma is a promise: errors over covariances, of every method on every procedure.
+
+In short, at a low rate: `make proof` does it at length, at the rates of the data sheets. Rounding
+is off here, for at a low rate no noise blurs the steps of a consumer unit: it has tests of its own.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from generated import COUNT, IMUS, generated
+from normalised import LOW_HZ, broken, promises, settings_of
+from scipy.spatial.transform import Rotation
+
+from alignment import Dwell, ImuReadings, Options, Site
+from alignment.errors import AlignmentError
+from alignment.methods.positions import multi_position, two_position
+from alignment.methods.triad import triad
+from stand.procedure.procedure import load_procedure
+from stand.simulation.monte_carlo import Trials
+from stand.toml_files import ids
+
+RUNS = 4
+TURNING_HZ = 20  # of a base that rocks and a table that turns: a sample is to be less than 0.2 rad
+TURNING = {"carousel", "random-sway", "scorsby", "rate-sweep"}
+LONGEST_S = 300.0  # of a generated rest
+
+
+# what did not keep its promise when this was written, by the method that did not
+OPEN = {
+    "carousel": "inertial on a table that turns",
+    "rate-sweep": "inertial and fine on a table that turns fast",
+    "random-sway": "two-gyro on a base that rocks",
+    "six-position-published": "fine states too much for a ring laser",
+    "static": "fine loses its covariance to rounding in an hour",
+    10: "single-gyro near its singularity, heading sigma 28 deg",
+}
+
+
+def marked(cases):
+    """The cases, those of `OPEN` as what may fail."""
+    return [
+        pytest.param(case, marks=pytest.mark.xfail(reason=OPEN[case])) if case in OPEN else case
+        for case in cases
+    ]
+
+
+def short(procedure, imu):
+    rate = TURNING_HZ if procedure.id in TURNING else LOW_HZ
+    return replace(settings_of(procedure, imu, rate), without=("quantisation",))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", marked(ids("procedures")))
+def test_sigmas_of_the_catalogue_are_kept(name):
+    runs = 1 if name in {"scorsby", "random-sway", "rate-sweep"} else RUNS
+    found = [p for imu in IMUS for p in promises(short(load_procedure(name), imu), runs)]
+    assert any(p.values for p in found)
+    assert broken(found) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", marked(range(0, COUNT, 5)))
+def test_sigmas_of_generated_procedures_are_kept(first):
+    made = [generated(number, LONGEST_S) for number in range(first, first + 5)]
+    found = [p for g in made for p in promises(short(g.procedure, g.imu), RUNS)]
+    assert broken(found) == []
+
+
+def test_generated_procedures_are_by_number_and_as_wide_as_they_say():
+    made = [generated(number) for number in range(COUNT)]
+    assert [g.procedure.text for g in made] == [generated(n).procedure.text for n in range(COUNT)]
+    assert len({g.procedure.text for g in made}) == COUNT
+    rests = [[s for s in g.procedure.entry.step if s.kind == "dwell"] for g in made]
+    assert {min(map(len, rests)), max(map(len, rests))} <= set(range(2, 13))
+    seconds = [rest.duration_s for own in rests for rest in own]
+    assert 5 <= min(seconds) < 10
+    assert 1000 < max(seconds) <= 1800
+    latitudes = [g.procedure.entry.site.latitude_deg for g in made]
+    assert -85 <= min(latitudes) < -60
+    assert 50 < max(latitudes) <= 85
+
+
+# --- what it found -------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_of_six_positions_no_two_contradict_each_other_where_heading_is_free():
+    """adis16470: biases a hundred times what 60 s tell of Earth rate; whole steps never settled."""
+    settings = short(load_procedure("six-position"), "adis16470")
+    flags = flags_of(settings, two_position, 10)
+    # of 50 pairs, each by chance once in a thousand: three come once in 50 000
+    assert len([flag for flag in flags if "contradict" in flag]) <= 2
+
+
+def flags_of(settings, method, runs):
+    trials = Trials(settings)
+    return [
+        flag
+        for seed in range(runs)
+        for e in method(trials.readings(seed)[0], settings.site, settings.options)
+        for flag in e.flags
+    ]
+
+
+@pytest.fixture
+def consumer_rest():
+    """A minute at rest of a gyro biased by a hundred times the Earth's rate, 10 Hz, no noise."""
+    n = 600
+    t = np.arange(1, n + 1) / 10
+    w, f = np.tile([5e-3, 0.0, 5e-3], (n, 1)), np.tile([0.0, 9.81, 0.0], (n, 1))
+    return ImuReadings(t, w, f)
+
+
+def test_bias_beyond_earth_rate_makes_triads_heading_no_surer(consumer_rest):
+    """``b/(W cos lat)`` by hand: 5e-3 / (7.292e-5 x 0.5) = 137 rad, not 5e-3/7.1e-3 = 0.7."""
+    options = Options(priors=replace(Options().priors, gyro_bias=5e-3))
+    dwell = Dwell("rest", 0.0, 60.0, consumer_rest)
+    (known,) = triad([dwell], Site(latitude=np.radians(60.0)), options)
+    assert known.covariance is not None
+    assert np.sqrt(known.covariance[2, 2]) == pytest.approx(137.1, rel=1e-3)
+    (unknown,) = triad([dwell], Site(latitude=None), options)  # at most all of Earth rate is level
+    assert unknown.covariance is not None
+    assert np.sqrt(unknown.covariance[2, 2]) == pytest.approx(68.6, rel=1e-3)
+
+
+@pytest.mark.parametrize("method", [two_position, multi_position])
+def test_dwells_that_overlap_are_refused(method, consumer_rest):
+    """Readings that count twice would make their noise seem smaller than it is."""
+    level = Dwell("rest", 0.0, 60.0, consumer_rest)
+    turn = Rotation.from_rotvec([0.0, np.pi, 0.0])
+    dwells = [
+        replace(level, label="a", t_to=40.0, nominal=Rotation.identity()),
+        replace(level, label="b", t_from=30.0, nominal=turn),
+    ]
+    with pytest.raises(AlignmentError, match="a and b overlap: b begins at 30 s, a ends at 40 s"):
+        method(dwells, Site(latitude=np.radians(48.5)), Options())
