@@ -24,7 +24,9 @@ from stand.cli.progress import print_json, working
 def align(
     recordings: Annotated[
         list[Path],
-        typer.Argument(help="MCAP files with sensor_msgs/msg/Imu, or folders of stand run."),
+        typer.Argument(
+            help="MCAP files or ROS 2 bags with sensor_msgs/msg/Imu, or folders of stand run."
+        ),
     ],
     method: Annotated[
         str | None,
@@ -251,7 +253,10 @@ def _show_import(out: Path, log: Any, as_json: bool) -> None:
 
 def allan(
     recording: Annotated[
-        Path, typer.Argument(help="An MCAP with sensor_msgs/msg/Imu at rest, or a folder of run.")
+        Path,
+        typer.Argument(
+            help="An MCAP or ROS 2 bag with sensor_msgs/msg/Imu at rest, or a folder of run."
+        ),
     ],
     imu: Annotated[
         str | None,
