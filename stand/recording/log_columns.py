@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stand.errors import StandError, unknown
-from stand.imu.stated_units import scale_of
+from stand.imu.stated_units import scale_of, spelled
 
 CHANNELS = ("gx", "gy", "gz", "ax", "ay", "az")
 STAMP = ("t",)
@@ -40,7 +40,7 @@ _SUFFIXES = {
 _GUESSES = {
     "nanosec": r"nano_?sec(onds?)?|nsecs?",
     "sec": r"secs?|seconds",
-    "t": r"t|time|stamp|timestamp|time_?stamp|systime|sampletimefine",
+    "t": r"t|time|zeit|temps|tiempo|stamp|timestamp|time_?stamp|systime|sampletimefine",
     "g": r"g(yro?|yroscope)?|w|omega|angular_?velocity|rate|ang_?vel",
     "a": r"a(cc|ccel|ccelerometer|cceleration)?|f|linear_?acceleration|lin_?acc|specific_?force",
 }
@@ -136,16 +136,9 @@ def unit_of_header(name: str, dimensions: Sequence[tuple[float, ...]]) -> str | 
 
 def _dimension(unit: str) -> tuple[float, ...] | None:
     try:
-        return scale_of(_spelled(unit))[1]
+        return scale_of(spelled(unit))[1]
     except StandError:
         return None
-
-
-def _spelled(unit: str) -> str:
-    """As data sheets' units are: m/s2, m/s/s, m/s² are m/s^2, sec is s."""
-    text = unit.strip().replace("²", "^2").replace("m/s/s", "m/s^2")
-    text = re.sub(r"\bsec(onds?)?\b", "s", text)
-    return re.sub(r"(?<=/s)2$", "^2", text)
 
 
 def sensor_unit(sensor: str, stated: str | None, headers: Sequence[str]) -> SensorUnit:
@@ -172,11 +165,11 @@ def sensor_unit(sensor: str, stated: str | None, headers: Sequence[str]) -> Sens
         )
     if _dimension(name) not in _KINDS[sensor]:
         raise unknown(f"{sensor} unit", name, allowed)
-    scale, dimension = scale_of(_spelled(name))
+    scale, dimension = scale_of(spelled(name))
     notes = ()
     if stated is None:
         notes = (f"{sensor} unit {name}: from the header",)
-    elif header is not None and abs(scale_of(_spelled(header))[0] / scale - 1) > 1e-9:
+    elif header is not None and abs(scale_of(spelled(header))[0] / scale - 1) > 1e-9:
         notes = (f"the header says {header}, --{sensor}-unit says {stated}: {stated} is used",)
     return SensorUnit(name, scale, dimension == _KINDS[sensor][1], notes)
 
@@ -184,7 +177,7 @@ def sensor_unit(sensor: str, stated: str | None, headers: Sequence[str]) -> Sens
 def time_unit_of_header(name: str) -> str | None:
     """s, ms, us or ns, if the name of the column says so."""
     found = unit_of_header(name, [(0, 0, 1, 0)])
-    return _spelled(found).replace("µ", "u").replace("μ", "u") if found else None
+    return spelled(found).replace("µ", "u").replace("μ", "u") if found else None
 
 
 def guessed_columns(names: Sequence[str], width: int) -> list[str]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from alignment.arrays import Array, IntArray
 from stand.errors import StandError
+from stand.imu.stated_units import scale_of, spelled
 
 COMMENTS = ("#", "%", "//")
 SEPARATORS = ("\t", ";", ",", None)  # None: blanks
@@ -216,12 +217,28 @@ def _counts_columns(fields: Sequence[str]) -> bool:
 
 
 def _names(head: Sequence[str], separator: str | None, widths: Sequence[int]) -> tuple[str, ...]:
+    """Of the columns; where a line of units stands below them, each with its unit in brackets."""
+    found = []
     for line in reversed(head):
         bare = line.strip(" \r").lstrip("#%/").strip(" ")
         names = [name.strip() for name in fields_of(bare.replace("#", ""), separator)]
         if len(names) in widths and not _counts_columns(names):
-            return tuple(names)
-    return ()
+            found.append(names)
+    if len(found) > 1 and len(found[0]) == len(found[1]) and all(map(_is_unit, found[0])):
+        return tuple(
+            name if not unit or name.endswith(("]", ")")) else f"{name} [{unit.strip('[]()')}]"
+            for unit, name in zip(*found[:2], strict=True)
+        )
+    return tuple(found[0]) if found else ()
+
+
+def _is_unit(text: str) -> bool:
+    """Whether it is no word, or a unit as data sheets write it."""
+    try:
+        scale_of(spelled(text.strip("[]()")))
+    except StandError:
+        return text in ("", "-", "[]", "[-]")
+    return True
 
 
 def _rows(path: Path, layout: TextLayout) -> Iterator[tuple[int, list[str]]]:

@@ -128,6 +128,17 @@ def test_a_header_that_contradicts_is_told(tmp_path):
     np.testing.assert_allclose(taken.f_b, 9.80665 * VALUES[:, 3:], rtol=1e-15)
 
 
+@pytest.mark.parametrize(
+    "units", ["s,deg/s,deg/s,deg/s,g,g,g", "[s],[dps],[dps],[dps],[g],[g],[g]"]
+)
+def test_a_line_of_units_below_the_names(tmp_path, units):
+    path = written(tmp_path / "a.csv", head=f"unit 7\nZeit,gx,gy,gz,ax,ay,az\n{units}\n")
+    log = load_foreign(path, form("t=Zeit [s],gx=2,gy=3,gz=4,ax=5,ay=6,az=7", None, None))
+    np.testing.assert_allclose(log.w_ib_b, np.radians(VALUES[:, :3]), rtol=1e-15)
+    np.testing.assert_allclose(log.f_b, 9.80665 * VALUES[:, 3:], rtol=1e-15)
+    assert inspect(path).guesses == tuple(COLUMNS.split(","))
+
+
 # --- gaps and faults
 
 
