@@ -188,12 +188,12 @@ def read(
     start_sigma_deg: float | None = None,
     fix_sigma: Sequence[float] | None = None,
 ) -> Recording:
-    """A recording, ours or any MCAP with ``sensor_msgs/msg/Imu``.
+    """A recording, ours or any MCAP or ROS 2 bag with ``sensor_msgs/msg/Imu``.
 
     Parameters
     ----------
     path : path
-        An MCAP file, or a folder of `stand.run`.
+        An MCAP file, a ROS 2 bag (its folder, or .db3), or a folder of `stand.run`.
     topic : str, optional
         Of the IMU, where there are several.
     t_from_s, t_to_s : float, optional
@@ -235,13 +235,16 @@ def read(
 
 
 def recording_file(path: Named) -> Path:
-    """The MCAP file of a recording: itself, or that of a folder."""
-    if not isinstance(path, str | PathLike):
-        from stand.errors import StandError
+    """The file of a recording: itself, or that of a folder; a bag of several is its folder."""
+    from stand.errors import StandError
+    from stand.recording.mcap.bag import bag_file, is_bag
 
+    if not isinstance(path, str | PathLike):
         raise StandError(f"recording = {path!r}: must be a path")
     path = Path(path)
-    return path / "run.mcap" if path.is_dir() else path
+    if not path.is_dir():
+        return path
+    return bag_file(path) if is_bag(path) else path / "run.mcap"
 
 
 def align(

@@ -12,6 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DOORS = {
     "mujoco": ("stand.physics",),
     "mcap": ("stand.recording.mcap",),
+    "rosbags": ("stand.recording.mcap.bag",),
     "rerun": ("stand.recording.review", "stand.recording.viewer"),
     "ruckig": ("stand.motion.moves",),
     "typer": ("stand.cli",),

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
 from alignment.angles import Sequence
-from alignment.arrays import Array
+from alignment.arrays import Array, IntArray
 from alignment.constant_errors import constant_columns
 from alignment.cross import cross_matrix
 from alignment.earth import EARTH_RATE, Site, normal_gravity
@@ -16,6 +16,7 @@ from alignment.errors import PoleError
 from alignment.information.drift import Span, flicker, gauss_markov, ramp_coefficients, random_walk
 from alignment.levelling import attitude_from_means
 from alignment.options import Priors
+from alignment.readings import BoolArray
 
 # standard deviations of what nobody stated: wider than any instrument that could gyrocompass
 UNKNOWN_BIAS = np.repeat([0.01, 0.5], 3)  # rad/s, m/s^2
@@ -374,12 +375,12 @@ def _descended(
     return state, costs
 
 
-def _of(state: _State, runs: Array) -> _State:
+def _of(state: _State, runs: IntArray) -> _State:
     C, x, u = state
     return C[runs], x[runs], u[runs]
 
 
-def _either(first: Array, a: "_System", b: "_System", runs: Array) -> "_System":
+def _either(first: BoolArray, a: "_System", b: "_System", runs: BoolArray) -> "_System":
     """System `a` of runs that are `first` (r,), `b` of others; those `runs` (r,) alone."""
     parts = [
         np.where(first.reshape(-1, *[1] * (x.ndim - 1)), x, y)[runs]

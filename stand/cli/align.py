@@ -24,7 +24,9 @@ from stand.cli.progress import print_json, working
 def align(
     recordings: Annotated[
         list[Path],
-        typer.Argument(help="MCAP files with sensor_msgs/msg/Imu, or folders of stand run."),
+        typer.Argument(
+            help="MCAP files or ROS 2 bags with sensor_msgs/msg/Imu, or folders of stand run."
+        ),
     ],
     method: Annotated[
         str | None,
@@ -146,21 +148,38 @@ def align(
 
 
 def import_log(
-    file: Annotated[Path, typer.Argument(help="A foreign log.")],
+    file: Annotated[Path, typer.Argument(help="A foreign log: text, or rows of binary numbers.")],
     columns: Annotated[
-        str,
-        typer.Option(help="The file's columns in order, out of t,gx,gy,gz,ax,ay,az; - skips one."),
-    ],
-    gyro_unit: Annotated[str, typer.Option(help="deg/s, rad/s or deg/h.")],
-    accel_unit: Annotated[str, typer.Option(help="m/s^2, g or mg.")],
-    out: Annotated[Path, typer.Option(metavar="X.mcap", help="The recording to write.")],
-    time_unit: Annotated[str, typer.Option(help="s, ms, us or ns.")] = "s",
+        str | None,
+        typer.Option(
+            help="In order, out of t (or sec,nanosec),gx,gy,gz,ax,ay,az; - skips one. Or by header "
+            "or number: t=time_us,gx=2,...  Without: shows what the log looks like."
+        ),
+    ] = None,
+    gyro_unit: Annotated[
+        str | None, typer.Option(help="dps, deg/h, rad/s ...; deg: increments. Else the header's.")
+    ] = None,
+    accel_unit: Annotated[
+        str | None, typer.Option(help="m/s^2, g, mg ...; m/s: increments. Else the header's.")
+    ] = None,
+    gyro_scale: Annotated[float, typer.Option(help="What one count (LSB) is, in its unit.")] = 1.0,
+    accel_scale: Annotated[float, typer.Option(help="The same of the accelerometers.")] = 1.0,
+    out: Annotated[
+        Path | None, typer.Option(metavar="X.mcap", help="The recording to write.")
+    ] = None,
+    time_unit: Annotated[
+        str | None, typer.Option(help="s, ms, us, ns or iso; else as the log says, or s.")
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Of a log without times: t is not read.")
+    ] = None,
     file_format: Annotated[
         str | None,
         typer.Option(
-            "--format", help="csv, or f8le (rows of little-endian float64); else by ending."
+            "--format", help="csv, f8le or a numpy type such as '>f4'; else by the content."
         ),
     ] = None,
+    skip_bytes: Annotated[int, typer.Option(help="Before the first binary row.")] = 0,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -168,21 +187,47 @@ def import_log(
 
     Example: stand import log.csv --columns t,gx,gy,gz,ax,ay,az --gyro-unit deg/s
     --accel-unit m/s^2 --out log.mcap
-    """
-    from stand.recording.foreign import import_foreign
 
+    Without --columns it shows the log's columns and first rows, and the command to type.
+    """
+    from stand.errors import StandError
+
+    if columns is None:
+        if out is not None:
+            raise StandError(f"missing --columns: stand import {file} shows what they may be")
+        _show_inspection(file, as_json)
+        return
+    if out is None:
+        raise StandError("missing --out X.mcap: the recording to write")
+    with quick_imports():
+        from stand.recording.foreign import LogForm, import_foreign
+
+    form = LogForm(
+        columns=columns,
+        gyro_unit=gyro_unit,
+        accel_unit=accel_unit,
+        gyro_scale=gyro_scale,
+        accel_scale=accel_scale,
+        time_unit=time_unit,
+        rate_hz=rate,
+        file_format=file_format,
+        skip_bytes=skip_bytes,
+    )
     with working("importing", as_json):
-        log = import_foreign(
-            file,
-            out,
-            columns=columns,
-            gyro_unit=gyro_unit,
-            accel_unit=accel_unit,
-            time_unit=time_unit,
-            file_format=file_format,
-            force=force,
-        )
+        log = import_foreign(file, out, form, force=force)
     _show_import(out, log, as_json)
+
+
+def _show_inspection(file: Path, as_json: bool) -> None:
+    from dataclasses import asdict
+
+    from stand.recording.inspection import inspect
+
+    found = inspect(file)
+    if as_json:
+        print_json(asdict(found))
+        return
+    print("\n".join(found.lines()))
 
 
 def _show_import(out: Path, log: Any, as_json: bool) -> None:
@@ -202,6 +247,7 @@ def _show_import(out: Path, log: Any, as_json: bool) -> None:
         "longest_gap_s": float(steps.max()),
         "mean_rate_deg_h": float(rate),
         "mean_force_m_s2": float(force),
+        "notes": list(log.notes),
     }
     if as_json:
         print_json(facts)
@@ -211,13 +257,17 @@ def _show_import(out: Path, log: Any, as_json: bool) -> None:
         f"{facts['t_to_s']:.3f} s, {facts['rate_hz']:.4g} Hz (longest step "
         f"{facts['longest_gap_s'] * 1e3:.3g} ms)\n"
         f"mean rate {rate:.4g} deg/h (Earth: 15.04), mean specific force {force:.5f} m/s^2\n"
-        f"Align it: stand align {shlex.quote(str(out))}"
+        + "".join(f"{note}\n" for note in log.notes)
+        + f"Align it: stand align {shlex.quote(str(out))}"
     )
 
 
 def allan(
     recording: Annotated[
-        Path, typer.Argument(help="An MCAP with sensor_msgs/msg/Imu at rest, or a folder of run.")
+        Path,
+        typer.Argument(
+            help="An MCAP or ROS 2 bag with sensor_msgs/msg/Imu at rest, or a folder of run."
+        ),
     ],
     imu: Annotated[
         str | None,

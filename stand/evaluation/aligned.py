@@ -8,6 +8,7 @@ from alignment import ESTIMATORS, AttitudeEstimate, Options, Priors, Site
 from alignment.angles import SequenceRule
 from alignment.units import DEG
 from stand.errors import StandError, unknown
+from stand.evaluation.plausible import doubts_of, together
 from stand.evaluation.score import (
     Refusal,
     Score,
@@ -118,6 +119,7 @@ def align(
     truths = [truth for log in logs for truth in log.truths]
     _check_labels([dwell.label for dwell in dwells])
     _check_methods(first.path, methods, site)
+    doubts = _doubts(logs, methods, site, options)
     scores, refusals = evaluate_each(dwells, truths, site, options, methods)
     if refusals and not scores:
         raise StandError(f"{first.path}: {refusals[0].reason}")
@@ -130,11 +132,44 @@ def align(
         logs=tuple(logs),
         site=site,
         options=options,
-        scores=tuple(scores),
+        scores=tuple(_with_doubts(s, doubts) for s in scores),
         refusals=tuple(refusals),
         windows=tuple(rows),
         imu=imu or sheet_beside(first.imu.metadata),
     )
+
+
+def _doubts(
+    logs: Sequence[Log], methods: Sequence[str], site: Site, options: Options
+) -> dict[str, tuple[str, ...]]:
+    """What each dwell of a log that is nobody's simulation says of itself, by its label.
+
+    Raises
+    ------
+    StandError
+        It contradicts what a method takes it for.
+    """
+    told: dict[str, tuple[str, ...]] = {}
+    for log in logs:
+        if log.simulated:
+            continue
+        found = [doubts_of(dwell, site, options) for dwell in log.dwells]
+        wrong = together(found)
+        if wrong and any(ESTIMATORS[name].needs_latitude for name in methods):
+            raise StandError(f"{log.path}: {wrong[0]}")
+        told |= {
+            dwell.label: log.doubts + doubt.doubtful + doubt.wrong
+            for dwell, doubt in zip(log.dwells, found, strict=True)
+        }
+    return told
+
+
+def _with_doubts(scored: Score, doubts: dict[str, tuple[str, ...]]) -> Score:
+    more = doubts.get(scored.estimate.label, ())
+    if not more:
+        return scored
+    flags = scored.estimate.flags + more
+    return replace(scored, estimate=replace(scored.estimate, flags=flags))
 
 
 def sheet_beside(metadata: Mapping[str, Mapping[str, str]]) -> ImuSpec | None:

@@ -14,7 +14,6 @@ from alignment.allan import analyse as analyse_readings
 from alignment.allan.deviation import FEWEST
 from alignment.allan.fit import MEMORY
 from alignment.allan.terms import KEYS
-from alignment.earth import EARTH_RATE
 from alignment.errors import AlignmentError, NotAtRest
 from alignment.noise import check_rest, longest_rest
 from alignment.units import (
@@ -27,6 +26,7 @@ from alignment.units import (
     MILLI_G,
 )
 from stand.errors import StandError, located
+from stand.evaluation.plausible import force_slip, rate_slip
 from stand.imu import ImuSpec, TriadSpec, load_imu
 from stand.recording.mcap.reader import ImuLog, read_imu
 from stand.recording.metadata import (
@@ -63,7 +63,6 @@ UNITS: Mapping[tuple[str, str], TermUnit] = {
 }
 ORDER = ("N", "B", "K", "Q", "R")
 STEPS = {"gyro": TermUnit("deg/s", DEG), "accel": TermUnit("mg", MILLI_G)}
-SLIP = 0.02  # relative, to one of the known mix-ups of units
 ROUNDING_SHOWN = 0.1  # of N: less white noise of the rounding is not worth a word
 DEVIATION = {"gyro": TermUnit("deg/h", DEG_PER_HOUR), "accel": TermUnit("ug", MICRO_G)}
 
@@ -259,10 +258,8 @@ def _means(result: Analysis) -> str:
     """Mean rate and specific force: whether the numbers can be those of a unit at rest on Earth."""
     rates = [float(np.linalg.norm(s.w_ib_b)) for s in result.stretches]
     forces = [float(np.linalg.norm(s.f_b)) for s in result.stretches]
-    times = max(rates) / EARTH_RATE
-    slip = f", {times:.1f} times Earth's: deg/s for rad/s?" if abs(times * DEG - 1) < SLIP else ""
-    if abs(max(forces) - 1) < SLIP:
-        slip += ", specific force 1: g for m/s^2?"
+    slips = (rate_slip(max(rates)), force_slip(max(forces)))
+    slip = "".join(f", {told}" for told in slips if told is not None)
     return (
         f"mean rate {_span(rates, DEG_PER_HOUR, 4)} deg/h (Earth: 15.04), "
         f"mean specific force {_span(forces, 1.0, 6)} m/s^2{slip}"

@@ -80,6 +80,13 @@ def scale_of(unit: str) -> tuple[float, Dimension]:
     return prod(factors), (dimension[0], dimension[1], dimension[2], dimension[3])
 
 
+def spelled(unit: str) -> str:
+    """As `scale_of` takes it: m/s2, m/s/s, m/s² are m/s^2, sec is s."""
+    text = unit.strip().replace("²", "^2").replace("m/s/s", "m/s^2")
+    text = re.sub(r"\bsec(onds?)?\b", "s", text)
+    return re.sub(r"(?<=/s)2$", "^2", text)
+
+
 def conversion(unit: str, wanted: str) -> float:
     """How many `wanted` one `unit` is; a ratio may be told as an angle (2 % = 20 mrad).
 

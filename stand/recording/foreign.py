@@ -1,40 +1,55 @@
-"""Foreign logs: text columns or raw float64, brought to SI and one time base."""
+"""Foreign logs: text or rows of binary numbers, brought to SI and one time base."""
 
-import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from typing import TextIO
+from typing import Any
 
 import numpy as np
 
 from alignment.arrays import Array, IntArray, set_owned
-from alignment.units import DEG, DEG_PER_HOUR, MILLI_G, STANDARD_GRAVITY
+from alignment.sampling import bursts
 from stand.errors import StandError, unknown
 from stand.folder import file_beside, refuse_files, refuse_no_file
+from stand.recording.log_columns import (
+    CHANNELS,
+    SensorUnit,
+    columns_of,
+    sensor_unit,
+    time_unit_of_header,
+)
 from stand.recording.mcap.writer import EPOCH_NS, write_imu_log
 from stand.recording.metadata import RUN
+from stand.recording.text_table import TextLayout, is_text, layout_of, read_columns
+from stand.recording.time_stamps import (
+    NS,
+    TIME_UNITS,
+    YEAR_1990,
+    YEAR_2038,
+    likely_unit,
+    parser_of,
+)
 from stand.versions import VERSION
 
-GYRO_UNITS = {"deg/s": DEG, "rad/s": 1.0, "deg/h": DEG_PER_HOUR}
-ACCEL_UNITS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": MILLI_G}
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-FORMATS = ("csv", "f8le")
-COLUMNS = ("t", "gx", "gy", "gz", "ax", "ay", "az")
-SKIP = "-"
-
-YEAR_1990 = 631_152_000.0  # s, Unix: a later stamp is taken for Unix time
-YEAR_2038 = 2_147_483_647.0  # ROS stamps end there
+FORMATS = ("csv", "f8le")  # and any numpy dtype
+_TEXT_ENDINGS = (".csv", ".txt", ".tsv")  # which tell what an empty file is
+_USUAL_TYPES = ("<f8", ">f8", "<f4", ">f4")
+_NO_READING = 1e9  # no sensor reads so much in any unit
+_SECOND = NS["s"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForeignLog:
-    """A log in SI: `t_ns` (n,) int64 since `epoch_ns`, rates [rad/s], forces [m/s^2] (n, 3)."""
+    """A log in SI: `t_ns` (n,) int64 since `epoch_ns`, rates [rad/s], forces [m/s^2] (n, 3).
+
+    `notes` say what was found out of the file and what was left out.
+    """
 
     t_ns: IntArray
     w_ib_b: Array
     f_b: Array
     epoch_ns: int
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.t_ns)
@@ -46,17 +61,65 @@ class ForeignLog:
         )
 
 
-def import_foreign(
-    file: Path,
-    out: Path,
-    *,
-    columns: str,
-    gyro_unit: str,
-    accel_unit: str,
-    time_unit: str = "s",
-    file_format: str | None = None,
-    force: bool = False,
-) -> ForeignLog:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogForm:
+    """What is told of a foreign log.
+
+    Attributes
+    ----------
+    columns : str
+        Names of the file's columns in order, out of t, sec, nanosec and `CHANNELS`, '-' for one
+        to skip; or ``name=column`` by header or number. The IMU's axes must already be X1
+        forward, Y1 up, Z1 right, or any right-handed triad whose attitude is wanted.
+    gyro_unit, accel_unit : str or None
+        As data sheets write them; of an angle or a speed: increments. None: as the header says.
+    gyro_scale, accel_scale : float
+        What one count is, in that unit.
+    time_unit : str or None
+        One of `TIME_UNITS`; None: as the header or the first stamp says, or else seconds.
+    rate_hz : float or None
+        Of a log without a time.
+    file_format : str or None
+        'csv' (any text), 'f8le' or another numpy type of binary rows; None: text if it looks so,
+        little-endian float64 otherwise.
+    skip_bytes : int
+        Before the first binary row.
+    """
+
+    columns: str
+    gyro_unit: str | None = None
+    accel_unit: str | None = None
+    gyro_scale: float = 1.0
+    accel_scale: float = 1.0
+    time_unit: str | None = None
+    rate_hz: float | None = None
+    file_format: str | None = None
+    skip_bytes: int = 0
+
+    def __post_init__(self) -> None:
+        if self.time_unit is not None and self.time_unit not in TIME_UNITS:
+            raise unknown("time unit", self.time_unit, TIME_UNITS)
+        if self.rate_hz is not None and not 1e-3 <= self.rate_hz <= 1e6:
+            raise StandError(f"--rate {self.rate_hz:g}: must be 0.001 to 1e6 Hz")
+        if self.skip_bytes < 0:
+            raise StandError(f"--skip-bytes {self.skip_bytes}: must be 0 or more")
+        for sensor, scale in (("gyro", self.gyro_scale), ("accel", self.accel_scale)):
+            if not (np.isfinite(scale) and scale > 0):
+                raise StandError(f"--{sensor}-scale {scale:g}: must be above 0")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Table:
+    """Six channels (n, 6) in the file's units; `t_ns` None where there is no time; `row` from 0."""
+
+    t_ns: IntArray | None
+    row: IntArray
+    values: Array
+    headers: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def import_foreign(file: Path, out: Path, form: LogForm, *, force: bool = False) -> ForeignLog:
     """Read a foreign log as `load_foreign` does, and write it as an MCAP that others read.
 
     Raises
@@ -70,13 +133,13 @@ def import_foreign(
         raise StandError(f"--out {out}: must be a new file")
     if not out.parent.is_dir():
         raise StandError(f"--out {out}: no folder {out.parent}")
-    log = load_foreign(file, columns, gyro_unit, accel_unit, time_unit, file_format)
+    log = load_foreign(file, form)
     record = {
         "source": file.name,
-        "columns": columns,
-        "gyro_unit": gyro_unit,
-        "accel_unit": accel_unit,
-        "time_unit": time_unit,
+        "columns": form.columns,
+        "gyro_unit": form.gyro_unit or "",
+        "accel_unit": form.accel_unit or "",
+        "time_unit": form.time_unit or "",
         "epoch_ns": str(log.epoch_ns),
         "stand_version": VERSION,
     }
@@ -92,174 +155,223 @@ def import_foreign(
     return log
 
 
-def load_foreign(
-    path: Path,
-    columns: str,
-    gyro_unit: str,
-    accel_unit: str,
-    time_unit: str = "s",
-    file_format: str | None = None,
-) -> ForeignLog:
+def load_foreign(path: Path, form: LogForm) -> ForeignLog:
     """Read a foreign log.
-
-    Parameters
-    ----------
-    path : Path
-    columns : str
-        Names of the file's columns in order, comma-separated, out of `COLUMNS` (each once) and
-        '-' for a column to skip. The IMU's axes must already be X1 forward, Y1 up, Z1 right, or
-        any right-handed triad whose attitude is wanted.
-    gyro_unit, accel_unit, time_unit : str
-        One of `GYRO_UNITS`, `ACCEL_UNITS`, `TIME_UNITS`.
-    file_format : str or None
-        'csv' (text with commas, semicolons or blanks; a header is skipped) or 'f8le' (rows of
-        little-endian float64); None goes by the file's ending.
 
     Raises
     ------
     StandError
-        One line: file, row, column, value, what is allowed.
+        One line: file, row or line, column, value, what is allowed.
     """
-    order = _columns(columns)
-    scales = [
-        _unit("time unit", time_unit, TIME_UNITS),
-        _unit("gyro unit", gyro_unit, GYRO_UNITS),
-        _unit("accel unit", accel_unit, ACCEL_UNITS),
-    ]
-    table = _table(path, file_format, len(order))
-    if len(table) < 2:
-        raise StandError(f"{path}: {len(table)} rows of data, at least 2 are needed")
-    place = {name: order.index(name) for name in COLUMNS}
-    chosen = table[:, [place[name] for name in COLUMNS]]
-    with np.errstate(over="ignore"):  # told by the check below
-        si = chosen * np.repeat(scales, [1, 3, 3])
-    _check_finite(path, chosen, si)
-    t_ns, epoch_ns = _stamps(path, si[:, 0])
-    return ForeignLog(t_ns, si[:, 1:4], si[:, 4:7], epoch_ns)
+    text = _is_text(path, form)
+    table = _text(path, form) if text else _binary(path, form)
+    if len(table.values) < 2:
+        raise StandError(f"{path}: {len(table.values)} rows of data, at least 2 are needed")
+    headers = table.headers or ("",) * 6
+    gyro = sensor_unit("gyro", form.gyro_unit, headers[:3])
+    accel = sensor_unit("accel", form.accel_unit, headers[3:])
+    scales = np.repeat([gyro.scale * form.gyro_scale, accel.scale * form.accel_scale], 3)
+    with np.errstate(all="ignore"):  # told by the check below
+        si = table.values * scales
+    _check_finite(path, table, si)
+    t_ns, epoch_ns = _stamps(path, table, form.rate_hz)
+    si, told = _rates(si, t_ns, gyro, accel)
+    notes = (*table.notes, *gyro.notes, *accel.notes, *told)
+    return ForeignLog(t_ns, si[:, :3], si[:, 3:], epoch_ns, notes=notes)
 
 
-def _columns(columns: str) -> list[str]:
-    order = [name.strip() for name in columns.split(",")]
-    for name in order:
-        if name != SKIP and name not in COLUMNS:
-            raise unknown("column", name, [*COLUMNS, SKIP])
-    for name in COLUMNS:
-        if order.count(name) != 1:
-            raise StandError(
-                f"--columns {columns}: {name} stands {order.count(name)} times, must stand once"
-            )
-    return order
-
-
-def _unit(what: str, name: str, allowed: dict[str, float]) -> float:
-    if name not in allowed:
-        raise unknown(what, name, allowed)
-    return allowed[name]
-
-
-def _table(path: Path, file_format: str | None, width: int) -> Array:
+def _is_text(path: Path, form: LogForm) -> bool:
     refuse_no_file(path)
-    if file_format is None:
-        file_format = "csv" if path.suffix.lower() in (".csv", ".txt", ".tsv") else "f8le"
-    if file_format not in FORMATS:
-        raise unknown("format", file_format, FORMATS)
+    if path.is_dir():
+        raise StandError(f"{path}: is a folder, must be a file")
     try:
-        return _binary(path, width) if file_format == "f8le" else _text(path, width)
+        if form.file_format is not None:
+            return form.file_format in ("csv", "text")
+        if path.stat().st_size == 0:
+            return path.suffix.lower() in _TEXT_ENDINGS
+        return is_text(path)
     except OSError as error:
         raise StandError(f"{path}: cannot read: {error.strerror}") from error
 
 
-def _binary(path: Path, width: int) -> Array:
-    if path.is_dir():
-        raise StandError(f"{path}: is a folder, must be a file")
-    size = path.stat().st_size
-    if size % (8 * width):
-        raise StandError(
-            f"{path}: {size} bytes is not a whole number of rows of {width} float64 "
-            f"({8 * width} bytes): truncated, another --format, or other --columns"
+def _text(path: Path, form: LogForm) -> _Table:
+    try:
+        layout = layout_of(path)
+    except OSError as error:
+        raise StandError(f"{path}: cannot read: {error.strerror}") from error
+    columns = columns_of(form.columns, layout.names, layout.width, timed=form.rate_hz is None)
+    times = () if form.rate_hz is not None else columns.times
+    unit, told = _time_unit(form, layout, times)
+    found = read_columns(
+        path,
+        layout,
+        width=columns.width,
+        values=columns.values,
+        times=times,
+        to_ns=parser_of(unit, layout.decimal_comma),
+    )
+    notes = [*told]
+    if found.empty:
+        lines = ", ".join(map(str, found.empty[:3])) + (" ..." if len(found.empty) > 3 else "")
+        rows = "row" if len(found.empty) == 1 else "rows"
+        notes.append(
+            f"{len(found.empty)} {rows} with an empty field left out, a gap each: line {lines}"
         )
-    return np.fromfile(path, dtype="<f8").reshape(-1, width)
+    there = len(layout.names) > max(columns.values)
+    headers = tuple(layout.names[k] for k in columns.values) if there else ()
+    return _Table(found.t_ns, found.row, found.values, headers, notes=tuple(notes))
 
 
-def _text(path: Path, width: int) -> Array:
-    with _opened(path) as file:
-        first = file.readline()
-    separator = next((s for s in ",;" if s in first), None)
-    header = 0 if _is_numbers(first, separator) else 1
+def _time_unit(
+    form: LogForm, layout: TextLayout, times: Sequence[int]
+) -> tuple[str, tuple[str, ...]]:
+    """The unit of the time, and whether it was told by the file."""
+    if form.time_unit is not None or len(times) != 1:
+        return form.time_unit or "s", ()
+    if len(layout.names) > times[0]:
+        header = time_unit_of_header(layout.names[times[0]])
+        if header in NS:
+            return header, (f"time unit {header}: from the header",)
+    first = next((row[times[0]] for row in layout.rows if len(row) > times[0]), "0")
+    unit = likely_unit(first.strip()) if first.strip() else "s"
+    return unit, (f"time unit {unit}: from the first stamp",) if unit != "s" else ()
+
+
+def _binary(path: Path, form: LogForm) -> _Table:
+    columns = columns_of(form.columns, (), form.columns.count(",") + 1, timed=form.rate_hz is None)
+    if columns.width is None:
+        raise StandError(f"--columns {form.columns}: binary rows need every column in order")
+    kind = _number_type(form.file_format or "<f8")
+    rows = _binary_rows(path, form, kind, columns.width)
+    if not _reads(rows, columns.values, columns.times):
+        others = [np.dtype(text) for text in _USUAL_TYPES if np.dtype(text) != kind]
+        for other in others:
+            raw = _binary_rows(path, form, other, columns.width, whole=False)
+            if len(raw) > 1 and _reads(raw, columns.values, columns.times):
+                big = "big endian" if other.str.startswith(">") else "little endian"
+                raise StandError(
+                    f"{path}: makes no sense as {kind.str}, but does as {other.str} ({big}): "
+                    f"--format '{other.str}'"
+                )
+    with np.errstate(all="ignore"):
+        values = rows[:, list(columns.values)].astype(float)
+    times = () if form.rate_hz is not None else columns.times
+    t_ns = _binary_stamps(path, rows, times, form.time_unit or "s") if times else None
+    return _Table(t_ns, np.arange(len(rows)), values, (), notes=())
+
+
+def _number_type(text: str) -> np.dtype[Any]:
     try:
-        with _opened(path) as file, warnings.catch_warnings():
-            warnings.simplefilter("error")  # a file without rows only warns
-            table = np.loadtxt(islice(file, header, None), delimiter=separator, ndmin=2)
-    except (ValueError, UserWarning) as error:
-        raise StandError(f"{path}: {_fault(path, separator, header, width)}") from error
-    if table.shape[1] != width:
-        raise StandError(f"{path}: {_wrong_width(table.shape[1], width)}")
-    return table
+        kind = np.dtype("<f8" if text == "f8le" else text)
+    except (TypeError, ValueError, SyntaxError):
+        raise unknown("format", text, (*FORMATS, *_USUAL_TYPES)) from None
+    if kind.kind not in "fiu":
+        raise unknown("format", text, (*FORMATS, *_USUAL_TYPES))
+    return kind
 
 
-def _opened(path: Path) -> TextIO:
-    """As text; a byte order mark is dropped, and bytes of another encoding may be in a header."""
-    return path.open(encoding="utf-8-sig", errors="replace")
+def _binary_rows(
+    path: Path, form: LogForm, kind: np.dtype[Any], width: int, *, whole: bool = True
+) -> np.ndarray:
+    size = path.stat().st_size - form.skip_bytes
+    row = kind.itemsize * width
+    if size < 0:
+        raise StandError(f"{path}: --skip-bytes {form.skip_bytes}: has {size + form.skip_bytes}")
+    if size % row:
+        if not whole:
+            return np.empty((0, width))
+        name = "float64" if kind == np.float64 else kind.str
+        raise StandError(
+            f"{path}: {size} bytes is not a whole number of rows of {width} {name} "
+            f"({row} bytes): truncated, another --format, or other --columns"
+        )
+    return np.fromfile(path, dtype=kind, offset=form.skip_bytes).reshape(-1, width)
 
 
-def _fault(path: Path, separator: str | None, header: int, width: int) -> str:
-    """What is wrong with text that NumPy could not read: its first line that does not fit."""
-    empty = True
-    with _opened(path) as file:
-        for number, line in islice(enumerate(file, start=1), header, None):
-            fields = line.split("#")[0].strip().split(separator)
-            if not any(fields):
-                continue
-            empty = False
-            if len(fields) != width:
-                return f"line {number}: {_wrong_width(len(fields), width)}"
-            for column, field in enumerate(fields, start=1):
-                if not _is_numbers(field, separator):
-                    return f"line {number}, column {column} = {field.strip()!r}: must be a number"
-    return "no rows of data" if empty else "not a table of numbers"
+def _reads(rows: np.ndarray, values: Sequence[int], times: Sequence[int]) -> bool:
+    """Whether binary rows are readings of a sensor, as far as that can be seen."""
+    with np.errstate(all="ignore"):
+        numbers = np.abs(rows[:, list(values)].astype(float))
+        sound = bool(np.all(numbers < _NO_READING)) and bool(np.any(numbers > 1 / _NO_READING))
+        stamps = rows[:, list(times)].astype(float)
+        rising = bool((np.diff(stamps[:, 0]) >= 0).all()) if len(times) else True
+    return sound and rising and bool(np.isfinite(stamps).all())
 
 
-def _wrong_width(found: int, width: int) -> str:
-    return f"{found} columns, but --columns names {width} (use - to skip one)"
+def _binary_stamps(path: Path, rows: np.ndarray, times: Sequence[int], unit: str) -> IntArray:
+    if unit not in NS:
+        raise StandError(f"{path}: binary rows have no times as {unit}")
+    parts = [rows[:, k] for k in times]
+    scales = (NS["s"], 1) if len(parts) == 2 else (NS[unit],)
+    t_ns = np.zeros(len(rows), np.int64)
+    for part, scale in zip(parts, scales, strict=True):
+        with np.errstate(all="ignore"):
+            most = np.abs(part.astype(float)) * scale
+        bad = np.flatnonzero(~(most < 9e18))
+        if len(bad):
+            value = part[bad[0]]
+            must = "must be finite" if not np.isfinite(value) else "is the time unit right?"
+            raise StandError(f"{path}: row {bad[0] + 1}, column t = {value}: {must}")
+        floats = part.dtype.kind == "f"
+        whole = (np.floor(part) if floats else part).astype(np.int64)
+        t_ns += whole * scale
+        if floats:
+            t_ns += np.round((part.astype(float) - whole) * scale).astype(np.int64)
+    return t_ns
 
 
-def _is_numbers(line: str, separator: str | None) -> bool:
-    try:
-        [float(field) for field in line.split(separator)]
-    except ValueError:
-        return False
-    return True
-
-
-def _check_finite(path: Path, table: Array, si: Array) -> None:
+def _check_finite(path: Path, table: _Table, si: Array) -> None:
     bad = np.argwhere(~np.isfinite(si))
     if len(bad):
-        row, column = bad[0]
-        value = table[row, column]
+        k, column = bad[0]
         raise StandError(
-            f"{path}: row {row + 1}, column {COLUMNS[column]} = {value}: must be finite"
+            f"{path}: row {table.row[k] + 1}, column {CHANNELS[column]} = "
+            f"{table.values[k, column]}: must be finite"
         )
 
 
-def _stamps(path: Path, t: Array) -> tuple[IntArray, int]:
+def _stamps(path: Path, table: _Table, rate: float | None) -> tuple[IntArray, int]:
     """Nanoseconds since an epoch: Unix time's own, or a fixed one for times from anywhere else."""
-    _check_increase(path, t, np.diff(t))
-    whole = int(t[0]) if t[0] >= YEAR_1990 and t[-1] < YEAR_2038 else 0
-    if not whole and (t[0] < 0 or t[-1] > YEAR_2038 - EPOCH_NS * 1e-9):
+    if table.t_ns is None:
+        assert rate is not None
+        return np.round((table.row + 1) * (_SECOND / rate)).astype(np.int64), EPOCH_NS
+    t_ns = table.t_ns
+    _check_increase(path, table)
+    unix = t_ns[0] >= YEAR_1990 * _SECOND and t_ns[-1] < YEAR_2038 * _SECOND
+    whole = int(t_ns[0]) // _SECOND * _SECOND if unix else 0
+    if not unix and (t_ns[0] < 0 or t_ns[-1] > YEAR_2038 * _SECOND - EPOCH_NS):
         raise StandError(
-            f"{path}: column t runs from {t[0]:.9g} to {t[-1]:.9g} s: must be seconds from 0 on, "
-            "or Unix time between 1990 and 2038 (is the time unit right?)"
+            f"{path}: column t runs from {t_ns[0] / _SECOND:.9g} to {t_ns[-1] / _SECOND:.9g} s: "
+            "must be seconds from 0 on, or Unix time between 1990 and 2038 (is the time unit "
+            "right?)"
         )
-    t_ns = np.round((t - whole) * 1e9).astype(np.int64)
-    _check_increase(path, t, np.diff(t_ns))
-    return t_ns, whole * 1_000_000_000 or EPOCH_NS
+    return t_ns - whole, whole or EPOCH_NS
 
 
-def _check_increase(path: Path, t: Array, steps: Array | IntArray) -> None:
-    back = np.flatnonzero(steps <= 0)
+def _check_increase(path: Path, table: _Table) -> None:
+    t_ns = table.t_ns
+    assert t_ns is not None
+    back = np.flatnonzero(np.diff(t_ns) <= 0)
     if len(back):
         k = int(back[0]) + 1
+        seconds = not np.any(t_ns % _SECOND)
+        hint = ": whole seconds, are nanoseconds in another column (sec,nanosec)?"
         raise StandError(
-            f"{path}: row {k + 1}, column t = {t[k]:.12g} s: must be above the row before, "
-            f"{t[k - 1]:.12g} s, by a nanosecond at least"
+            f"{path}: row {table.row[k] + 1}, column t = {t_ns[k] / _SECOND:.12g} s: must be "
+            f"above the row before, {t_ns[k - 1] / _SECOND:.12g} s, by a nanosecond at least"
+            + (hint if seconds and len(back) > len(t_ns) / 2 else "")
         )
+
+
+def _rates(
+    si: Array, t_ns: IntArray, gyro: SensorUnit, accel: SensorUnit
+) -> tuple[Array, tuple[str, ...]]:
+    """Increments over a sample as means over it: by the usual step, which a lost one leaves."""
+    if not (gyro.increment or accel.increment):
+        return si, ()
+    t = t_ns * 1e-9
+    steps = np.diff(t)
+    step = float(steps.mean() if bursts(t) else np.median(steps))
+    over = np.repeat([step if unit.increment else 1.0 for unit in (gyro, accel)], 3)
+    kinds = [name for name, u in (("gyro", gyro), ("accel", accel)) if u.increment]
+    return si / over, (f"{' and '.join(kinds)}: increments, taken over {step:.6g} s each",)

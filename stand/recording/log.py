@@ -11,6 +11,7 @@ from alignment import Dwell, ImuReadings, Options, Site, Turn
 from alignment.arrays import Array
 from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE
+from alignment.sampling import bursts, evened, repeats
 from stand.errors import StandError, located
 from stand.evaluation.score import Truths
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
@@ -33,7 +34,8 @@ from stand.table.kinematics import C_NW
 class Log:
     """Dwells with what is known about each, and what the recording says of site and methods.
 
-    `imu`: the samples as they lie in the file, with its metadata.
+    `imu`: the samples as they lie in the file, with its metadata. `doubts`: what its way into the
+    file did to the samples of a foreign log, in words.
     """
 
     path: str
@@ -45,6 +47,7 @@ class Log:
     options: Options
     methods: tuple[str, ...]
     imu: ImuLog
+    doubts: tuple[str, ...] = ()
 
 
 def load_log(
@@ -112,6 +115,7 @@ def _parted(
         stretches = settled_stretches(planned, metadata)
     vehicle = vehicle or (None if drive is None else Vehicle())
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
+    t, doubts = (t, ()) if simulated or drive is not None else _as_sampled(t, imu)
     t.flags.writeable = False
     readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
     truths: list[Truths]
@@ -144,7 +148,26 @@ def _parted(
         options=options,
         methods=methods,
         imu=imu,
+        doubts=doubts,
     )
+
+
+def _as_sampled(t: Array, imu: ImuLog) -> tuple[Array, tuple[str, ...]]:
+    """Stamps (n,) [s] as the unit sampled, where those of arrival came in bursts; what to say."""
+    told = []
+    burst = bursts(t)
+    if burst is not None:
+        told.append(
+            f"{burst.count} bursts of {burst.size:.3g} samples: the stamps are those of arrival, "
+            "even ones by the mean rate are used"
+        )
+        t = evened(t)
+    for sensor, values in (("gyro", imu.w_ib_b), ("accel", imu.f_b)):
+        starts = repeats(values)
+        if starts is not None:
+            times = len(values) / len(starts)
+            told.append(f"{sensor}: every value stands {times:.3g} times")
+    return t, tuple(told)
 
 
 def _chosen(

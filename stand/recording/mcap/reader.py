@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from alignment.arrays import Array, IntArray, owned
 from stand.errors import StandError, located, unknown
 from stand.recording.mcap import schemas
+from stand.recording.mcap.bag import is_bag, joined
 from stand.recording.mcap.cdr import Bytes
 from stand.recording.mcap.decode import (
     FixBatch,
@@ -225,7 +226,8 @@ class VelocityLog:
 
 
 class LogFile:
-    """An MCAP file that is open: any MCAP with messages in CDR, ours or a foreign one.
+    """An MCAP file that is open: any MCAP with messages in CDR, ours or a foreign one, or a ROS 2
+    bag, whose files are joined.
 
     Its list of channels and its metadata are read once. Every method raises `StandError` where
     the file is not whole or damaged, where there is no such topic or several to choose from, where
@@ -234,7 +236,8 @@ class LogFile:
 
     def __init__(self, path: str | Path) -> None:
         self.path = str(path)
-        self._file = opened(path)
+        with faults_of(path):
+            self._file = joined(Path(path)) if is_bag(Path(path)) else opened(path)
         try:
             with faults_of(path):
                 self._found = directory(self._file)

@@ -61,7 +61,7 @@ def test_links_in_a_circle(stand_command, tmp_path, monkeypatch, arguments):
     monkeypatch.chdir(tmp_path)
     for name in ("round", "round.toml"):
         (tmp_path / name).symlink_to(name)
-    (tmp_path / "log.csv").write_text("0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n")
+    (tmp_path / "log.csv").write_text("0,1,2,3,4,5,7\n1,1,2,3,4,5,6\n")
     outcome = stand_command(*arguments)
     assert outcome.code == 2
     assert "round" in outcome.err

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stand.errors import StandError
-from stand.recording.foreign import ForeignLog, load_foreign
+from stand.recording.foreign import ForeignLog, LogForm, load_foreign
 from stand.recording.mcap import EPOCH_NS, read_imu, write_imu_log
 
 COLUMNS = "t,gx,gy,gz,ax,ay,az"
@@ -18,7 +18,7 @@ ROWS = [
 
 
 def load(path, columns=COLUMNS, gyro="rad/s", accel="m/s^2", **more) -> ForeignLog:
-    return load_foreign(path, columns, gyro, accel, **more)
+    return load_foreign(path, LogForm(columns=columns, gyro_unit=gyro, accel_unit=accel, **more))
 
 
 def refusal(path, *arguments, **more) -> str:
@@ -140,7 +140,8 @@ def test_times_of_neither_kind(csv):
 def test_faults_of_columns(csv):
     text(csv)
     assert refusal(csv, "t,gx,gy,gz,ax,ay,zz") == (
-        "unknown column 'zz': did you mean gz or az? known: -, ax, ay, az, gx, gy, gz, t"
+        "unknown column 'zz': did you mean gz or az? known: "
+        "-, ax, ay, az, gx, gy, gz, nanosec, sec, t"
     )
     assert refusal(csv, "t,gx,gy,gz,ax,ay") == (
         "--columns t,gx,gy,gz,ax,ay: az stands 0 times, must stand once"
@@ -154,12 +155,12 @@ def test_faults_of_units(csv):
     text(csv)
     assert refusal(csv, COLUMNS, "dgs/s") == (
         "unknown gyro unit 'dgs/s': did you mean deg/s or rad/s or deg/h? "
-        "known: deg/h, deg/s, rad/s"
+        "known: arcsec, deg, deg/h, deg/s, dps, mdps, mrad/s, rad, rad/s"
     )
-    assert refusal(csv, accel="m/s2").startswith("unknown accel unit 'm/s2': did you mean m/s^2?")
+    assert refusal(csv, accel="m/s^3").startswith("unknown accel unit 'm/s^3': did you mean m/s^2 ")
     assert refusal(csv, time_unit="sec").startswith("unknown time unit 'sec': did you mean ")
     assert refusal(csv, file_format="cvs") == "unknown format 'cvs': did you mean csv? known: " + (
-        "csv, f8le"
+        "<f4, <f8, >f4, >f8, csv, f8le"
     )
 
 
@@ -178,7 +179,7 @@ def test_faults_of_units(csv):
             "a,b,c,d,e,f,g\n0,0,0,0,0,0,1\n1,0, x1 ,0,0,0,1\n",
             "line 3, column 3 = 'x1': must be a number",
         ),
-        ("0,0,0,0,0,0,1\n1,0,,0,0,0,1\n", "line 2, column 3 = '': must be a number"),
+        ("0,0,0,0,0,0,1\n1,0,,0,0,0,1\n", "1 rows of data, at least 2 are needed"),
         ("0,0,0,0,0,0,1\n1,0,nan,0,0,0,1\n", "row 2, column gy = nan: must be finite"),
         ("h,,,,,,\n0,0,0,0,0,0,1\n1,0,0,0,0,inf,1\n", "row 2, column ay = inf: must be finite"),
         ("0,0,0,0,0,0,1\n1,0,0,0,0,0,1e400\n", "row 2, column az = inf: must be finite"),
@@ -193,8 +194,7 @@ def test_faults_of_units(csv):
         ),
         (
             "1,0,0,0,0,0,1\n1.0000000001,0,0,0,0,0,1\n",
-            "row 2, column t = 1.0000000001 s: must be above the row before, 1 s, "
-            "by a nanosecond at least",
+            "row 2, column t = 1 s: must be above the row before, 1 s, by a nanosecond at least",
         ),
     ],
 )
@@ -214,7 +214,7 @@ def test_faults_of_files(tmp_path):
     assert refusal(path) == f"{path}: 0 rows of data, at least 2 are needed"
     gone = tmp_path / "gone.csv"
     assert refusal(gone) == f"{gone}: cannot read: No such file or directory"
-    assert refusal(tmp_path, file_format="csv") == f"{tmp_path}: cannot read: Is a directory"
+    assert refusal(tmp_path, file_format="csv") == f"{tmp_path}: is a folder, must be a file"
     assert refusal(tmp_path, file_format="f8le") == f"{tmp_path}: is a folder, must be a file"
 
 
