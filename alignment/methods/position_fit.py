@@ -374,12 +374,12 @@ def _descended(
     return state, costs
 
 
-def _of(state: _State, runs: Array) -> _State:
+def _of(state: _State, runs: np.ndarray) -> _State:
     C, x, u = state
     return C[runs], x[runs], u[runs]
 
 
-def _either(first: Array, a: "_System", b: "_System", runs: Array) -> "_System":
+def _either(first: np.ndarray, a: "_System", b: "_System", runs: np.ndarray) -> "_System":
     """System `a` of runs that are `first` (r,), `b` of others; those `runs` (r,) alone."""
     parts = [
         np.where(first.reshape(-1, *[1] * (x.ndim - 1)), x, y)[runs]
