@@ -112,6 +112,7 @@ def _by_gravity(layout: TextLayout, guesses: list[str]) -> str:
         return UNKNOWN
     if len(places) != 3:
         return UNKNOWN
-    size = float(np.linalg.norm(force.mean(axis=0)))
+    with np.errstate(all="ignore"):  # any number may stand there
+        size = float(np.linalg.norm(force.mean(axis=0)))
     units = {"m/s^2": STANDARD_GRAVITY, "g": 1.0, "mg": 1e3}
     return next((u for u, g in units.items() if abs(size / g - 1) < NEAR), UNKNOWN)

@@ -314,3 +314,10 @@ def test_a_look_says_what_to_type(tmp_path):
 def test_names_that_are_known(tmp_path, head, guesses):
     found = inspect(written(tmp_path / "a.csv", head=head + "\n"))
     assert ",".join(found.guesses) == guesses
+
+
+def test_a_look_at_any_numbers(tmp_path):
+    """1e200 squared is beyond a double: no warning, and no unit."""
+    rows = [[*row[:4], "1e200", "1e200", "1e200"] for row in TEXT]
+    path = written(tmp_path / "a.csv", rows, head="t,gx,gy,gz,ax,ay,az\n")
+    assert "--accel-unit UNIT" in inspect(path).command
