@@ -28,19 +28,19 @@ LONGEST_S = 300.0  # of a generated rest
 
 # what did not keep its promise when this was written, by the method that did not
 OPEN = {
-    "carousel": "inertial on a table that turns",
     "rate-sweep": "inertial and fine on a table that turns fast",
     "random-sway": "two-gyro on a base that rocks",
     "six-position-published": "fine states too much for a ring laser",
     "static": "fine loses its covariance to rounding in an hour",
-    10: "single-gyro near its singularity, heading sigma 28 deg",
 }
 
 
 def marked(cases):
     """The cases, those of `OPEN` as what may fail."""
     return [
-        pytest.param(case, marks=pytest.mark.xfail(reason=OPEN[case])) if case in OPEN else case
+        pytest.param(case, marks=pytest.mark.xfail(reason=OPEN[case], strict=True))
+        if case in OPEN
+        else case
         for case in cases
     ]
 

@@ -1,11 +1,11 @@
 """What a record says of itself, held against what it must be: Earth's rate, gravity, a latitude."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from alignment import DEFAULT_METHOD, ESTIMATORS, Dwell, Options, Site
+from alignment import DEFAULT_METHOD, ESTIMATORS, Dwell, ImuReadings, Options, Site
 from alignment.earth import EARTH_RATE
 from alignment.errors import AlignmentError
 from alignment.units import DEG, DEG_PER_HOUR, MICRO_G, MILLI_G, STANDARD_GRAVITY
@@ -57,13 +57,13 @@ def doubts_of(dwell: Dwell, site: Site, options: Options) -> Doubts:
     """
     if dwell.turn is not None or dwell.fixes is not None:
         return Doubts()
-    try:
-        (found, *_) = ESTIMATORS[DEFAULT_METHOD].estimate([dwell], site, options)
-    except AlignmentError:
-        return Doubts()
     part = dwell.window()
     rate = float(np.linalg.norm(part.w_ib_b.mean(axis=0)))
     force = float(np.linalg.norm(part.f_b.mean(axis=0)))
+    try:
+        (found, *_) = ESTIMATORS[DEFAULT_METHOD].estimate([_in_si(dwell, rate)], site, options)
+    except AlignmentError:
+        return Doubts()
     told, wrong = [], []
     times = force / STANDARD_GRAVITY
     if not 1 / FORCE_MOST < times < FORCE_MOST:
@@ -82,6 +82,15 @@ def doubts_of(dwell: Dwell, site: Site, options: Options) -> Doubts:
         if doubt is not None:
             (wrong if certain else told).append(doubt)
     return Doubts(tuple(told), tuple(wrong))
+
+
+def _in_si(dwell: Dwell, rate: float) -> Dwell:
+    """The dwell with its rates in the unit in which their mean [rad/s] would be Earth's."""
+    unit = _fitting(rate, EARTH_RATE, RATE_UNITS)
+    if unit is None:
+        return dwell
+    r = dwell.readings
+    return replace(dwell, readings=ImuReadings(r.t, r.w_ib_b * RATE_UNITS[unit], r.f_b))
 
 
 def _latitude(found: float, sigma: float, stated: float | None) -> tuple[bool, str | None, bool]:
