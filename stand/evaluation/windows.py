@@ -15,6 +15,7 @@ from scipy.stats import chi2
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Priors, Site, Turn
 from alignment.arrays import Array
 from alignment.errors import AlignmentError, NotAtRest
+from alignment.estimate import ANGLE_LIMIT, LATITUDE_LIMIT
 from alignment.noise import check_at_rest
 from alignment.units import DEG
 from stand.errors import StandError
@@ -22,7 +23,11 @@ from stand.evaluation.score import Refusal, circular
 
 SHORT = 0.02  # part of a window by which the last one may be short
 TAIL = 0.025  # of either end of a 95 % interval
-LIMITS = {"heading": 30 * DEG, "yaw": 30 * DEG, "latitude": 10 * DEG}  # sigmas that say nothing
+LIMITS = {
+    "heading": ANGLE_LIMIT,
+    "yaw": ANGLE_LIMIT,
+    "latitude": LATITUDE_LIMIT,
+}  # sigmas that say nothing
 BASE_MOVES = "the base moves, and so does what is estimated"
 NOISE_ONLY = "noise only"
 _TOLD = tuple(
