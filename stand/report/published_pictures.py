@@ -157,7 +157,7 @@ def _tracks(found: list[six_position.AngleTrack]) -> Picture:
         f"{method:.2g} degrees, Runge-Kutta's within {runge:.2g}",
         caption=(
             "[S0] figures 7-24: line, the method; broken, Runge-Kutta; errors against nominal, "
-            "linear below 0.01 deg. Before the dotted line the method's angles are from the samples "
+            "linear below 0.01 deg. Before the dotted line the method's angles are of the samples "
             "that give its offset, and run into zero; after it they are from fresh ones."
         ),
         draw=draw,
@@ -199,9 +199,9 @@ def _rocking() -> Picture:
         f"Admissible rocking against its frequency for 0.1 degrees: the law allows {law:.3f} "
         "degrees at any; real gyros 0.001 over 300 seconds above a thirtieth of a hertz",
         caption=(
-            "[S1] leaves it open: how much a base may rock (damping 0.1) for 0.1 deg of azimuth by "
-            "two gyros. Broken: the paper's law, which leaves the rocking's own rate out. Lines: real "
-            "gyros, whose mean keeps what the base turned from start to end."
+            "[S1] leaves it open: what rocking (damping 0.1) 0.1 deg of azimuth admits by "
+            "two gyros. Broken: the paper's law, which leaves the rocking's own rate out. Lines: "
+            "real gyros, whose mean keeps what the base turned from start to end."
         ),
         draw=draw,
     )
@@ -248,7 +248,8 @@ def _flight(found: fixes.Flight) -> Picture:
         f"velocity are corrected, {wrong} where the matrix is, as printed",
         caption=(
             "[S2] figure 1 on a generic path of high dynamics: a = 0.01 m/s², r0 = 5 m, "
-            f"v0 = 0.05 m/s; root mean square of {fixes.FLIGHTS} flights, the attitude right at the start."
+            f"v0 = 0.05 m/s; root mean square of {fixes.FLIGHTS} flights, attitude right at "
+            "the start."
         ),
         draw=draw,
     )
