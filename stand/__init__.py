@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         rehearse,
         run,
         simulate,
+        stretches,
         unit,
     )
     from stand.errors import StandError
@@ -41,6 +42,7 @@ __all__ = [
     "run",
     "settings",
     "simulate",
+    "stretches",
     "unit",
 ]
 _ELSEWHERE = {"StandError": "stand.errors", "settings": "stand.simulation.settings"}

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         Recording,
         Rehearsed,
         Simulated,
+        Stretches,
     )
     from stand.simulation.settings import Settings
 
@@ -187,6 +188,7 @@ def read(
     start_attitude_deg: Sequence[float] | None = None,
     start_sigma_deg: float | None = None,
     fix_sigma: Sequence[float] | None = None,
+    stretches: Named | None = None,
 ) -> Recording:
     """A recording, ours or any MCAP or ROS 2 bag with ``sensor_msgs/msg/Imu``.
 
@@ -210,6 +212,9 @@ def read(
         How wrong that is about each axis [deg].
     fix_sigma : (2,), optional
         Noise of positions [m] and velocities [m/s]; else what the fixes state.
+    stretches : path, optional
+        A TOML file that names the log's stretches, with attitudes and turns, in place of the
+        recording's own; `stand.stretches` finds them.
 
     Raises
     ------
@@ -225,12 +230,14 @@ def read(
     stand.errors.StandError: none.mcap: no such file
     """
     from stand.recording.log import load_log
+    from stand.recording.named_stretches import load_stretches
     from stand.recording.vehicle_log import vehicle_of
     from stand.results import Recording, shown
 
     vehicle = vehicle_of(moving, start_attitude_deg, start_sigma_deg, fix_sigma)
+    named = None if stretches is None else load_stretches(stretches)
     file = recording_file(path)
-    log = load_log(file, topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle)
+    log = load_log(file, topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle, named)
     return shown(Recording, log)
 
 
@@ -329,6 +336,47 @@ def _log(recording: object) -> Log:
     raise StandError(
         f"recording: {type(recording).__name__}, must be a path or of stand.read, stand.simulate"
     )
+
+
+def stretches(
+    recording: Log | Simulated | Named, *, shortest_s: float = 3.0, topic: str | None = None
+) -> Stretches:
+    """Find where a log stands still, or turns evenly about the vertical.
+
+    Parameters
+    ----------
+    recording : Recording, Simulated or path
+    shortest_s : float
+        What is shorter is no stretch.
+    topic : str, optional
+        Of the IMU, where a file has several.
+
+    Returns
+    -------
+    Stretches
+        ``found``: times, means, noise; ``angles``; ``toml()``: the text of a file that
+        ``stand.read(..., stretches=...)`` takes, for a person to mend.
+
+    Raises
+    ------
+    StandError
+        An argument is not allowed; the file is not right.
+
+    Examples
+    --------
+    >>> import stand
+    >>> run = stand.simulate(stand.settings("two-position", imu="stim300", rate_hz=20))
+    >>> [(s.kind, s.t_from, s.t_to) for s in stand.stretches(run).found if s.kind == "rest"]
+    [('rest', 0.0, 295.5), ('rest', 304.0, 600.0)]
+    """
+    from stand.recording.found_stretches import stretches_of
+    from stand.recording.log import Log
+    from stand.results import Simulated, Stretches, shown
+
+    log = (
+        _log(recording) if isinstance(recording, Log | Simulated) else read(recording, topic=topic)
+    )
+    return shown(Stretches, stretches_of(log, shortest_s))
 
 
 def rehearse(
