@@ -1,4 +1,4 @@
-"""Commands before a test: `stand compare`, `stand rehearse`, `stand export`."""
+"""Commands before a test, and on its outcome: `stand compare`, `rehearse`, `export`."""
 
 from __future__ import annotations
 
@@ -228,29 +228,62 @@ def rehearse(
 
 
 def export(
-    procedure: Annotated[
-        str, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="PROCEDURE|RECORDING",
+            help="Catalogue id (stand list procedures) or a TOML file; or any recording or log.",
+        ),
     ],
     out: Annotated[Path, typer.Option(metavar="X.csv", help="The file to write.")],
     table: Annotated[
         str | None, typer.Option(metavar="ID", help="Table (stand list tables) or a TOML file.")
     ] = None,
-    file_format: Annotated[str, typer.Option("--format", help="csv.")] = "csv",
+    file_format: Annotated[
+        str | None,
+        typer.Option("--format", help="csv; of a recording also npz, mat, parquet; else by --out."),
+    ] = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Of a sway that is drawn.")] = 0,
+    topic: Annotated[
+        str | None, typer.Option(help="Of a recording: which IMU topic, where there are several.")
+    ] = None,
     force: ForceOption = False,
 ) -> None:
-    """Demanded angle, rate and acceleration of every axis each 10 ms, for a real controller.
+    """A procedure for a real controller, or the samples of a recording for other programs.
 
-    The steps and their times go into X_steps.csv. A profile step reads X.csv back.
+    A procedure: demanded angle, rate and acceleration of every axis each 10 ms; the steps and
+    their times go into X_steps.csv. A profile step reads X.csv back.
 
     Example: stand export two-position --table mid-class --out two-position.csv
+
+    A recording: time, readings, and of one of ours truth and encoder angles, a column each, with
+    the unit in its name; its stretches go into X_stretches.toml, which stand align takes.
+
+    Example: stand export recordings/sample --out sample.npz
     """
+    kind = file_format or out.suffix.lower().lstrip(".") or "csv"
+    if _is_recording(what):
+        from stand import api
+        from stand.recording.export import WRITERS, export_log
+
+        known = kind if file_format or kind in WRITERS else "csv"
+        for path in export_log(api.read(what, topic=topic), out, known, force=force):
+            print(path)
+        return
     with quick_imports():
         import stand
         from stand.errors import unknown
         from stand.rehearsal.export import exported, steps_file
 
-    if file_format != "csv":
+    if file_format not in (None, "csv"):
         raise unknown("format", file_format, ("csv",))
-    rows = exported(stand.settings(procedure, table=table, seed=seed), out, force)
+    rows = exported(stand.settings(what, table=table, seed=seed), out, force)
     print(f"{out}: {rows} rows\n{steps_file(out)}")
+
+
+def _is_recording(what: str) -> bool:
+    """Whether it is a path of something else than a procedure."""
+    from stand.toml_files import ids
+
+    path = Path(what)
+    return path.suffix != ".toml" and what not in ids("procedures") and path.exists()

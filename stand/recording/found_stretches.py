@@ -16,6 +16,7 @@ from stand.recording.log import Log
 
 MEANT = 15.0  # deg: the step of angles that tables are sent to
 NEAR = 3.0  # deg from one that was meant: scale errors of a consumer unit over half a turn
+EVEN = 5e-3  # relative: a rate so near to one of two digits was meant to be that
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,18 +76,24 @@ def stretches_text(
         "# [estimate]",
         '# methods = ["multi-position"]',
     ]
+    rest: tuple[Sequence, Array] | None = None
     for k, (one, seen) in enumerate(zip(found, angles, strict=True), start=1):
-        lines += ["", *_entry(k, one, *seen)]
+        if one.kind == "rest":
+            rest = seen
+            lines += ["", *_entry("dwell", k, one, *seen)]
+        else:
+            zero = rest or seen
+            lines += ["", *_entry("turn", k, one, *zero), *_turn(one, zero[1], seen[1])]
     return "\n".join(lines) + "\n"
 
 
-def _entry(number: int, one: Found, sequence: Sequence, angles: Array) -> list[str]:
-    kind = "dwell" if one.kind == "rest" else "turn"
-    seen = ", ".join(f"{n} {a:.2f}" for n, a in zip(("roll", "yaw", "pitch"), angles, strict=True))
-    parts = [f"{n} = {meant(a)}" for n, a in zip(("roll", "yaw", "pitch"), angles, strict=True)]
+def _entry(kind: str, number: int, one: Found, sequence: Sequence, angles: Array) -> list[str]:
+    named = list(zip(("roll", "yaw", "pitch"), angles.tolist(), strict=True))
+    parts = [f"{name} = {meant(a)}" for name, a in named]
     if sequence is not Sequence.YAW_PITCH_ROLL:
         parts.append(f'sequence = "{sequence.value}"')
-    lines = [
+    seen = ", ".join(f"{name} {a:.2f}" for name, a in named)
+    return [
         "[[stretch]]",
         f'kind = "{kind}"',
         f'label = "{kind} {number}"',
@@ -94,10 +101,22 @@ def _entry(number: int, one: Found, sequence: Sequence, angles: Array) -> list[s
         f"to_s = {one.t_to:.4f}",
         f"attitude_deg = {{ {', '.join(parts)} }}   # seen: {seen}",
     ]
-    if kind == "turn":
-        up = [round(float(x), 6) + 0.0 for x in one.up_b]
-        lines += [f"axis = {up}   # in b, up", f"rate_deg_s = {one.rate / DEG:.5g}   # as seen"]
-    return lines
+
+
+def _turn(one: Found, zero: Array, begin: Array) -> list[str]:
+    """Axis, rate and angle of a turn whose angle reads zero at angles `zero` (3,) [deg]."""
+    near = np.rint(one.up_b)
+    upright = float(near @ one.up_b) > np.cos(np.radians(NEAR))
+    axis = near if upright else np.round(one.up_b, 6)
+    rate = one.rate / DEG
+    even = float(f"{rate:.2g}")
+    said = even if abs(rate / even - 1) < EVEN else float(f"{rate:.6g}")
+    begun = (begin[1] - zero[1] + 180) % 360 - 180
+    return [
+        f"axis = {[float(x) + 0.0 for x in axis]}   # in b, upward",
+        f"rate_deg_s = {said}   # seen: {rate:.5g}",
+        f"angle_deg = {begun:.4f}   # at from_s, by the gyros: 0 at the attitude above",
+    ]
 
 
 def meant(angle: float) -> float:
