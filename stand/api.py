@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stand.results import (
         Aligned,
         Analysed,
+        Beside,
         Compared,
         Driven,
         Entries,
@@ -464,6 +465,51 @@ def compare(
     if workers is not None:
         whole("workers", workers, 1)
     return shown(Compared, compare_methods(_checked(settings), runs, progress, workers))
+
+
+def side_by_side(
+    a: Log | Simulated | Named,
+    b: Log | Simulated | Named,
+    methods: Sequence[str] = (),
+    *,
+    imu: str | ImuSpec | None = None,
+    latitude_deg: float | None = None,
+) -> Beside:
+    """Two recordings of one procedure beside each other: estimates, means per stretch, noise.
+
+    Parameters
+    ----------
+    a, b : Recording, Simulated or path
+        Their stretches are matched by name; of a log without, name them first
+        (``stand.read(path, stretches=...)``).
+    methods : sequence of str
+        Ids (``stand.catalogue("methods")``); none: those of both.
+    imu : str or ImuSpec, optional
+        Unit whose data sheet enters the sigmas of both; else as recorded.
+    latitude_deg : float, optional
+        Of both; else as recorded.
+
+    Raises
+    ------
+    StandError
+        Stretches that cannot be matched; an argument is not allowed.
+
+    Examples
+    --------
+    >>> import stand
+    >>> s = stand.settings("two-position", imu="ring-laser", rate_hz=5, seed=1)
+    >>> other = stand.settings("two-position", imu="ring-laser", rate_hz=5, seed=2)
+    >>> found = stand.side_by_side(stand.simulate(s), stand.simulate(other), ["two-position"])
+    >>> [(e.a.label, bool(abs(e.off[2]) < 4 * e.sigmas[2])) for e in found.estimates]
+    [('first', True)]
+    """
+    from stand.evaluation.side_by_side import side_by_side as beside
+    from stand.results import Beside, shown
+    from stand.simulation.settings import words
+
+    logs = _log(a), _log(b)
+    named = words("methods", methods)
+    return shown(Beside, beside(*logs, named, imu=imu, latitude_deg=latitude_deg))
 
 
 def allan(

@@ -17,6 +17,7 @@ from stand.evaluation.comparison import Comparison
 from stand.evaluation.drive_result import DriveResult
 from stand.evaluation.run_result import RunResult
 from stand.evaluation.score import Truths
+from stand.evaluation.side_by_side import SideBySide
 from stand.recording.found_stretches import FoundStretches
 from stand.recording.log import Log
 from stand.recording.mcap.reader import ImuLog
@@ -25,6 +26,7 @@ from stand.rehearsal.result import Rehearsal
 from stand.report import allan as allan_report
 from stand.report import compare as compare_report
 from stand.report import rehearsal_tables, vectors
+from stand.report import side_by_side as beside_report
 from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 from stand.report.listing import entries_table
 from stand.report.notebook import Shown
@@ -361,6 +363,21 @@ class Stretches(Shown, FoundStretches):
 
     def tables(self) -> Sequence[TableData]:
         return [stretches_table(self)]
+
+
+class Beside(Shown, SideBySide):
+    """Two recordings beside each other, of `stand.side_by_side`."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        return beside_report.headline(self)
+
+    def tables(self) -> Sequence[TableData]:
+        return beside_report.tables(self)
+
+    def remarks(self) -> Sequence[str]:
+        return beside_report.remarks(self)
 
 
 class Entries(Shown, tuple[dict[str, Any], ...]):

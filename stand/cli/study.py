@@ -21,11 +21,22 @@ from stand.cli.progress import Stopped, print_json, progress, working
 
 def compare(
     procedure: Annotated[
-        str | None, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
+        str | None,
+        typer.Argument(
+            metavar="PROCEDURE|A",
+            help="Catalogue id (stand list procedures) or a TOML file; or a recording.",
+        ),
+    ] = None,
+    other: Annotated[
+        Path | None, typer.Argument(metavar="B", help="Another recording of that procedure.")
     ] = None,
     imu: Annotated[
-        str, typer.Option(metavar="ID", help="Unit (stand list imus) or a TOML file.")
-    ] = "stim300",
+        str | None,
+        typer.Option(
+            metavar="ID",
+            help="Unit (stand list imus) or a TOML file; else stim300, or as recorded.",
+        ),
+    ] = None,
     table: Annotated[
         str | None, typer.Option(metavar="ID", help="Table (stand list tables) or a TOML file.")
     ] = None,
@@ -46,6 +57,10 @@ def compare(
         str,
         typer.Option(metavar="TERMS", help="Switch error terms off: turn-on-bias,range ..."),
     ] = "",
+    stretches: Annotated[
+        Path | None,
+        typer.Option(metavar="X.toml", help="Of recordings that bring no stretches of their own."),
+    ] = None,
     latitude: LatitudeOption = None,
     height: HeightOption = None,
     rate: Annotated[int, typer.Option(metavar="HZ", help="Sample rate, 1 to 10000 Hz.")] = 20,
@@ -70,7 +85,13 @@ def compare(
     Example: stand compare two-position --imu ring-laser --runs 200 --methods triad,two-position
 
     What the papers print, beside what comes out here: stand compare --published
+
+    Two recordings of one procedure, simulated or real: estimates, means per stretch, noise.
+    stand compare recordings/a recordings/b
     """
+    if other is not None:
+        _compare_recordings(procedure, other, imu, words(methods), stretches, latitude, as_json)
+        return
     if published:
         _compare_published(as_json)
         return
@@ -82,7 +103,7 @@ def compare(
         raise stand.StandError("compare: name a procedure (stand list procedures), or --published")
     settings = stand.settings(
         procedure,
-        imu,
+        imu or "stim300",
         table,
         latitude_deg=latitude,
         height_m=height,
@@ -110,6 +131,38 @@ def compare(
         return
     for path in pictures:
         print(path)
+
+
+def _compare_recordings(
+    first: str | None,
+    second: Path,
+    imu: str | None,
+    methods: list[str],
+    stretches: Path | None,
+    latitude: float | None,
+    as_json: bool,
+) -> None:
+    from stand import api
+    from stand.evaluation.side_by_side import side_by_side_json
+
+    with working("reading", as_json):
+        logs = [api.read(path) for path in (str(first), second)]
+        if stretches is not None:
+            logs = [
+                log if log.simulated else api.read(log.path, stretches=stretches) for log in logs
+            ]
+    with working("estimating", as_json):
+        found = api.side_by_side(*logs, methods, imu=imu, latitude_deg=latitude)
+    if as_json:
+        print_json(side_by_side_json(found))
+        return
+    from stand.report.console import console, show
+
+    out = console()
+    out.print(found.headline(), markup=False, soft_wrap=True)
+    show(out, found.tables())
+    for line in found.remarks():
+        out.print(line, markup=False)
 
 
 def _compare_published(as_json: bool) -> None:
