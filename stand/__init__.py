@@ -22,7 +22,9 @@ if TYPE_CHECKING:
         read,
         rehearse,
         run,
+        side_by_side,
         simulate,
+        stretches,
         unit,
     )
     from stand.errors import StandError
@@ -40,7 +42,9 @@ __all__ = [
     "rehearse",
     "run",
     "settings",
+    "side_by_side",
     "simulate",
+    "stretches",
     "unit",
 ]
 _ELSEWHERE = {"StandError": "stand.errors", "settings": "stand.simulation.settings"}
