@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from stand.imu import ImuSpec
     from stand.imu.unit import Unit
     from stand.recording.log import Log
+    from stand.recording.log_form import LogForm
     from stand.results import (
         Aligned,
         Analysed,
@@ -187,13 +188,15 @@ def read(
     start_attitude_deg: Sequence[float] | None = None,
     start_sigma_deg: float | None = None,
     fix_sigma: Sequence[float] | None = None,
+    form: LogForm | None = None,
+    progress: Progress = _quiet,
 ) -> Recording:
-    """A recording, ours or any MCAP or ROS 2 bag with ``sensor_msgs/msg/Imu``.
+    """A recording: ours, or a log of any kind.
 
     Parameters
     ----------
     path : path
-        An MCAP file, a ROS 2 bag (its folder, or .db3), or a folder of `stand.run`.
+        A file, a folder of `stand.run` or of a ROS 2 bag.
     topic : str, optional
         Of the IMU, where there are several.
     t_from_s, t_to_s : float, optional
@@ -210,6 +213,10 @@ def read(
         How wrong that is about each axis [deg].
     fix_sigma : (2,), optional
         Noise of positions [m] and velocities [m/s]; else what the fixes state.
+    form : stand.LogForm, optional
+        Columns, units, axes and what else a log of others does not say itself.
+    progress : callable
+        Told the part read, 0 to 1.
 
     Raises
     ------
@@ -229,22 +236,18 @@ def read(
     from stand.results import Recording, shown
 
     vehicle = vehicle_of(moving, start_attitude_deg, start_sigma_deg, fix_sigma)
-    file = recording_file(path)
-    log = load_log(file, topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle)
+    log = load_log(
+        _path(path), topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle, form, progress
+    )
     return shown(Recording, log)
 
 
-def recording_file(path: Named) -> Path:
-    """The file of a recording: itself, or that of a folder; a bag of several is its folder."""
+def _path(path: Named) -> Path:
     from stand.errors import StandError
-    from stand.recording.mcap.bag import bag_file, is_bag
 
     if not isinstance(path, str | PathLike):
         raise StandError(f"recording = {path!r}: must be a path")
-    path = Path(path)
-    if not path.is_dir():
-        return path
-    return bag_file(path) if is_bag(path) else path / "run.mcap"
+    return Path(path)
 
 
 def align(
@@ -426,6 +429,8 @@ def allan(
     topic: str | None = None,
     t_from_s: float | None = None,
     t_to_s: float | None = None,
+    form: LogForm | None = None,
+    progress: Progress = _quiet,
 ) -> Analysed:
     """Allan analysis of a unit at rest: noise terms with intervals, against its data sheet.
 
@@ -440,6 +445,10 @@ def allan(
         Of the IMU, where a file has several.
     t_from_s, t_to_s : float, optional
         The stretch to use; else the longest rest, or all.
+    form : stand.LogForm, optional
+        As for `stand.read`.
+    progress : callable
+        Told the part read, 0 to 1.
 
     Raises
     ------
@@ -469,7 +478,9 @@ def allan(
     if isinstance(recording, (Log, Simulated)):
         source = _log(recording).imu
     else:
-        source = recording_file(recording)
+        from stand.recording.entrance import read_imu
+
+        source = read_imu(_path(recording), topic, form, progress)
     return shown(Analysed, analyse(source, topic, t_from_s, t_to_s, imu, asked))
 
 
