@@ -77,8 +77,8 @@ class Expansion:
     """[S1] (5)-(11): A and B at the mean tilts, and their slopes there.
 
     ``A = sin lat cos bet sin gam + cos lat cos gam``, ``B = sin lat sin bet``; with
-    ``bet = bet0 + xi``, ``gam = gam0 + eta`` (4): ``A = A* + z1``, ``B = B* + z2``, ``z1 = A_beta xi + A_gamma eta``,
-    ``z2 = B_beta xi`` to first order.
+    ``bet = bet0 + xi``, ``gam = gam0 + eta`` (4): ``A = A* + z1``, ``B = B* + z2``,
+    ``z1 = A_beta xi + A_gamma eta``, ``z2 = B_beta xi`` to first order.
     """
 
     A: float
