@@ -7,19 +7,29 @@ from alignment import ESTIMATORS, Method
 from alignment.errors import AlignmentError
 from alignment.gains import Answer, Gains
 from alignment.information import Information, InstrumentErrors, Stretch
+from alignment.information.circle import Rival
 from alignment.methods.position_gains import known_to
 from alignment.units import DEG
 from stand.motion.plan import Plan, PlannedStep
 from stand.rehearsal.instrument import unit_of
 from stand.rehearsal.planned import planned_stretch
-from stand.rehearsal.predictions import angles, withheld
-from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse
-from stand.rehearsal.response import ReadingErrors, Response
+from stand.rehearsal.predictions import angles, rounder, withheld
+from stand.rehearsal.refusals import (
+    check_carried,
+    check_quiet,
+    check_vertical,
+    coarse,
+    rival_of,
+    rivalled,
+)
+from stand.rehearsal.response import SENSORS, ReadingErrors, Response
 from stand.rehearsal.result import Observability, Prediction
 from stand.rehearsal.rocking import over_time, readings_of, turned_by_heading
 from stand.rehearsal.scene import Scene
+from stand.samples import AXES
 
 Predicted = tuple[list[Prediction], list[Observability]]
+GYRO_BIASES = tuple(f"{SENSORS[0]} bias {axis}" for axis in AXES)
 
 
 def predict(scene: Scene, methods: Sequence[str]) -> Predicted:
@@ -67,9 +77,11 @@ def _by_gains(name: str, gains: Gains, scene: Scene, unit: InstrumentErrors) -> 
     if not answers:
         raise AlignmentError("every dwell ends with its offset window: nothing is left to estimate")
     errors: dict[int, ReadingErrors] = {}  # answers of one fit share their stretches
+    rivals: dict[int, Rival] = {}
     for answer in answers:
         if id(answer.stretches) not in errors:
             errors[id(answer.stretches)] = ReadingErrors(answer, steps, scene, unit)
+            rivals[id(answer.stretches)] = rival_of(answer)
     responses = [Response(answer, errors[id(answer.stretches)]) for answer in answers]
     check_vertical([r for r in responses if r.answer.window_gain is not None])
     known = partial(_known, stretches=stretches, scene=scene)
@@ -78,12 +90,13 @@ def _by_gains(name: str, gains: Gains, scene: Scene, unit: InstrumentErrors) -> 
     for answer, response in zip(answers, responses, strict=True):
         C_nb = answer.stretches[answer.own].C_pb
         why = partial(_why, answer, known)
-        told = angles(
-            name, answer.window, answer.label, C_nb, response.attitude(), why, response.bias()
-        )
-        found += withheld(told, ("heading", "yaw"), doubt)
-        if answer is answers[0]:
-            found += response.biases(name)
+        other = rivals[id(answer.stretches)]
+        why_not, parts = rivalled(other), response.attitude()
+        parts = parts if why_not else rounder(parts, other)
+        told = angles(name, answer.window, answer.label, C_nb, parts, why, response.bias())
+        found += withheld(told, ("heading", "yaw"), doubt or why_not)
+        if answer is answers[0]:  # what heading gives way, the biases of gyros take
+            found += withheld(response.biases(name), GYRO_BIASES, why_not)
     return found, [_observed(name, known(answers[0]))]
 
 

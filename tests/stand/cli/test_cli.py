@@ -439,8 +439,9 @@ def test_options_that_are_refused(refused, short, options, words):
         (("view", "nowhere"), ["nowhere"]),
         (("align",), ["Missing argument"]),
         (("align", "none.mcap"), ["none.mcap"]),
-        (("import", "none.csv", *UNITS, "--out", "x.mcap"), ["none.csv: cannot read: No such"]),
-        (("import", "none.csv", "--out", "x.mcap"), ["missing --columns"]),
+        (("import", "none.csv", *UNITS, "--out", "x.mcap"), ["none.csv: no such file"]),
+        (("import", "none.csv", "--out", "x.mcap"), ["none.csv: no such file"]),
+        (("import", "none.csv", "--columns", "t"), ["missing --out"]),
     ],
 )
 def test_commands_that_are_refused(refused, arguments, words):
