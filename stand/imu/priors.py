@@ -51,6 +51,8 @@ def priors_of(
         seat=seat,
         nominal=nominal,
         lever_arm=arm if rocking else 0.0,
+        gyro_axes=imu.gyro.axes,
+        accel_axes=imu.accel.axes,
     )
 
 
