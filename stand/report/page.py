@@ -21,6 +21,7 @@ from stand.versions import VERSION
 if TYPE_CHECKING:
     from jinja2 import Environment
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 # What a figure is drawn with; in the page each becomes the variable of that name, which is one
@@ -147,6 +148,12 @@ def frame(axes: Axes, title: str = "", grid: str = "both") -> None:
     for side, spine in axes.spines.items():
         spine.set_color(LINE)
         spine.set_visible(side in ("left", "bottom"))
+
+
+def logarithmic(axis: Axis) -> None:
+    """A logarithmic axis whose ticks are plain numbers: a page's letters are no mathematics."""
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_formatter(lambda value, _: "")
 
 
 def render(template: str, content: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from alignment.information.half_turn import Posture, heading_limit
 from alignment.units import ARC_MINUTE, DEG, DEG_PER_HOUR
 from stand.evaluation.published import fixes, gyrocompassing, rocking, six_position
-from stand.report.page import HUES, INK, LINE, PAPER, SOFT, Drawing, drawing, frame
+from stand.report.page import HUES, INK, LINE, PAPER, SOFT, Drawing, drawing, frame, logarithmic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -185,6 +185,8 @@ def _rocking() -> Picture:
             )
         axes.set_xscale("log")
         axes.set_yscale("log")
+        for axis in (axes.xaxis, axes.yaxis):
+            logarithmic(axis)
         axes.set_ylim(1e-4, 1)
         axes.set_xlim(f[0], f[-1])
         frame(axes)
@@ -231,7 +233,7 @@ def _flight(found: fixes.Flight) -> Picture:
             )
         axes.set_yscale("log")
         axes.set_xlim(found.t[0], found.t[-1] * 1.03)
-        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        logarithmic(axes.yaxis)
         frame(axes)
         axes.set_xlabel("time [s]")
         axes.set_ylabel("position error per axis [m]")
@@ -285,6 +287,8 @@ def _heading() -> Picture:
         axes.text(0.72, 0.27, "no turn is better", transform=axes.transAxes, color=INK)
         axes.set_xscale("log")
         axes.set_yscale("log")
+        for axis in (axes.xaxis, axes.yaxis):
+            logarithmic(axis)
         axes.set_xlim(x[0], x[-1])
         axes.set_ylim(y[0], y[-1])
         frame(axes)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from alignment.units import DEG
 from stand.rehearsal.rocking_allowed import AdmissibleRocking
-from stand.report.page import HUES, INK, Drawing, drawing, frame
+from stand.report.page import HUES, INK, Drawing, drawing, frame, logarithmic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,6 +26,8 @@ def rocking(found: AdmissibleRocking) -> Drawing:
         )  # fmt: skip
         axes.set_xscale("log")
         axes.set_yscale("log")
+        for axis in (axes.xaxis, axes.yaxis):
+            logarithmic(axis)
         axes.set_xlim(found.frequencies[0], found.frequencies[-1])
         frame(axes)
         axes.set_xlabel("frequency of rocking [Hz]")

@@ -85,7 +85,9 @@ def test_machines_and_the_page(tmp_path):
     assert told[0]["admissible_rms_deg"] == pytest.approx(0.0041, abs=5e-5)
     assert told[1]["admissible_rms_deg"] is None
     assert len(told[0]["chart"]["frequency_hz"]) == len(told[0]["chart"]["admissible_rms_deg"])
-    assert "How much the base may rock" in checked(page(result)).said
+    text = page(result)
+    assert "How much the base may rock" in checked(text).said
+    assert "mathdefault" not in text
 
 
 def test_a_base_that_rests_is_not_asked():
