@@ -2,7 +2,6 @@
 
 import os
 
-
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
