@@ -259,7 +259,9 @@ def begun(copy: Path, mutant: Mutant, tests: list[str], stamp: int) -> int:
 def ended(copy: Path, mutant: Mutant, tests: list[str], status: int) -> Found:
     """What came of it; the copy is as it was."""
     shutil.copy2(ROOT / mutant.file, copy / mutant.file)
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", (copy / "log").read_text(errors="replace"), re.M)
+    failed = re.search(
+        r"^(?:FAILED|ERROR) (.+?)(?: - |$)", (copy / "log").read_text(errors="replace"), re.M
+    )
     by = ""
     if status:
         by = failed[1] if failed else "time" if os.WIFSIGNALED(status) else "import"
