@@ -137,8 +137,8 @@ def variations(dr: Array, v: Array, error_dr: Array, error_v: Array) -> Array:
     """[S2] (2)-(4): isochronous variations of J1 = ``|v|``, J2 = ``|dr|``, J3 = ``|dr x v|``.
 
     ``dJ1 = v.dv/|v|``, ``dJ2 = dr.d(dr)/|dr|``, ``dJ3 = c.(d(dr) x v + dr x dv)/|c|``;
-    all (..., 3), the result by J1, J2, J3. First order: the square
-    of an error across its vector is left out.
+    all (..., 3), the result by J1, J2, J3. First order: the square of an error across
+    its vector is left out.
     """
     c = np.cross(dr, v)
     changes = (error_v, error_dr, np.cross(error_dr, v) + np.cross(dr, error_v))
