@@ -101,11 +101,11 @@ def test_a_report_is_made_of_it(stand_command, tmp_path, monkeypatch):
 def test_the_viewer_opens_the_review_or_what_there_is(stand_command, tmp_path, monkeypatch):
     opened = []
     monkeypatch.setattr("stand.recording.viewer.view", opened.append)
-    (tmp_path / "run.mcap").touch()
-    stand_command("view", tmp_path)
+    assert stand_command("view", SAMPLE).code == 0  # it has no review: its samples make one
     (tmp_path / "run.rrd").touch()
-    stand_command("view", tmp_path)
-    assert [path.name for path in opened] == ["run.mcap", "run.rrd"]
+    assert stand_command("view", tmp_path).code == 0
+    assert [path.name for path in opened] == [f"{SAMPLE.name}.rrd", "run.rrd"]
+    assert not list(SAMPLE.glob("*.rrd"))
 
 
 def test_it_is_small_and_all_else_is_ignored():
