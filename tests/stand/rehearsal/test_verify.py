@@ -21,7 +21,6 @@ from alignment import ESTIMATORS, AttitudeEstimate
 from alignment.angles import Sequence
 from alignment.errors import AlignmentError
 from stand.errors import StandError
-from stand.evaluation.score import Truths
 from stand.imu import ImuSpec, load_imu, without
 from stand.motion.polynomial import MotionKind
 from stand.procedure.procedure import load_procedure, table_of
@@ -29,8 +28,9 @@ from stand.rehearsal import advice
 from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.result import Verdict
 from stand.rehearsal.result_json import rehearsal_json
+from stand.rehearsal.sums import RunErrors, Sums
 from stand.rehearsal.verification import Achieved, Verification
-from stand.rehearsal.verify import RunErrors, Sums, errors_of, first_seed, with_verification
+from stand.rehearsal.verify import errors_of, first_seed, with_verification
 from stand.report.rehearsal_tables import headline, tables
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import RunFailed, campaign
@@ -142,7 +142,7 @@ def test_errors_of_an_estimate_by_hand():
         biases=np.arange(6.0),
         bias_sigmas=np.ones(6),
     )
-    errors = errors_of(told, Truths(level), np.full(6, 0.5))
+    errors = errors_of(told, level, np.full(6, 0.5))
     # heading grows with a turn about down; about east the nose goes up, about north Y1 goes to Z1
     expected = {"heading": 5e-6, "yaw": -5e-6, "pitch": -3e-6, "roll": 2e-6}
     for name, value in expected.items():
