@@ -69,6 +69,7 @@ def row(result, *key):
 # --- against numbers from outside
 
 
+@pytest.mark.slow
 def test_white_noise_alone_comes_to_the_floor(half_turn):
     """0.003/60 deg/rt-s over 9.96651 deg/h in 24 s: 3.686 mrad; neither side had a say in it."""
     unit = load_imu("ring-laser")
@@ -95,6 +96,7 @@ def terms_of(unit):
     return TERMS
 
 
+@pytest.mark.slow
 def test_a_wrong_prediction_is_contradicted(half_turn):
     """One and a half times too good, in 200 runs: the interval is 10 % wide either way."""
     asked = asked_of(half_turn)
@@ -505,6 +507,7 @@ def test_a_report_that_is_there_is_refused_before_the_runs(stand_command, half_t
     assert (folder / "rehearsal.json").read_text(encoding="utf-8") == "mine"
 
 
+@pytest.mark.slow
 def test_a_report_that_cannot_be_written_costs_no_runs(stand_command, half_turn, tmp_path):
     (tmp_path / "file").write_text("mine", encoding="utf-8")
     options = ("--imu", "ring-laser", "--rate", 20, "--verify", 3)
