@@ -20,6 +20,7 @@ DOORS = {
     "allantools": ("alignment.allan",),
     "matplotlib": ("stand.report",),
     "jinja2": ("stand.report",),
+    "pyarrow": ("stand.recording.export",),
     "tomllib": ("stand.toml_files",),
 }
 OURS = ("alignment", "stand")

@@ -34,7 +34,7 @@ def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
     changes with the attitude, and is told by its own name. Where a base rocks or a table turns the
     unit moves about axes that are some `arm` [m] away.
     """
-    turn, seat, nominal = (0.0, 0.0, 0.0) if table is None else _placement(table)
+    turn, seat, nominal = (0.0, 0.0, 0.0) if table is None else placement(table)
     slow = _slow_part(imu.corners)
     return Priors(
         gyro_bias=float(np.hypot(imu.gyro.bias, slow * imu.gyro.instability)),
@@ -68,7 +68,7 @@ def _slow_part(corners: Sequence[float]) -> float:
     return float(np.sqrt(lasting)) / plateau(corners)
 
 
-def _placement(table: Table) -> tuple[float, float, float]:
+def placement(table: Table) -> tuple[float, float, float]:
     """`turn`, `seat` and `nominal` of a table [rad], each of one axis.
 
     A position is off by its encoders and by what bends the turn to it: axes that are not square

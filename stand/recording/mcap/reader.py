@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from alignment.arrays import Array, IntArray, owned
 from stand.errors import StandError, located, unknown
+from stand.recording.growing import Growing
+from stand.recording.log_form import LogForm
 from stand.recording.mcap import schemas
 from stand.recording.mcap.bag import is_bag, joined
 from stand.recording.mcap.cdr import Bytes
@@ -93,6 +95,10 @@ class ImuLog:
         Angular rate [rad/s] and specific force [m/s^2].
     metadata : dict
         The file's metadata records: {name: {key: value}}.
+    notes : tuple of str
+        What was found out of the file: units, columns, what was left out.
+    doubts : tuple of str
+        What of it may make an answer wrong.
     """
 
     path: str
@@ -102,6 +108,8 @@ class ImuLog:
     w_ib_b: Array
     f_b: Array
     metadata: dict[str, dict[str, str]]
+    notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _own(self, t_ns=(), w_ib_b=(3,), f_b=(3,))
@@ -234,8 +242,15 @@ class LogFile:
     messages are not CDR, hold a value that is not finite, or stamps that do not increase.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        form: LogForm | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
         self.path = str(path)
+        self._form = form or LogForm()
+        self._progress = progress
         with faults_of(path):
             self._file = joined(Path(path)) if is_bag(Path(path)) else opened(path)
         try:
@@ -273,6 +288,8 @@ class LogFile:
                 return batch
 
             columns = self._columns(topic, decode, ("t_ns", "w_ib_b", "f_b"))
+        if (turn := self._form.turn()) is not None:
+            columns |= {name: turn.of(columns[name]) for name in ("w_ib_b", "f_b")}
         return ImuLog(
             path=self.path, topic=topic, frame_id=frames[0], metadata=self.metadata, **columns
         )
@@ -435,44 +452,17 @@ def _columns(
     finite: Collection[str] | None = None,
 ) -> dict[str, Any]:
     """The named columns of all messages of the topic; all, or those in `finite`, checked."""
-    growing: dict[str, _Growing] = {}
+    growing: dict[str, Growing] = {}
     for batch in _batches(file, found, topic, decode):
         for name in names:
             values = getattr(batch, name)
-            growing.setdefault(name, _Growing(values)).extend(values)
+            growing.setdefault(name, Growing(values)).extend(values)
     with located(topic):
         if not growing:
             raise StandError("has no messages")
         columns = {name: growing[name].whole() for name in names}
         _check({name: columns[name] for name in finite or names})
     return columns
-
-
-class _Growing:
-    """An array that grows at its end in place.
-
-    Joining a list of parts would hold the log twice: the parts' memory does not come back.
-    """
-
-    def __init__(self, like: NDArray[Any]) -> None:
-        self._values = np.empty((0, *like.shape[1:]), like.dtype)
-        self._end = 0
-
-    def extend(self, part: NDArray[Any]) -> None:
-        start, self._end = self._end, self._end + len(part)
-        if self._end > len(self._values):
-            self._resize(self._end + self._end // 8)
-        self._values[start : self._end] = part
-
-    def whole(self) -> NDArray[Any]:
-        """The array at its length, read-only."""
-        self._resize(self._end)
-        self._values.flags.writeable = False
-        return self._values
-
-    def _resize(self, rows: int) -> None:
-        # No view of the array leaves this class before `whole`, so nothing can dangle.
-        self._values.resize((rows, *self._values.shape[1:]), refcheck=False)
 
 
 def _channel_ids(found: Directory, topic: str) -> list[int]:
