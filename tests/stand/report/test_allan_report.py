@@ -119,7 +119,7 @@ def test_gaps_are_told(tmp_path):
     assert report.notes[0].startswith("mean rate ")
     assert report.notes[1:3] == (
         "gaps: 2 s before 22 s",
-        "used: the longest stretch without interruption, 22 to 61.99 s",
+        "used together, without what lies between: 0 to 19.99 s, 22 to 61.99 s",
     )
 
 
