@@ -28,6 +28,7 @@ LIMITS = {
     "yaw": ANGLE_LIMIT,
     "latitude": LATITUDE_LIMIT,
 }  # sigmas that say nothing
+BELOW = "scatter below sigma: what is common to all windows, or a unit better than its sheet"
 BASE_MOVES = "the base moves, and so does what is estimated"
 NOISE_ONLY = "noise only"
 BEYOND = "scatter beyond sigma: what changes from window to window shows in none of them"
@@ -216,6 +217,8 @@ def _summed(
                 sigma = None
             if sigma is not None and low > sigma and label not in moving:
                 told.append(BEYOND)
+            if sigma is not None and high < sigma and label not in moving and not priors.noise_only:
+                told.append(BELOW)
             yield Scatter(
                 method=method,
                 window=window,

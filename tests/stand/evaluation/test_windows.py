@@ -11,6 +11,7 @@ from alignment import Dwell, ImuReadings, Options, Priors, Site, Turn
 from stand.errors import StandError
 from stand.evaluation.windows import (
     BASE_MOVES,
+    BELOW,
     BEYOND,
     NOISE_ONLY,
     scatter_to_json,
@@ -108,6 +109,14 @@ def test_scatter_and_its_interval_by_hand():
     entry = scatter_to_json(pitch)
     assert entry["scatter_deg"] == pytest.approx(degrees(sqrt(7) * 1e-3), rel=1e-6)
     assert (entry["windows"], entry["quantity"], entry["seconds"]) == (3, "pitch", 40.0)
+
+
+def test_a_sheet_that_says_far_more_than_windows_show_is_named():
+    """A bias of 0.5 m/s^2 tilts all windows alike, by 51 mrad, where they scatter by 2."""
+    sheet = Options(priors=Priors(accel_bias=0.5))
+    rows, _ = scatters([tilted([1e-3, 2e-3, 6e-3, 3e-3])], HERE, sheet, ["triad"], [40.0])
+    assert rows[2].quantity == "pitch"
+    assert rows[2].remark == BELOW
 
 
 def test_angles_scatter_on_the_circle():
