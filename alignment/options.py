@@ -1,8 +1,10 @@
 """Choices of the methods, apart from the readings and the site."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from alignment.angles import SequenceRule
+
+_NOISE = ("gyro_walk", "accel_walk")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +77,12 @@ class Priors:
     gyro_g2_sensitivity: float = 0.0
     accel_quadratic: float = 0.0
     accel_cubic: float = 0.0
+
+    @property
+    def noise_only(self) -> bool:
+        """Whether nothing but noise is known of the unit's errors: so every sigma is of noise."""
+        names = (f.name for f in fields(self) if f.name.startswith(("gyro_", "accel_")))
+        return not any(getattr(self, name) for name in names if name not in _NOISE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,9 @@ from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT
 from alignment.nominal import WRONG_POSITION
 from alignment.units import DEG
 from stand.motion.plan import PlannedStep
-from stand.rehearsal.instrument import roundings_of
 from stand.rehearsal.predictions import Parts
 from stand.rehearsal.response import Response
+from stand.rehearsal.rounding import roundings_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.verification import AGREES, MOSTLY
 
