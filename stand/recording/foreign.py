@@ -229,9 +229,8 @@ def _binary(path: Path, form: LogForm) -> _Table:
         values=columns.values,
         times=columns.times,
     )
-    topic = f"rows of {columns.width} numbers"
     table = ArrayTable(
-        topic=topic, names=(), rows=len(rows), width=columns.width, column=lambda k: rows[:, k]
+        topic="", names=(), rows=len(rows), width=columns.width, column=lambda k: rows[:, k]
     )
     return _gathered(path, form, table, columns)
 
@@ -269,7 +268,7 @@ def _gathered(path: Path, form: LogForm, table: ArrayTable, columns: Columns) ->
         values=values,
         headers=_headers(table.names, columns),
         unit=unit,
-        topic=table.topic,
+        topic=": ".join(filter(None, (table.topic, _topic(table.names, columns)))),
         notes=(*table.notes, *columns.notes, *told),
     )
 

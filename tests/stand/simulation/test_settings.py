@@ -74,8 +74,11 @@ def test_every_unit_and_table_of_the_catalogue_is_told_as_its_sheet_says(procedu
         for table in TABLES.values():
             made = settings(loaded, unit, table)
             p = made.options.priors
-            # 0.73 m: the unit's height above the crossing of the base's axes
-            assert p.lever_arm == (0.73 if loaded.entry.background else 0.0)
+            # 0.73 m: the unit's height above the crossing of the base's axes; (0.06, 0.05) m: its
+            # place across the pitch axis, of the gimbal axes the farthest: 0.0552 m each way
+            turns = {"rate", "sweep"} & {step.kind for step in loaded.entry.step}
+            arm = hypot(0.73 * bool(loaded.entry.background), 0.05523 * bool(turns))
+            assert p.lever_arm == pytest.approx(arm, rel=1e-4)
             assert (p.gyro_walk, p.accel_walk) == (unit.gyro.noise, unit.accel.noise)
             geometry = table.entry.geometry
             tilt, azimuth = geometry.base_tilt_arc_s, geometry.base_azimuth_arc_s
