@@ -224,6 +224,15 @@ def alignment_json(found: Alignment) -> dict[str, Any]:
     return asked | {
         "recordings": [log.path for log in found.logs],
         "topic": found.logs[0].topic,
+        "read": [
+            {
+                "recording": log.path,
+                "topic": log.topic,
+                "samples": len(log.imu),
+                "notes": list(log.imu.notes),
+            }
+            for log in found.logs
+        ],
         "latitude_deg": None if latitude is None else latitude / DEG,
         "estimates": [score_to_json(s, found.noise_only) for s in found.scores],
         "spreads": [spread_to_json(s) for s in spreads(found.scores)],
