@@ -38,6 +38,7 @@ from stand.recording.time_stamps import (
 )
 
 _SECOND = NS["s"]
+_MOST = np.repeat([1e6, 1e9], 3)  # rad/s, m/s^2: no unit reports more; squares stay numbers
 Progress = Callable[[float], None]
 
 
@@ -229,9 +230,8 @@ def _binary(path: Path, form: LogForm) -> _Table:
         values=columns.values,
         times=columns.times,
     )
-    topic = f"rows of {columns.width} numbers"
     table = ArrayTable(
-        topic=topic, names=(), rows=len(rows), width=columns.width, column=lambda k: rows[:, k]
+        topic="", names=(), rows=len(rows), width=columns.width, column=lambda k: rows[:, k]
     )
     return _gathered(path, form, table, columns)
 
@@ -269,7 +269,7 @@ def _gathered(path: Path, form: LogForm, table: ArrayTable, columns: Columns) ->
         values=values,
         headers=_headers(table.names, columns),
         unit=unit,
-        topic=table.topic,
+        topic=": ".join(filter(None, (table.topic, _topic(table.names, columns)))),
         notes=(*table.notes, *columns.notes, *told),
     )
 
@@ -281,6 +281,15 @@ def _check_finite(path: Path, table: _Table, si: Array) -> None:
         raise StandError(
             f"{path}: row {table.row[k] + 1}, column {CHANNELS[column]} = "
             f"{table.values[k, column]}: must be finite"
+        )
+    bad = np.argwhere(np.abs(si) > _MOST)
+    if len(bad):
+        k, column = bad[0]
+        unit = "rad/s" if column < 3 else "m/s^2"
+        raise StandError(
+            f"{path}: row {table.row[k] + 1}, column {CHANNELS[column]} = "
+            f"{table.values[k, column]:.6g}: is {si[k, column]:.3g} {unit}, must be at most "
+            f"{_MOST[column]:g} (are the unit and the columns right?)"
         )
 
 

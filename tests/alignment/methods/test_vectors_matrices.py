@@ -1,5 +1,6 @@
 """Covariances of vector matching against differences of it, and long intervals against short."""
 
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -22,7 +23,6 @@ from alignment.methods.vectors.channel import (
     carried,
     steps,
 )
-from alignment.methods.vectors.observing import MOST
 from alignment.navigation import integrals
 from alignment.readings import Fixes
 
@@ -90,13 +90,31 @@ def test_covariance_of_the_observing_form_is_the_sum_of_its_responses(perfect):
         assert np.trace(J.T @ J / scale) > 0.03, name
 
 
-def test_the_observing_form_takes_so_many_fixes(perfect):
-    n, fixes = MOST, perfect.fixes
-    t = np.linspace(fixes.t[0], fixes.t[-1], n + 1)
-    many = Fixes(t, np.tile(fixes.position[0], (n + 1, 1)), np.tile(fixes.velocity[0], (n + 1, 1)),
-                 SIGMA_R, SIGMA_V)  # fmt: skip
-    with pytest.raises(AlignmentError, match=f"{n + 1} fixes: the observing form takes {n} at mos"):
-        observing(perfect.readings, many, perfect.start, OPTIONS)
+def test_place_begins_where_all_fixes_say(perfect):
+    """A first velocity wrong by 1 m/s and a first place by 20 m: both are found, and carried on.
+
+    The attitude takes some of it, so that a third of a metre per second may be left of it.
+    """
+    fixes = moved(perfect.fixes, 0, np.array([0.6, 0.0, 0.8]), np.array([0.0, 20.0, 0.0]))
+    found = observing(perfect.readings, fixes, perfect.start, OPTIONS)
+    off = np.linalg.norm(found.position[-1] - perfect.fixes.position[-1])
+    assert off < 0.35 * SECONDS + 20 / len(fixes.t)
+    exact = observing(perfect.readings, perfect.fixes, perfect.start, OPTIONS)
+    np.testing.assert_allclose(exact.position[-1], perfect.fixes.position[-1], atol=0.1)
+    assert exact.estimates()[-1].flags == ()
+
+
+def test_the_observing_form_takes_so_many_fixes(perfect, monkeypatch):
+    module = sys.modules[observing.__module__]
+    count = len(perfect.fixes.t)
+    monkeypatch.setattr(module, "MOST", count)
+    turned(perfect)
+    monkeypatch.setattr(module, "MOST", count - 1)
+    with pytest.raises(AlignmentError) as caught:
+        turned(perfect)
+    assert str(caught.value) == (
+        f"{count} fixes: the observing form takes {count - 1} at most: take fewer"
+    )
 
 
 # --- the inertial channel

@@ -9,9 +9,11 @@ from alignment import Priors
 from stand.errors import StandError
 from stand.evaluation import comparison, published
 from stand.imu import TERMS, load_imu
+from stand.motion.polynomial import MotionKind
+from stand.physics.truth import Sampling
 from stand.procedure.procedure import load_procedure
 from stand.rehearsal import advice
-from stand.simulation.settings import assembled, settings, stated_priors, with_procedure
+from stand.simulation.settings import Settings, assembled, settings, stated_priors, with_procedure
 from stand.table.joints import JOINTS
 from stand.table.table import load_table, without_errors
 from stand.toml_files import ids
@@ -170,3 +172,16 @@ def test_a_wrong_argument_costs_one_line(given, line):
         settings("six-position", **given)
     assert str(raised.value).startswith(line)
     assert "\n" not in str(raised.value)
+
+
+def test_bare_settings_are_of_the_plainest_run():
+    made = assembled(PROCEDURES["static"], IMUS["stim300"], TABLES["mid-class"])
+    bare = Settings(
+        procedure=made.procedure, imu=made.imu, table=made.table, site=made.site,
+        options=made.options,
+    )  # fmt: skip
+    for one in (bare, made):
+        assert (one.seed, one.true_table, one.without, one.methods) == (0, False, (), None)
+        assert (one.sampling, one.motion) == (Sampling.MEAN, MotionKind.IDEAL)
+        assert (one.revision, one.allan_terms) == ("", ())
+    assert bare.rate_hz == 200
