@@ -1,4 +1,4 @@
-.PHONY: demo test lint bench proof mutants clean
+.PHONY: demo test lint bench proof mutants fuzz clean
 
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -26,6 +26,9 @@ proof: $(READY)
 mutants: $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[mutants]'
 	$(PY) tests/benchmarks/mutants.py $(ARGS)
+
+fuzz: $(READY)
+	$(PY) tests/benchmarks/fuzz.py
 
 $(READY): pyproject.toml
 	python3 -m venv $(VENV)

@@ -38,6 +38,7 @@ from stand.recording.time_stamps import (
 )
 
 _SECOND = NS["s"]
+_MOST = np.repeat([1e6, 1e9], 3)  # rad/s, m/s^2: no unit reports more; squares stay numbers
 Progress = Callable[[float], None]
 
 
@@ -280,6 +281,15 @@ def _check_finite(path: Path, table: _Table, si: Array) -> None:
         raise StandError(
             f"{path}: row {table.row[k] + 1}, column {CHANNELS[column]} = "
             f"{table.values[k, column]}: must be finite"
+        )
+    bad = np.argwhere(np.abs(si) > _MOST)
+    if len(bad):
+        k, column = bad[0]
+        unit = "rad/s" if column < 3 else "m/s^2"
+        raise StandError(
+            f"{path}: row {table.row[k] + 1}, column {CHANNELS[column]} = "
+            f"{table.values[k, column]:.6g}: is {si[k, column]:.3g} {unit}, must be at most "
+            f"{_MOST[column]:g} (are the unit and the columns right?)"
         )
 
 

@@ -76,6 +76,10 @@ def with_verification(
     result = replace(result, verification=verification)
     for a in verification.disagreeing:
         result = _warned(result, "prediction", _contradicted(a), a.label)
+    for r in verification.silent:
+        often = f"{r.runs} of {verification.done} runs"
+        text = f"{r.method} was predicted, and gave no answer in {often}"
+        result = _warned(result, "prediction", text)
     return result
 
 
@@ -149,6 +153,7 @@ def verification_of(
     """What the summed runs, from `seed` on, come to beside a rehearsal's predictions."""
     achieved = list(_achieved(result, sums))
     among = sum(a.ratio is not None for a in achieved)
+    told = {p.method for p in result.predictions if p.determined}
     together = tuple(replace(a, among=max(1, among)) for a in achieved)
     return Verification(
         requested=requested,
@@ -156,7 +161,7 @@ def verification_of(
         seed=seed,
         seconds=seconds,
         achieved=together,
-        refused=sums.refused(),
+        refused=tuple(replace(r, predicted=r.method in told) for r in sums.refused()),
     )
 
 
@@ -187,6 +192,7 @@ def _came_to(sums: Sums, key: Key, unit: str, per: float, predicted: float | Non
         sigma=sigma,
         low=low,
         high=high,
+        freedom=sums.freedom(key),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stand.errors import StandError
+from stand.recording.formats.extras import damaged
 from stand.recording.formats.table import ArrayTable, table_of
 
 _HEADER = 128
@@ -25,11 +26,8 @@ def read_mat(path: Path, topic: str | None) -> ArrayTable:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             variables = loadmat(path, squeeze_me=False, chars_as_strings=False)
-    except MemoryError:
-        raise
     except Exception as error:  # whatever scipy says to bytes that make no sense
-        told = " ".join(str(error).split())[:100] or type(error).__name__
-        raise StandError(f"{path}: not a whole MATLAB file: {told}") from error
+        raise damaged(path, "MATLAB file", error) from error
     found: dict[str, NDArray[Any]] = {}
     for name, value in variables.items():
         if not name.startswith("__"):
