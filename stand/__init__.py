@@ -22,7 +22,9 @@ if TYPE_CHECKING:
         read,
         rehearse,
         run,
+        side_by_side,
         simulate,
+        stretches,
         unit,
     )
     from stand.errors import StandError
@@ -42,7 +44,9 @@ __all__ = [
     "rehearse",
     "run",
     "settings",
+    "side_by_side",
     "simulate",
+    "stretches",
     "unit",
 ]
 _ELSEWHERE = {

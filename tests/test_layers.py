@@ -15,7 +15,7 @@ DOORS = {
     "rosbags": ("stand.recording.mcap.bag",),
     "pyulog": ("stand.recording.formats.ulog",),
     "h5py": ("stand.recording.formats.hdf5",),
-    "pyarrow": ("stand.recording.formats.parquet",),
+    "pyarrow": ("stand.recording.formats.parquet", "stand.recording.export"),
     "rerun": ("stand.recording.review", "stand.recording.viewer"),
     "ruckig": ("stand.motion.moves",),
     "typer": ("stand.cli",),

@@ -26,23 +26,9 @@ TURNING = {"carousel", "random-sway", "scorsby", "rate-sweep"}
 LONGEST_S = 300.0  # of a generated rest
 
 
-# what did not keep its promise when this was written, by the method that did not
-OPEN = {
-    "rate-sweep": "inertial and fine on a table that turns fast",
-    "random-sway": "two-gyro on a base that rocks",
-    "six-position-published": "fine states too much for a ring laser",
-    "static": "fine loses its covariance to rounding in an hour",
-}
-
-
-def marked(cases):
-    """The cases, those of `OPEN` as what may fail."""
-    return [
-        pytest.param(case, marks=pytest.mark.xfail(reason=OPEN[case], strict=True))
-        if case in OPEN
-        else case
-        for case in cases
-    ]
+# Of four runs of a ring laser's `fine` at 'Z1 up' all are near the truth: one in 77 000 by chance,
+# of some 1500 such means; 60 runs have a mean of 1.11, and so eight are made.
+RUNS_OF = {"six-position-published": 8, "scorsby": 1, "random-sway": 1, "rate-sweep": 1}
 
 
 def short(procedure, imu):
@@ -51,16 +37,16 @@ def short(procedure, imu):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", marked(ids("procedures")))
+@pytest.mark.parametrize("name", ids("procedures"))
 def test_sigmas_of_the_catalogue_are_kept(name):
-    runs = 1 if name in {"scorsby", "random-sway", "rate-sweep"} else RUNS
+    runs = RUNS_OF.get(name, RUNS)
     found = [p for imu in IMUS for p in promises(short(load_procedure(name), imu), runs)]
     assert any(p.values for p in found)
     assert broken(found) == []
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", marked(range(0, COUNT, 5)))
+@pytest.mark.parametrize("first", range(0, COUNT, 5))
 def test_sigmas_of_generated_procedures_are_kept(first):
     made = [generated(number, LONGEST_S) for number in range(first, first + 5)]
     found = [p for g in made for p in promises(short(g.procedure, g.imu), RUNS)]

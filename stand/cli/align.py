@@ -85,6 +85,13 @@ def align(
         str | None,
         typer.Option(metavar="M,M/S", help="vectors: noise of the fixes; else what they state."),
     ] = None,
+    stretches: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="X.toml",
+            help="What the log's stretches are, with attitudes and turns: see stand stretches.",
+        ),
+    ] = None,
     windows: Annotated[
         str | None,
         typer.Option(
@@ -105,6 +112,8 @@ def align(
     Readings alone tell noise; a data sheet tells the rest: stand align log.mcap --imu stim300
 
     Is a sigma right? stand align log.mcap --windows 60,300
+
+    Positions of a log: stand align log.mcap --stretches stretches.toml --method multi-position
 
     A turning table's log: stand align log.mcap --method carousel --turn-joint yaw --latitude 48.5
     """
@@ -131,6 +140,7 @@ def align(
                 start_attitude_deg=attitude,
                 start_sigma_deg=start_sigma,
                 fix_sigma=noise,
+                stretches=stretches,
             )
             for path in recordings
         ]

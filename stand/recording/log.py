@@ -28,6 +28,7 @@ from stand.recording.metadata import (
     settings_of,
     settled_stretches,
 )
+from stand.recording.named_stretches import StretchesEntry
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
 from stand.table.kinematics import C_NW
 
@@ -36,7 +37,8 @@ from stand.table.kinematics import C_NW
 class Log:
     """Dwells with what is known about each, and what the recording says of site and methods.
 
-    `imu`: the samples as they lie in the file, with its metadata. `doubts`: what its way into the
+    `imu`: the samples as they lie in the file, with its metadata; `readings`: all of them on the
+    log's own clock. `doubts`: what its way into the
     file did to the samples of a foreign log, in words.
     """
 
@@ -49,6 +51,7 @@ class Log:
     options: Options
     methods: tuple[str, ...]
     imu: ImuLog
+    readings: ImuReadings
     doubts: tuple[str, ...] = ()
 
 
@@ -60,6 +63,7 @@ def load_log(
     turn_joint: str | None = None,
     turn_axis: Sequence[float] | None = None,
     vehicle: Vehicle | None = None,
+    named: StretchesEntry | None = None,
     form: LogForm | None = None,
     progress: Progress = unseen,
 ) -> Log:
@@ -84,6 +88,8 @@ def load_log(
         as the mean specific force says, upward or downward as the gyros say.
     vehicle : Vehicle, optional
         The log is that of a vehicle, with satellite fixes; recordings of drives need no telling.
+    named : StretchesEntry, optional
+        The stretches of the log, in place of its own; see `load_stretches`.
     form : LogForm, optional
         What is stated of a log of others; see `open_log`.
     progress : callable
@@ -98,8 +104,10 @@ def load_log(
     """
     if turn_axis is not None and turn_joint is None:
         raise StandError("turn axis: must have a turn joint with it")
+    if named is not None and (t_from, t_to, turn_joint, vehicle) != (None,) * 4:
+        raise StandError("stretches: must not stand beside another choice of a stretch")
     with open_log(path, form, progress) as file:
-        return _parted(file, topic, (t_from, t_to), turn_joint, turn_axis, vehicle)
+        return _parted(file, topic, (t_from, t_to), turn_joint, turn_axis, vehicle, named)
 
 
 def _parted(
@@ -109,6 +117,7 @@ def _parted(
     turn_joint: str | None,
     turn_axis: Sequence[float] | None,
     vehicle: Vehicle | None,
+    named: StretchesEntry | None,
 ) -> Log:
     path, imu = file.path, file.imu(topic)
     if len(imu) < 2:
@@ -121,6 +130,9 @@ def _parted(
         planned = planned_stretches(metadata)
         drive = drive_of(metadata)
         stretches = settled_stretches(planned, metadata)
+    if named is not None:
+        stretches = named.stretches()
+        site, options, methods = named.settings(site, options, methods)
     vehicle = vehicle or (None if drive is None else Vehicle())
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
     t, doubts = (t, ()) if simulated or drive is not None else _as_sampled(t, imu)
@@ -134,7 +146,10 @@ def _parted(
         if drive is not None:
             truths = [Truths(_true_attitude(file.truth(), origin, dwells[0].t_to))]
     else:
-        if not simulated or (*limits, turn_joint) != (None, None, None):
+        if named is not None:
+            for stretch in stretches:
+                _check_inside(path, readings, stretch.t_from, stretch.t_to, stretch.label)
+        elif not simulated or (*limits, turn_joint) != (None, None, None):
             chosen = _chosen(path, readings, planned, *limits)
             if turn_joint is not None:
                 axis = unit_vector(turn_axis)
@@ -156,6 +171,7 @@ def _parted(
         options=options,
         methods=methods,
         imu=imu,
+        readings=readings,
         doubts=imu.doubts + doubts,
     )
 
@@ -186,18 +202,22 @@ def _chosen(
     t_to: float | None,
 ) -> LoggedStretch:
     """The chosen stretch; it keeps what is known of the planned one it lies in."""
-    begin = float(readings.t[0]) - readings.interval
-    end = float(readings.t[-1])
-    a = begin if t_from is None else t_from
-    b = end if t_to is None else t_to
-    if not (np.isfinite(a) and np.isfinite(b) and begin - EDGE <= a < b <= end + EDGE):
-        raise StandError(
-            f"{path}: from {a:.3f} to {b:.3f} s: must be a stretch within the recording's "
-            f"{begin:.3f} to {end:.3f} s"
-        )
+    a = float(readings.t[0]) - readings.interval if t_from is None else t_from
+    b = float(readings.t[-1]) if t_to is None else t_to
+    _check_inside(path, readings, a, b)
     inside = [s for s in planned if s.t_from <= a + EDGE and b - EDGE <= s.t_to]
     known = inside[0] if inside else LoggedStretch(label=Path(path).stem, t_from=a, t_to=b)
     return replace(known, t_from=a, t_to=b)
+
+
+def _check_inside(path: str, readings: ImuReadings, a: float, b: float, label: str = "") -> None:
+    begin, end = float(readings.t[0]) - readings.interval, float(readings.t[-1])
+    if not (np.isfinite(a) and np.isfinite(b) and begin - EDGE <= a < b <= end + EDGE):
+        named = f'"{label}" ' if label else ""
+        raise StandError(
+            f"{path}: {named}from {a:.3f} to {b:.3f} s: must be a stretch within the recording's "
+            f"{begin:.3f} to {end:.3f} s"
+        )
 
 
 def _dwell(
@@ -205,11 +225,18 @@ def _dwell(
 ) -> Dwell:
     nominal = None if stretch.nominal is None else Rotation.from_quat(stretch.nominal)
     times = stretch.t_from, stretch.t_to
-    if stretch.joint is None or encoders is None:
+    if stretch.rate is None and (stretch.joint is None or encoders is None):
         return Dwell(stretch.label, *times, readings=readings, nominal=nominal)
     part = readings.between(*times)
     with located(path):
-        angle = encoders.angle(stretch.joint, part.t)
+        if len(part) < 2:
+            raise StandError(f"{stretch.label}: {len(part)} samples, at least 2 are needed")
+        if stretch.rate is not None:
+            angle = stretch.angle + stretch.rate * (part.t - stretch.t_from)
+        else:
+            assert stretch.joint is not None
+            assert encoders is not None
+            angle = encoders.angle(stretch.joint, part.t)
         turn = Turn(axis_of_turn(stretch, part, angle), angle)
     return Dwell(stretch.label, *times, readings=part, nominal=nominal, turn=turn)
 
@@ -233,9 +260,18 @@ def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -
             _judged_attitude(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell),
             dwell.nominal,
             site.latitude,
+            mean_attitude(t, truth.q_wb, dwell),
         )
         for k, dwell in zip(last, dwells, strict=True)
     ]
+
+
+def mean_attitude(t: Array, q_wb: Array, dwell: Dwell) -> Rotation | None:
+    """True mean ``C_nb`` of a dwell from samples (n,), (n, 4); None of one that turns."""
+    own = (t > dwell.t_from + EDGE) & (t <= dwell.t_to + EDGE)
+    if dwell.turn is not None or not own.any():
+        return None
+    return C_NW * Rotation.from_quat(q_wb[own]).mean()
 
 
 def _untrue(truth: TruthLog, stamps: Array, t: float) -> StandError:
