@@ -19,7 +19,7 @@ begin, seen = time.perf_counter(), []
 form = LogForm(gyro_unit="rad/s", accel_unit="m/s^2") if sys.argv[2] == "csv" else None
 log = read_imu(sys.argv[1], form=form, progress=seen.append)
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-print(len(log), time.perf_counter() - begin, peak, len(seen))
+print(len(log), time.perf_counter() - begin, time.process_time(), peak, len(seen))
 """
 
 
@@ -33,12 +33,13 @@ def log_rows(rate: int = RATE, seconds: int = HOUR) -> list[tuple[str, str, str]
             size = path.stat().st_size / 1e6
             command = [sys.executable, "-c", ALONE, str(path), kind]
             told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-            n, wall, peak, seen = told.split()
+            n, wall, cpu, peak, seen = told.split()
             path.unlink()
             rows.append(
                 (
                     f"{int(n):,} samples of {kind} ({size:,.0f} MB)",
-                    f"{float(wall):.0f} s, {int(n) / float(wall):,.0f} samples/s",
+                    f"{float(wall):.0f} s ({float(cpu):.0f} s of computing), "
+                    f"{int(n) / float(wall):,.0f} samples/s",
                     f"{float(peak):.0f} MB, progress {seen} times",
                 )
             )
