@@ -347,7 +347,8 @@ def arm_of(carried: Carried, matched: Match, noise: Noise, priors: Priors, site:
     """
     m, sigma = len(carried.spans), priors.lever_arm
     if not sigma > 0:
-        return Arm(np.zeros(3), *np.zeros((2, m, 3, 3)), np.zeros((3, 3)))
+        none = np.zeros((m, 3, 3))
+        return Arm(np.zeros(3), none, none, np.zeros((3, 3)))
     C_ni, root = matched.C_ni.as_matrix(), np.sqrt(carried.spans)[:, None]
     felt = swings(carried, C_ni, site)
     smooth, _ = np.linalg.qr(_legendre(carried)[:, :_ARM_ORDERS] * root)

@@ -321,6 +321,22 @@ def test_stretches_of_a_recording(here):
     assert [row["label"] for row in told["stretches"]] == ["mine", "dwell 2"]
 
 
+def test_a_page_of_a_log(here):
+    """Of a log without a procedure: where it was, which topic, and what to estimate from."""
+    recorded(here, *IDEAL, procedure="moved.toml")
+    here("stretches", "run", "--shortest", 1, "--out", "s.toml")
+    here("import", "run", "--out", "a.mcap")
+    said = ("report", "a.mcap", "--out", "a.html", "--force")
+    here(*said, "--latitude", 48.5)
+    plain = Path("a.html").read_text(encoding="utf-8")
+    here(*said, "--latitude", 48.5, "--stretches", "s.toml", "--topic", "/imu/data")
+    assert "dwell 2" in Path("a.html").read_text(encoding="utf-8")
+    assert "dwell 2" not in plain
+    wrongs = ("--latitude", 95), ("--topic", "/imu/dat"), ("--stretches", "none.toml")
+    for wrong in (*wrongs, ("--imu", "nobody")):
+        here(*said, *wrong, code=2)
+
+
 def test_one_topic_of_several(here):
     """What perfect sensors read is the same in every sample of a rest, what a unit reads is not."""
     recorded(here, "--imu", "stim300")
