@@ -1,9 +1,11 @@
 """Choices of the methods, apart from the readings and the site."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from alignment.angles import SequenceRule
 from alignment.skew import Axes
+
+_NOISE = ("gyro_walk", "accel_walk")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,12 @@ class Priors:
     accel_cubic: float = 0.0
     gyro_axes: Axes | None = None
     accel_axes: Axes | None = None
+
+    @property
+    def noise_only(self) -> bool:
+        """Whether nothing but noise is known of the unit's errors: so every sigma is of noise."""
+        names = (f.name for f in fields(self) if f.name.startswith(("gyro_", "accel_")))
+        return not any(getattr(self, name) for name in names if name not in _NOISE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,8 @@ _NEAR = np.linspace(-8, 8, 129)  # standard deviations about the true heading
 _ROUND = np.radians(np.arange(-180.0, 180.0, 2.0))
 _DRAWS = np.linspace(-6, 6, 73)  # of a normal number, and their weights
 _WEIGHTS = np.exp(-(_DRAWS**2) / 2) / np.sum(np.exp(-(_DRAWS**2) / 2))
+# two of them, turned by half a radian: no line on which headings change over lies along a row
+_HALF = np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]])
 _STRAIGHT = 0.9  # of the tangent's chi-square: what stays above it everywhere is first order
 _FAR = 36.0  # chi-square beyond which no heading is taken for another
 
@@ -87,7 +89,7 @@ def rival(G: Array) -> Rival:
         return NO_RIVAL
     # chi-square of every heading against what is drawn, less what is the same for all of them
     U = np.linalg.cholesky(G)
-    z = np.stack(np.meshgrid(_DRAWS, _DRAWS, indexing="ij"), axis=-1).reshape(-1, 2)
+    z = np.stack(np.meshgrid(_DRAWS, _DRAWS, indexing="ij"), axis=-1).reshape(-1, 2) @ _HALF
     cost = chi2 - 2 * z @ (d @ U).T
     error = h[np.argmin(cost, axis=1)]
     weights = np.outer(_WEIGHTS, _WEIGHTS).ravel()

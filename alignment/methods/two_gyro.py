@@ -28,7 +28,7 @@ from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
 from alignment.skew import correlated
 from alignment.strapdown import carry
-from alignment.units import ARC_MINUTE, STANDARD_GRAVITY
+from alignment.units import DEG, STANDARD_GRAVITY
 
 METHOD = "two-gyro"
 
@@ -387,5 +387,5 @@ def _check_sway(label: str, readings: ImuReadings, sway: Sway) -> None:
 
 def _doubts(readings: ImuReadings, sway: Sway, latitude: float) -> tuple[str, ...]:
     bound = sway_bound(sway, latitude)
-    flags = (f"published bound of a sample, sway's own rate left out: {bound / ARC_MINUTE:.2g}'",)
+    flags = (f"published bound of a sample, sway's own rate left out: {bound / DEG:.2g} deg",)
     return flags + drift_doubt(np.zeros(3), drift_of(readings.f_b))

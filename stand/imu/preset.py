@@ -380,6 +380,11 @@ class ImuSpec:
     def __post_init__(self) -> None:
         set_owned(self, places=(self.places, (3, 3), float))
 
+    @property
+    def ranges(self) -> tuple[float, float]:
+        """Where gyros [rad/s] and accelerometers [m/s^2] saturate; infinite where not stated."""
+        return self.gyro.range, self.accel.range
+
 
 def load_imu(name: str) -> ImuSpec:
     """A preset by catalogue id or path; `StandError` where it is not right."""

@@ -1,12 +1,16 @@
 """The one entrance for logs: a file of any kind, known by its content, opened as one thing."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NoReturn, Protocol, Self
 
 from stand.errors import StandError
-from stand.recording.content import MESSAGES, kind_of
+from stand.recording.content import COMPRESSED, MESSAGES, kind_of
+from stand.recording.expanded import expand
 from stand.recording.foreign import load_foreign
 from stand.recording.log_form import OF_MESSAGES, OF_TABLES, LogForm
 from stand.recording.mcap.bag import bag_file, is_bag
@@ -60,6 +64,8 @@ def open_log(
     """
     file, form = log_file(path), form or LogForm()
     kind = kind_of(file)
+    if kind in COMPRESSED:
+        return _ExpandedLog(file, kind, form, progress)
     if kind in MESSAGES:
         form.refuse(file, OF_TABLES, "is for tables; this log itself says what is in it")
         return LogFile(file, form, progress)
@@ -94,6 +100,63 @@ def origin_of(log: ImuLog) -> int:
 def is_ours(log: ImuLog) -> bool:
     """Whether this stand wrote the log, or brought it in."""
     return "stand_version" in log.metadata.get(RUN, {})
+
+
+class _ExpandedLog:
+    """A log in a file that is compressed as a whole: what is within, told by the file's name."""
+
+    def __init__(self, path: Path, kind: str, form: LogForm, progress: Progress) -> None:
+        self.path = str(path)
+        self._folder = TemporaryDirectory()
+        self._inner = Path(self._folder.name) / (path.stem or path.name)
+        try:
+            expand(path, kind, self._inner)
+            with self._by_name():
+                if kind_of(self._inner) in COMPRESSED:
+                    raise StandError(f"{self._inner}: is compressed twice")
+                self._log = open_log(self._inner, form, progress)
+        except BaseException:
+            self._folder.cleanup()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._log.__exit__(*exc)
+        self._folder.cleanup()
+
+    @contextmanager
+    def _by_name(self) -> Iterator[None]:
+        try:
+            yield
+        except StandError as error:
+            raise StandError(str(error).replace(str(self._inner), self.path)) from error
+
+    @property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        with self._by_name():
+            return self._log.metadata
+
+    def imu(self, topic: str | None = None) -> ImuLog:
+        with self._by_name():
+            return replace(self._log.imu(topic), path=self.path)
+
+    def truth(self) -> TruthLog:
+        with self._by_name():
+            return replace(self._log.truth(), path=self.path)
+
+    def joints(self, topic: str | None = None) -> JointLog:
+        with self._by_name():
+            return replace(self._log.joints(topic), path=self.path)
+
+    def fixes(self) -> FixLog:
+        with self._by_name():
+            return replace(self._log.fixes(), path=self.path)
+
+    def velocities(self) -> VelocityLog:
+        with self._by_name():
+            return replace(self._log.velocities(), path=self.path)
 
 
 class _TableLog:

@@ -216,7 +216,7 @@ def _parquet(path: Path, columns: Columns) -> None:
         parquet = importlib.import_module("pyarrow.parquet")
     except ImportError:
         raise StandError(
-            "parquet: is written by pyarrow: pip install 'imu-test-stand[parquet]'"
+            "parquet: is written by pyarrow: pip install 'imu-test-stand[logs]'"
         ) from None
     parquet.write_table(pyarrow.table(columns), path)
 

@@ -260,9 +260,18 @@ def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -
             _judged_attitude(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell),
             dwell.nominal,
             site.latitude,
+            mean_attitude(t, truth.q_wb, dwell),
         )
         for k, dwell in zip(last, dwells, strict=True)
     ]
+
+
+def mean_attitude(t: Array, q_wb: Array, dwell: Dwell) -> Rotation | None:
+    """True mean ``C_nb`` of a dwell from samples (n,), (n, 4); None of one that turns."""
+    own = (t > dwell.t_from + EDGE) & (t <= dwell.t_to + EDGE)
+    if dwell.turn is not None or not own.any():
+        return None
+    return C_NW * Rotation.from_quat(q_wb[own]).mean()
 
 
 def _untrue(truth: TruthLog, stamps: Array, t: float) -> StandError:

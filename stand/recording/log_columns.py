@@ -178,13 +178,20 @@ def _place(column: str, names: Sequence[str], width: int) -> int:
 
 def unit_of_header(name: str, dimensions: Sequence[tuple[float, ...]]) -> str | None:
     """The unit that a column's name ends in, if it is of one of these dimensions."""
-    inside = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name)
-    told = inside[1].strip() if inside else ""
+    return named_unit(name, dimensions)[1]
+
+
+def named_unit(name: str, dimensions: Sequence[tuple[float, ...]]) -> tuple[str, str | None]:
+    """A column's name without the unit that it ends in, and that unit."""
+    inside = re.search(r"\s*[\[(]([^\[\]()]+)[\])]\s*$", name)
+    bare, told = (name[: inside.start()], inside[1].strip()) if inside else (name, "")
     if not inside:
         tail = re.split(r"[\s.]", name.lower())[-1]
         fitting = [s for s in _SUFFIXES if tail.endswith("_" + s)]
-        told = _SUFFIXES[max(fitting, key=len)] if fitting else ""
-    return told if told and _dimension(told) in dimensions else None
+        if fitting:
+            suffix = max(fitting, key=len)
+            bare, told = name[: -len(suffix) - 1], _SUFFIXES[suffix]
+    return (bare, told) if told and _dimension(told) in dimensions else (name, None)
 
 
 def _dimension(unit: str) -> tuple[float, ...] | None:

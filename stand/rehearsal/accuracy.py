@@ -3,17 +3,20 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 
+import numpy as np
+
 from alignment import ESTIMATORS, Method
 from alignment.errors import AlignmentError
 from alignment.gains import Answer, Gains
 from alignment.information import Information, InstrumentErrors, Stretch
 from alignment.information.circle import Rival
+from alignment.information.result import DETERMINED
 from alignment.methods.position_gains import known_to
 from alignment.units import DEG
 from stand.motion.plan import Plan, PlannedStep
 from stand.rehearsal.instrument import unit_of
 from stand.rehearsal.planned import planned_stretch
-from stand.rehearsal.predictions import angles, rounder, withheld
+from stand.rehearsal.predictions import Parts, angles, rounder, withheld
 from stand.rehearsal.refusals import (
     check_carried,
     check_quiet,
@@ -22,14 +25,13 @@ from stand.rehearsal.refusals import (
     rival_of,
     rivalled,
 )
-from stand.rehearsal.response import SENSORS, ReadingErrors, Response
+from stand.rehearsal.response import ReadingErrors, Response
 from stand.rehearsal.result import Observability, Prediction
 from stand.rehearsal.rocking import over_time, readings_of, turned_by_heading
 from stand.rehearsal.scene import Scene
-from stand.samples import AXES
 
 Predicted = tuple[list[Prediction], list[Observability]]
-GYRO_BIASES = tuple(f"{SENSORS[0]} bias {axis}" for axis in AXES)
+FOLLOWS = 0.19  # part of a bias's variance: without it the sigma is 10 % smaller
 
 
 def predict(scene: Scene, methods: Sequence[str]) -> Predicted:
@@ -106,9 +108,18 @@ def _by_gains(name: str, gains: Gains, scene: Scene, unit: InstrumentErrors) -> 
         parts = parts if why_not else rounder(parts, other)
         told = angles(name, answer.window, answer.label, C_nb, parts, why, response.bias())
         found += withheld(told, ("heading", "yaw"), doubt or why_not)
-        if answer is answers[0]:  # what heading gives way, the biases of gyros take
-            found += withheld(response.biases(name), GYRO_BIASES, why_not)
+        if answer is answers[0]:
+            found += withheld(response.biases(name), *_with_heading(response, parts, why_not))
     return found, [_observed(name, known(answers[0]))]
+
+
+def _with_heading(response: Response, parts: Parts, why: str) -> tuple[list[str], str]:
+    """The biases that go with a heading of which there is no number, and why there is none."""
+    sigma = float(np.sqrt(sum(parts.values(), np.zeros((3, 3)))[2, 2]))
+    if not why and sigma >= DETERMINED:
+        why = f"it goes with heading, whose sigma of {sigma / DEG:.3g} deg is beyond first order"
+    biases = response.answer.biases if why else ()
+    return [name for name in biases if response.share_of_heading(name) > FOLLOWS], why
 
 
 def _known(answer: Answer, stretches: Sequence[Stretch], scene: Scene) -> Information:

@@ -99,8 +99,8 @@ def _by_means(
 def _at_rest(scene: Scene, step: PlannedStep) -> float:
     """Sigma of heading [rad] by the sensors, where the base stands as it does on average."""
     rocking = readings_of(scene.truth(), scene.plan.motion, step.steady_from, step.steady_to)
-    means = [np.tile(x.mean(axis=0), (len(rocking), 1)) for x in (rocking.w_ib_b, rocking.f_b)]
-    still = ImuReadings(rocking.t, *means)
+    w, f = (np.tile(x.mean(axis=0), (len(rocking), 1)) for x in (rocking.w_ib_b, rocking.f_b))
+    still = ImuReadings(rocking.t, w, f)
     try:
         run = two_gyro_functional(still, scene.site, scene.options)
     except AlignmentError:  # not upright, or at a pole: no rocking helps

@@ -26,7 +26,8 @@ import tempfile
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 
 import libcst as cst
@@ -259,7 +260,8 @@ def begun(copy: Path, mutant: Mutant, tests: list[str], stamp: int) -> int:
 def ended(copy: Path, mutant: Mutant, tests: list[str], status: int) -> Found:
     """What came of it; the copy is as it was."""
     shutil.copy2(ROOT / mutant.file, copy / mutant.file)
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", (copy / "log").read_text(errors="replace"), re.M)
+    log = (copy / "log").read_text(encoding="utf-8", errors="replace")
+    failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - |$)", log, re.M)
     by = ""
     if status:
         by = failed[1] if failed else "time" if os.WIFSIGNALED(status) else "import"
@@ -268,29 +270,43 @@ def ended(copy: Path, mutant: Mutant, tests: list[str], status: int) -> Found:
 
 
 def tried(mutants: list[Mutant], found: dict, jobs: int) -> Iterator[Found]:
-    """Each in turn, `jobs` at a time."""
+    """Each in turn, `jobs` at a time; before them the code as it is, which no test may refuse."""
     for name in OTHERS:
         importlib.import_module(name)
+    as_it_is = [replace(m, code=(ROOT / m.file).read_text(encoding="utf-8")) for m in mutants[:1]]
     with tempfile.TemporaryDirectory() as root:
         free = [copied(Path(root) / str(k)) for k in range(jobs)]
         running: dict[int, tuple[Path, Mutant, list[str]]] = {}
-        for stamp, mutant in enumerate([*mutants, *[None] * jobs], start=1_000_000_000):
-            if running and (mutant is None or not free):
-                child, status = os.wait()
-                with suppress(ProcessLookupError):  # what a test may have left
-                    os.killpg(child, signal.SIGKILL)
-                copy, *own = running.pop(child)
-                free.append(copy)
-                yield ended(copy, *own, status)
-            if mutant is not None:
-                copy, tests = free.pop(), tests_of(mutant, found)
-                running[begun(copy, mutant, tests, stamp)] = copy, mutant, tests
+        queue = [*as_it_is, *mutants, *[None] * jobs]
+        try:
+            for stamp, mutant in enumerate(queue, start=1_000_000_000):
+                if running and (mutant is None or not free):
+                    child, status = os.wait()
+                    _end(child)  # with what a test may have left
+                    copy, *own = running.pop(child)
+                    free.append(copy)
+                    result = ended(copy, *own, status)
+                    if own[0] not in as_it_is:
+                        yield result
+                    elif result.by:
+                        raise SystemExit(f"without a bug: {result.by} fails")
+                if mutant is not None:
+                    copy, tests = free.pop(), tests_of(mutant, found)
+                    running[begun(copy, mutant, tests, stamp)] = copy, mutant, tests
+        finally:
+            for child in running:
+                _end(child)
+
+
+def _end(child: int) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(child, signal.SIGKILL)
 
 
 # --- words ---------------------------------------------------------------------------------------
 
 
-def page(results: list[Found], reasons: list[dict[str, str]], seed: int) -> str:
+def page(results: list[Found], reasons: list[dict[str, str]], seed: object) -> str:
     """docs/mutants.md."""
     why = {(r["file"], r["before"], r["after"]): r["reason"] for r in reasons}
     rows, left = [], []
@@ -311,9 +327,10 @@ def page(results: list[Found], reasons: list[dict[str, str]], seed: int) -> str:
 PAGE = """# Bugs that the tests notice
 
 `make mutants` puts small bugs into the code, one at a time (a sign, a factor, a limit, a term left
-out), and runs the quick tests that pass the changed line. It writes this page; reasons are kept in
-`tests/benchmarks/mutants.toml`. Which bugs is drawn by a seed (here {seed}): `make mutants
-ARGS="--seed 5 --each 60"` draws others, `--areas recording` of one area alone.
+out), and runs the quick tests that pass the changed line, until one fails. It makes this page of
+it; `tests/benchmarks/mutants.toml` holds why some bugs make no difference. Words, annotations and
+checks of types are left alone. Which bugs is drawn by a seed, here {seed}:
+`make mutants ARGS="--seed 5 --each 60"` draws others, `--areas recording` those of one area.
 
 | area | bugs | of them make no difference | noticed | |
 |---|---|---|---|---|
@@ -341,9 +358,11 @@ def main() -> None:
         sys.exit(pytest.main(args, plugins=[Map(asked.map_into)]))
     OUT.mkdir(parents=True, exist_ok=True)
     found = json.loads(asked.map.read_text(encoding="utf-8")) if asked.map else mapped(OUT)
-    mutants = [m for area in asked.areas for m in sample(area, asked.seed, asked.each)]
+    samples = [sample(area, asked.seed, asked.each) for area in asked.areas]
+    mutants = [m for together in zip_longest(*samples) for m in together if m]
     results = []
-    with (OUT / "results.jsonl").open("w", encoding="utf-8") as kept:
+    # Ctrl-C: the page tells of those that were tried
+    with (OUT / "results.jsonl").open("w", encoding="utf-8") as kept, suppress(KeyboardInterrupt):
         for result in tried(mutants, found, asked.jobs):
             results.append(result)
             print(f"{len(results)}/{len(mutants)} {result.file}:{result.line} {result.by or '-'}")

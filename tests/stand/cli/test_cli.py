@@ -705,7 +705,7 @@ def test_mcap_whose_stamps_go_back(refused, tmp_path):
     with_stamps(log, tmp_path / "back.mcap", {first: second, second: first})
     assert refused("align", "back.mcap") == (
         f"back.mcap: /imu/data: message 101: header stamp {t_ns[100]} ns is not later than "
-        f"{t_ns[101]} ns before it; stamps must increase"
+        f"{t_ns[101]} ns before it; stamps must increase (or try --stamps log)"
     )
     with_stamps(log, tmp_path / "whole.mcap", {})
     assert read_imu(tmp_path / "whole.mcap").t_ns.tolist() == t_ns
