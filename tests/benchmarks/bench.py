@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from bench_logs import log_rows
 from bench_methods import compare_rows, method_rows
 from bench_rehearsal import rehearsal_rows
 from mujoco.batch import Batch
@@ -237,7 +238,7 @@ def command_rows(folder: Path) -> list[tuple[str, str, str]]:
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         rows = [*truth_rows(), *servo_rows(), *imu_rows(), *method_rows(best), *compare_rows()]
-        rows += [*rehearsal_rows(), *command_rows(Path(folder))]
+        rows += [*rehearsal_rows(), *command_rows(Path(folder)), *log_rows()]
     title = f"Speed on {os.cpu_count()} cores"
     show(console(), [TableData(title, ("what", "measured", "ratio"), tuple(rows))])
 

@@ -119,6 +119,6 @@ def test_faults_are_one_line(recordings, tmp_path, monkeypatch):
     with pytest.raises(stand.StandError, match=r"x_stretches\.toml: exists"):
         export_log(log, tmp_path / "x.csv", "csv")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(stand.StandError, match=r"pip install 'imu-test-stand\[parquet\]'"):
+    with pytest.raises(stand.StandError, match=r"pip install 'imu-test-stand\[logs\]'"):
         export_log(log, tmp_path / "x.parquet", "parquet", force=True)
     assert not (tmp_path / "x.parquet").exists()
