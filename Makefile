@@ -1,4 +1,4 @@
-.PHONY: demo test lint bench proof clean
+.PHONY: demo test lint bench proof mutants fuzz clean
 
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -22,6 +22,13 @@ proof: $(READY)
 	$(PY) tests/benchmarks/proof.py
 	$(PY) tests/benchmarks/proof_allan.py
 	$(PY) tests/benchmarks/proof_nees.py
+
+mutants: $(READY)
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[mutants]'
+	$(PY) tests/benchmarks/mutants.py $(ARGS)
+
+fuzz: $(READY)
+	$(PY) tests/benchmarks/fuzz.py
 
 $(READY): pyproject.toml
 	python3 -m venv $(VENV)

@@ -28,9 +28,11 @@ if TYPE_CHECKING:
         unit,
     )
     from stand.errors import StandError
+    from stand.recording.log_form import LogForm
     from stand.simulation.settings import settings
 
 __all__ = [
+    "LogForm",
     "StandError",
     "__version__",
     "align",
@@ -47,7 +49,11 @@ __all__ = [
     "stretches",
     "unit",
 ]
-_ELSEWHERE = {"StandError": "stand.errors", "settings": "stand.simulation.settings"}
+_ELSEWHERE = {
+    "LogForm": "stand.recording.log_form",
+    "StandError": "stand.errors",
+    "settings": "stand.simulation.settings",
+}
 
 
 def __getattr__(name: str):

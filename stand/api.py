@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from stand.imu import ImuSpec
     from stand.imu.unit import Unit
     from stand.recording.log import Log
+    from stand.recording.log_form import LogForm
     from stand.results import (
         Aligned,
         Analysed,
@@ -190,13 +191,15 @@ def read(
     start_sigma_deg: float | None = None,
     fix_sigma: Sequence[float] | None = None,
     stretches: Named | None = None,
+    form: LogForm | None = None,
+    progress: Progress = _quiet,
 ) -> Recording:
-    """A recording, ours or any MCAP or ROS 2 bag with ``sensor_msgs/msg/Imu``.
+    """A recording: ours, or a log of any kind.
 
     Parameters
     ----------
     path : path
-        An MCAP file, a ROS 2 bag (its folder, or .db3), or a folder of `stand.run`.
+        A file, a folder of `stand.run` or of a ROS 2 bag.
     topic : str, optional
         Of the IMU, where there are several.
     t_from_s, t_to_s : float, optional
@@ -216,6 +219,10 @@ def read(
     stretches : path, optional
         A TOML file that names the log's stretches, with attitudes and turns, in place of the
         recording's own; `stand.stretches` finds them.
+    form : stand.LogForm, optional
+        Columns, units, axes and what else a log of others does not say itself.
+    progress : callable
+        Told the part read, 0 to 1.
 
     Raises
     ------
@@ -237,22 +244,18 @@ def read(
 
     vehicle = vehicle_of(moving, start_attitude_deg, start_sigma_deg, fix_sigma)
     named = None if stretches is None else load_stretches(stretches)
-    file = recording_file(path)
-    log = load_log(file, topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle, named)
+    log = load_log(
+        _path(path), topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle, named, form, progress
+    )
     return shown(Recording, log)
 
 
-def recording_file(path: Named) -> Path:
-    """The file of a recording: itself, or that of a folder; a bag of several is its folder."""
+def _path(path: Named) -> Path:
     from stand.errors import StandError
-    from stand.recording.mcap.bag import bag_file, is_bag
 
     if not isinstance(path, str | PathLike):
         raise StandError(f"recording = {path!r}: must be a path")
-    path = Path(path)
-    if not path.is_dir():
-        return path
-    return bag_file(path) if is_bag(path) else path / "run.mcap"
+    return Path(path)
 
 
 def align(
@@ -520,6 +523,8 @@ def allan(
     topic: str | None = None,
     t_from_s: float | None = None,
     t_to_s: float | None = None,
+    form: LogForm | None = None,
+    progress: Progress = _quiet,
 ) -> Analysed:
     """Allan analysis of a unit at rest: noise terms with intervals, against its data sheet.
 
@@ -534,6 +539,10 @@ def allan(
         Of the IMU, where a file has several.
     t_from_s, t_to_s : float, optional
         The stretch to use; else the longest rest, or all.
+    form : stand.LogForm, optional
+        As for `stand.read`.
+    progress : callable
+        Told the part read, 0 to 1.
 
     Raises
     ------
@@ -563,7 +572,9 @@ def allan(
     if isinstance(recording, (Log, Simulated)):
         source = _log(recording).imu
     else:
-        source = recording_file(recording)
+        from stand.recording.entrance import read_imu
+
+        source = read_imu(_path(recording), topic, form, progress)
     return shown(Analysed, analyse(source, topic, t_from_s, t_to_s, imu, asked))
 
 

@@ -26,10 +26,10 @@ from stand.samples import ImuBlock, TruthBlock
 from stand.table.kinematics import C_NW
 from stand.vehicle.scenario import (
     fixes_of,
-    programmed,
     readings_of,
     reported,
     sense,
+    started,
 )
 from stand.versions import versions
 
@@ -118,7 +118,7 @@ def _simulated(settings: DriveSettings, progress: Progress) -> _Driven:
         imu=block,
         readings=readings_of(block),
         fixes=fixes_of(path, settings.drive.satellite, _stream(settings.seed, _FIXES)),
-        start=programmed(path, START_SIGMA, _stream(settings.seed, _START)),
+        start=started(settings.drive, START_SIGMA, _stream(settings.seed, _START)),
     )
 
 

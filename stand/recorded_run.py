@@ -40,7 +40,7 @@ from stand.recording.metadata import (
 from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
 from stand.samples import CHANNELS, ImuBlock, TruthBlock
-from stand.simulation.collector import DwellCollector
+from stand.simulation.collector import DwellCollector, TrueAttitudes
 from stand.simulation.settings import Settings, methods_of, run_id
 from stand.simulation.simulation import Simulation, begins_of
 from stand.simulation.step_record import StepRecord
@@ -282,10 +282,13 @@ class _Run:
         }
 
     def _evaluate(
-        self, dwells: Sequence[Dwell], attitudes: Sequence[Rotation]
+        self, dwells: Sequence[Dwell], attitudes: TrueAttitudes
     ) -> tuple[list[Score], list[Refusal]]:
         latitude = self.settings.site.latitude
-        truths = [Truths(C, d.nominal, latitude) for d, C in zip(dwells, attitudes, strict=True)]
+        truths = [
+            Truths(C, d.nominal, latitude, mean)
+            for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
+        ]
         s = self.settings
         return evaluate_each(dwells, truths, s.site, s.options, methods_of(s))
 

@@ -19,7 +19,7 @@ from stand.evaluation.run_result import RunResult
 from stand.evaluation.score import Truths
 from stand.evaluation.side_by_side import SideBySide
 from stand.recording.found_stretches import FoundStretches
-from stand.recording.log import Log
+from stand.recording.log import Log, mean_attitude
 from stand.recording.mcap.reader import ImuLog
 from stand.recording.metadata import RUN, describe_schedule
 from stand.rehearsal.result import Rehearsal
@@ -117,14 +117,14 @@ class Simulated(Shown):
     def log(self) -> Log:
         """The same as `stand.read` gives it of a recording."""
         s = self.settings
-        latitude = s.site.latitude
+        latitude, q_wb = s.site.latitude, (C_NW.inv() * self.C_nb).as_quat()
         return Recording(
             path=self.name,
             topic="",
             simulated=True,
             dwells=self.stretches,
             truths=tuple(
-                Truths(C, dwell.nominal, latitude)
+                Truths(C, dwell.nominal, latitude, mean_attitude(self.t, q_wb, dwell))
                 for dwell, C in zip(self.stretches, self.attitudes, strict=True)
             ),
             site=s.site,

@@ -13,6 +13,9 @@ DOORS = {
     "mujoco": ("stand.physics",),
     "mcap": ("stand.recording.mcap",),
     "rosbags": ("stand.recording.mcap.bag",),
+    "pyulog": ("stand.recording.formats.ulog",),
+    "h5py": ("stand.recording.formats.hdf5",),
+    "pyarrow": ("stand.recording.formats.parquet", "stand.recording.export"),
     "rerun": ("stand.recording.review", "stand.recording.viewer"),
     "ruckig": ("stand.motion.moves",),
     "typer": ("stand.cli",),
@@ -20,7 +23,6 @@ DOORS = {
     "allantools": ("alignment.allan",),
     "matplotlib": ("stand.report",),
     "jinja2": ("stand.report",),
-    "pyarrow": ("stand.recording.export",),
     "tomllib": ("stand.toml_files",),
 }
 OURS = ("alignment", "stand")

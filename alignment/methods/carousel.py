@@ -206,7 +206,7 @@ def whole_turns(dwell: Dwell) -> tuple[ImuReadings, Array]:
             "needed"
         )
     last = int(np.argmin(np.abs(turned - 2 * np.pi * turns)))
-    cut = ImuReadings(part.t[:last], part.w_ib_b[:last], part.f_b[:last])
+    cut = replace(part, t=part.t[:last], w_ib_b=part.w_ib_b[:last], f_b=part.f_b[:last])
     return cut, angle[: last + 1]
 
 

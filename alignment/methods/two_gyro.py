@@ -23,9 +23,10 @@ from alignment.levelling import level
 from alignment.methods.inertial import LEAST_SPECTRUM, white_levels
 from alignment.methods.position_fit import ROUNDING, local_vectors
 from alignment.noise import drift_of, gap_doubt, integral_variance, low_density
-from alignment.options import Options
+from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
+from alignment.skew import correlated
 from alignment.strapdown import carry
 from alignment.units import DEG, STANDARD_GRAVITY
 
@@ -119,10 +120,9 @@ def azimuth_of_sway(
     size = np.hypot(A, B)
     if not abs(C) < size:
         raise AlignmentError("no azimuth gives such rates")
-    both = -np.arctan2(B, A) + np.arccos(-C / size) * np.array([1.0, -1.0])
-    m1 = np.cos(both) * p1 - np.sin(both) * q1 + t * u1
-    m3 = -np.sin(both) * q3 + t * u3
-    return float(both[np.argmax(f1 * m1 + f2 * m3)])
+    # As the azimuth goes round, (m_1, m_3) goes round zero once, the way X1 turns: rates along it
+    # cross zero downward, at the other root those against it do upward.
+    return float(np.arccos(-C / size) - np.arctan2(B, A))
 
 
 @dataclass(frozen=True, slots=True)
@@ -353,7 +353,20 @@ def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
             quiet_density(readings.f_b, readings.interval) / T + drift_of(readings.f_b) ** 2,
         ]
     )
-    return np.diag(variances + ROUNDING**2) + constant_covariance(means, options.priors)
+    noise = np.diag(variances + ROUNDING**2) + _between_axes(readings, options.priors) / T
+    return noise + constant_covariance(means, options.priors)
+
+
+def _between_axes(readings: ImuReadings, priors: Priors) -> Array:
+    """What white noise (6, 6) [u^2/Hz] of triads skewed by design shares between components."""
+    shared = np.zeros((6, 6))
+    triads = ((readings.w_ib_b, priors.gyro_axes), (readings.f_b, priors.accel_axes))
+    for k, (values, axes) in enumerate(triads):
+        if axes is not None:
+            density = quiet_density(values, readings.interval)
+            own = slice(3 * k, 3 * k + 3)
+            shared[own, own] = correlated(density, axes) - np.diag(density)
+    return shared
 
 
 def _check_sway(label: str, readings: ImuReadings, sway: Sway) -> None:

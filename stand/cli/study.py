@@ -69,10 +69,18 @@ def compare(
         bool,
         typer.Option("--published", help="Print published figures beside ours, with verdicts."),
     ] = False,
+    only: Annotated[
+        str,
+        typer.Option(
+            metavar="PLACE", help="Of --published: one paper or place, as 'S4 formula (13)'."
+        ),
+    ] = "",
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="For the picture; default: recordings/compare_PROCEDURE_IMU_seedN."
+            metavar="DIR",
+            help="For the picture; default: recordings/compare_PROCEDURE_IMU_seedN. With "
+            "--published: a page with its pictures.",
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -93,12 +101,14 @@ def compare(
         _compare_recordings(procedure, other, imu, words(methods), stretches, latitude, as_json)
         return
     if published:
-        _compare_published(as_json)
+        _compare_published(only, out, as_json)
         return
     with quick_imports():
         import stand
         from stand.evaluation.comparison import to_json
 
+    if only:
+        raise stand.StandError("--only: of --published, which is not given")
     if procedure is None:
         raise stand.StandError("compare: name a procedure (stand list procedures), or --published")
     settings = stand.settings(
@@ -165,18 +175,27 @@ def _compare_recordings(
         out.print(line, markup=False)
 
 
-def _compare_published(as_json: bool) -> None:
-    from stand.evaluation.published import all_figures, to_json
+def _compare_published(only: str, out: Path | None, as_json: bool) -> None:
+    with quick_imports():
+        from stand.evaluation.published import audit, row_json
 
-    with working("working out what the papers print", as_json):
-        figures = all_figures()
+    with progress("what the papers print, and ours", as_json) as report:
+        rows = audit(only, report)
     if as_json:
-        print_json({"published": [to_json(figure) for figure in figures]})
-        return
-    from stand.report.compare import published_text
-    from stand.report.console import console
+        print_json({"published": [row_json(row) for row in rows]})
+    else:
+        from stand.report.console import console
+        from stand.report.published import audit_text
 
-    print(published_text(figures, console().width))
+        print(audit_text(rows, console().width))
+    if out is not None:  # after the answer: a folder that cannot be written costs no runs
+        from stand.report.published import write_audit
+
+        with working("drawing the pictures", as_json):
+            written = write_audit(rows, out)
+        if not as_json:
+            for path in written:
+                print(path)
 
 
 def _unseen(done: float) -> None:

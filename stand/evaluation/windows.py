@@ -28,13 +28,10 @@ LIMITS = {
     "yaw": ANGLE_LIMIT,
     "latitude": LATITUDE_LIMIT,
 }  # sigmas that say nothing
+BELOW = "scatter below sigma: what is common to all windows, or a unit better than its sheet"
 BASE_MOVES = "the base moves, and so does what is estimated"
 NOISE_ONLY = "noise only"
-_TOLD = tuple(
-    f"{sensor}_{name}"
-    for sensor in ("gyro", "accel")
-    for name in ("bias", "instability", "random_walk", "ramp")
-)
+BEYOND = "scatter beyond sigma: what changes from window to window shows in none of them"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +52,7 @@ class Scatter:
         Windows that were estimated.
     scatter, low, high : float
         Standard deviation about their own mean (n - 1) [rad] and its 95 % interval by chi-square,
-        as of independent normal values; NaN of one window.
+        as of independent normal values; NaN of one window, and where one of them does not tell.
     sigma : float or None
         Root mean square of the sigmas stated [rad]; None where a method states none, or one that
         says nothing (above 30 deg of heading, 10 deg of latitude).
@@ -78,7 +75,9 @@ class Scatter:
     @property
     def ratio(self) -> float | None:
         """Variance of the estimates over that which is stated; 1 of a sigma that is right."""
-        return None if not self.sigma or self.count < 2 else (self.scatter / self.sigma) ** 2
+        if not self.sigma or not np.isfinite(self.scatter):
+            return None
+        return (self.scatter / self.sigma) ** 2
 
 
 def check_lengths(lengths: Sequence[float]) -> None:
@@ -200,9 +199,9 @@ def _summed(
     groups: dict[tuple[str, str], list[AttitudeEstimate]] = {}
     for e in estimates:
         groups.setdefault((e.label, e.window), []).append(e)
-    sheet = any(getattr(priors, name) > 0 for name in _TOLD)
     for (label, window), members in groups.items():
-        remarks = ([] if sheet else [NOISE_ONLY]) + ([BASE_MOVES] if label in moving else [])
+        remarks = [NOISE_ONLY] if priors.noise_only else []
+        remarks += [BASE_MOVES] if label in moving else []
         for quantity, values, sigmas in _quantities(members):
             n = len(values)
             scatter = _spread(values)
@@ -216,6 +215,10 @@ def _summed(
             if sigma is not None and sigma > LIMITS.get(quantity, np.inf):
                 told.append(f"not determined: sigma {sigma / DEG:.0f} deg")
                 sigma = None
+            if sigma is not None and low > sigma and label not in moving:
+                told.append(BEYOND)
+            if sigma is not None and high < sigma and label not in moving and not priors.noise_only:
+                told.append(BELOW)
             yield Scatter(
                 method=method,
                 window=window,
@@ -260,7 +263,9 @@ def _spread(angles: Array) -> float:
 
 def scatter_to_json(row: Scatter) -> dict[str, Any]:
     """One row for machines, in degrees; null where there is no number."""
-    lone = row.count < 2
+    scatter, low, high = (
+        x / DEG if np.isfinite(x) else None for x in (row.scatter, row.low, row.high)
+    )
     return {
         "method": row.method,
         "window": row.window,
@@ -268,9 +273,9 @@ def scatter_to_json(row: Scatter) -> dict[str, Any]:
         "seconds": row.seconds,
         "quantity": row.quantity,
         "windows": row.count,
-        "scatter_deg": None if lone else row.scatter / DEG,
-        "scatter_low_deg": None if lone else row.low / DEG,
-        "scatter_high_deg": None if lone else row.high / DEG,
+        "scatter_deg": scatter,
+        "scatter_low_deg": low,
+        "scatter_high_deg": high,
         "sigma_deg": None if row.sigma is None else row.sigma / DEG,
         "variance_over_stated": row.ratio,
         "remark": row.remark,

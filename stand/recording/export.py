@@ -16,8 +16,8 @@ from stand.errors import StandError, unknown
 from stand.folder import file_beside, refuse_files, write_file
 from stand.imu.priors import placement
 from stand.recording.encoders import Encoders
+from stand.recording.entrance import open_log
 from stand.recording.log import Log
-from stand.recording.mcap.reader import LogFile
 from stand.recording.metadata import (
     RUN,
     SCHEDULE,
@@ -94,7 +94,7 @@ def columns_of(log: Log) -> Columns:
     found |= _six(READINGS, log.readings.w_ib_b, log.readings.f_b)
     if not log.simulated or not Path(log.path).is_file():
         return found
-    with LogFile(log.path) as file:
+    with open_log(log.path) as file:
         truth = file.truth()
         joints = file.joints() if SCHEDULE in log.imu.metadata else None
     if np.array_equal(truth.t_ns, log.imu.t_ns):
@@ -216,7 +216,7 @@ def _parquet(path: Path, columns: Columns) -> None:
         parquet = importlib.import_module("pyarrow.parquet")
     except ImportError:
         raise StandError(
-            "parquet: is written by pyarrow: pip install 'imu-test-stand[parquet]'"
+            "parquet: is written by pyarrow: pip install 'imu-test-stand[logs]'"
         ) from None
     parquet.write_table(pyarrow.table(columns), path)
 

@@ -15,7 +15,9 @@ from alignment.sampling import bursts, evened, repeats
 from stand.errors import StandError, located
 from stand.evaluation.score import Truths
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
-from stand.recording.mcap.reader import ImuLog, LogFile, TruthLog
+from stand.recording.entrance import OpenLog, Progress, open_log, unseen
+from stand.recording.log_form import LogForm
+from stand.recording.mcap.reader import ImuLog, TruthLog
 from stand.recording.metadata import (
     RUN,
     SCHEDULE,
@@ -62,8 +64,10 @@ def load_log(
     turn_axis: Sequence[float] | None = None,
     vehicle: Vehicle | None = None,
     named: StretchesEntry | None = None,
+    form: LogForm | None = None,
+    progress: Progress = unseen,
 ) -> Log:
-    """Read a recording and part it into dwells and turns at constant rate.
+    """Read a recording, or a log of any kind, and part it into dwells and turns at constant rate.
 
     A recording of ours brings its stretches, nominal and true attitudes and site; any other log,
     or a stretch chosen by `t_from` and `t_to`, is one dwell. A drive is one, with its fixes. Times
@@ -86,6 +90,10 @@ def load_log(
         The log is that of a vehicle, with satellite fixes; recordings of drives need no telling.
     named : StretchesEntry, optional
         The stretches of the log, in place of its own; see `load_stretches`.
+    form : LogForm, optional
+        What is stated of a log of others; see `open_log`.
+    progress : callable
+        Told the part read, 0 to 1.
 
     Raises
     ------
@@ -98,12 +106,12 @@ def load_log(
         raise StandError("turn axis: must have a turn joint with it")
     if named is not None and (t_from, t_to, turn_joint, vehicle) != (None,) * 4:
         raise StandError("stretches: must not stand beside another choice of a stretch")
-    with LogFile(path) as file:
+    with open_log(path, form, progress) as file:
         return _parted(file, topic, (t_from, t_to), turn_joint, turn_axis, vehicle, named)
 
 
 def _parted(
-    file: LogFile,
+    file: OpenLog,
     topic: str | None,
     limits: tuple[float | None, float | None],
     turn_joint: str | None,
@@ -164,7 +172,7 @@ def _parted(
         methods=methods,
         imu=imu,
         readings=readings,
-        doubts=doubts,
+        doubts=imu.doubts + doubts,
     )
 
 
@@ -252,9 +260,18 @@ def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -
             _judged_attitude(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell),
             dwell.nominal,
             site.latitude,
+            mean_attitude(t, truth.q_wb, dwell),
         )
         for k, dwell in zip(last, dwells, strict=True)
     ]
+
+
+def mean_attitude(t: Array, q_wb: Array, dwell: Dwell) -> Rotation | None:
+    """True mean ``C_nb`` of a dwell from samples (n,), (n, 4); None of one that turns."""
+    own = (t > dwell.t_from + EDGE) & (t <= dwell.t_to + EDGE)
+    if dwell.turn is not None or not own.any():
+        return None
+    return C_NW * Rotation.from_quat(q_wb[own]).mean()
 
 
 def _untrue(truth: TruthLog, stamps: Array, t: float) -> StandError:

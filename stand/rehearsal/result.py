@@ -366,7 +366,7 @@ class Rehearsal:
 
         CONTRADICTED where runs contradict a prediction: nothing that rests on it holds.
         """
-        if self.verification is not None and self.verification.disagreeing:
+        if self.verification is not None and self.verification.contradicts:
             return Verdict.CONTRADICTED
         open_ones = {j.verdict for j in self.judgements}
         if not self.feasible or Verdict.FAIL in open_ones:

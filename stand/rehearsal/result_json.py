@@ -150,7 +150,10 @@ def _verification(v: Verification) -> dict[str, Any]:
         "seed": v.seed,
         "seconds": v.seconds,
         "achieved": [_achieved(a) for a in v.achieved],
-        "refused": [{"method": r.method, "runs": r.runs, "reason": r.reason} for r in v.refused],
+        "refused": [
+            {"method": r.method, "runs": r.runs, "reason": r.reason, "contradicts": r in v.silent}
+            for r in v.refused
+        ],
     }
 
 

@@ -16,6 +16,7 @@ from stand.evaluation.aligned import Alignment, align
 from stand.evaluation.allan import analyse
 from stand.evaluation.score import Refusal, Truths
 from stand.folder import refuse_files, write_file
+from stand.imu import load_imu
 from stand.recording.found_stretches import FoundStretches, stretches_of
 from stand.recording.log import Log
 from stand.report.allan import picture
@@ -24,6 +25,7 @@ from stand.report.document import ANGLE_NOTE, refusal_lines, score_tables
 from stand.report.figures import channels
 from stand.report.page import data_uri, render, span_text
 from stand.report.stretches import stretches_table
+from stand.simulation.settings import site_with
 
 _YEAR_1990 = 631_152_000 * 10**9  # ns: stamps before it are no date
 
@@ -53,7 +55,7 @@ def write_log_page(
     Raises
     ------
     StandError
-        A page is there (and not `force`); the file cannot be written.
+        A page is there (and not `force`); the file cannot be written; no such latitude or unit.
     """
     path = Path(log.path)
     target = out or path.with_name(f"{path.stem}_report.html")
@@ -63,6 +65,9 @@ def write_log_page(
 
 def page(log: Log, imu: str | None = None, latitude_deg: float | None = None) -> str:
     """The page of a log: HTML that needs nothing else."""
+    latitude = site_with(log.site, latitude_deg, None).latitude
+    if imu is not None:
+        load_imu(imu)  # a name that is none is no matter of the readings
     found = stretches_of(log)
     rests = _rests(log, found)
     answer, refusals = _aligned(rests, imu, latitude_deg)
@@ -72,7 +77,7 @@ def page(log: Log, imu: str | None = None, latitude_deg: float | None = None) ->
         "name": Path(log.path).name,
         "path": log.path,
         "subtitle": f"Topic {log.topic}" if log.topic else "Samples of one IMU",
-        "facts": _facts(log, latitude_deg),
+        "facts": _facts(log, latitude),
         "doubts": doubts,
         "channels": channels(log.readings, [(d.t_from, d.t_to) for d in rests.dwells]),
         "stretches": stretches_table(found),
@@ -84,12 +89,10 @@ def page(log: Log, imu: str | None = None, latitude_deg: float | None = None) ->
     return render("log.html.j2", content)
 
 
-def _facts(log: Log, latitude_deg: float | None) -> list[tuple[str, str]]:
+def _facts(log: Log, latitude: float | None) -> list[tuple[str, str]]:
     r = log.readings
     first = int(log.imu.t_ns[0])
     date = datetime.fromtimestamp(first / 1e9, UTC).strftime("%Y-%m-%d %H:%M UTC")
-    known = latitude_deg is not None or log.site.latitude is not None
-    latitude = latitude_deg if latitude_deg is not None else (log.site.latitude or 0.0) / DEG
     rate = float(np.linalg.norm(r.w_ib_b.mean(axis=0))) / DEG_PER_HOUR
     return [
         *([("begins", date)] if first >= _YEAR_1990 else []),
@@ -98,7 +101,7 @@ def _facts(log: Log, latitude_deg: float | None) -> list[tuple[str, str]]:
         ("longest step", f"{1e3 * float(np.diff(r.t).max()):.3g} ms"),
         ("mean rate", f"{rate:.4g} deg/h"),
         ("mean specific force", f"{np.linalg.norm(r.f_b.mean(axis=0)):.5g} m/s²"),
-        ("latitude", f"{latitude:g}°" if known else "unknown"),
+        ("latitude", "unknown" if latitude is None else f"{latitude / DEG:g}°"),
     ]
 
 

@@ -10,7 +10,8 @@ import scipy.io
 import stand
 from alignment.units import ARC_SECOND
 from stand.recording.export import READINGS, WRITERS, export_log, stretches_file
-from stand.recording.foreign import LogForm, import_foreign
+from stand.recording.foreign import LogForm
+from stand.recording.importing import import_log
 
 HZ = 5
 NAMED = "t=t_s," + ",".join(f"{n[:2]}={n}" for n in READINGS)
@@ -75,7 +76,7 @@ def test_without_its_procedure_a_run_gives_the_same_estimate(recordings, tmp_pat
     log = stand.read(run)
     with_procedure = stand.align(log, method=(method := log.methods[-1]))
     export_log(log, tmp_path / "x.csv", "csv")
-    import_foreign(tmp_path / "x.csv", tmp_path / "x.mcap", LogForm(columns=NAMED))
+    import_log(tmp_path / "x.csv", tmp_path / "x.mcap", LogForm(columns=NAMED))
     named = tmp_path / "x_stretches.toml"
     if not given:
         named = tmp_path / "found.toml"
@@ -103,7 +104,7 @@ def test_without_its_procedure_a_run_gives_the_same_estimate(recordings, tmp_pat
 def test_a_foreign_log_has_readings_alone(recordings, tmp_path):
     log = stand.read(recordings / "two-position")
     export_log(log, tmp_path / "x.csv", "csv")
-    import_foreign(tmp_path / "x.csv", tmp_path / "x.mcap", LogForm(columns=NAMED))
+    import_log(tmp_path / "x.csv", tmp_path / "x.mcap", LogForm(columns=NAMED))
     (out,) = export_log(stand.read(tmp_path / "x.mcap"), tmp_path / "y.npz", "npz")
     assert list(np.load(out)) == ["t_s", *READINGS]
 
@@ -118,6 +119,6 @@ def test_faults_are_one_line(recordings, tmp_path, monkeypatch):
     with pytest.raises(stand.StandError, match=r"x_stretches\.toml: exists"):
         export_log(log, tmp_path / "x.csv", "csv")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(stand.StandError, match=r"pip install 'imu-test-stand\[parquet\]'"):
+    with pytest.raises(stand.StandError, match=r"pip install 'imu-test-stand\[logs\]'"):
         export_log(log, tmp_path / "x.parquet", "parquet", force=True)
     assert not (tmp_path / "x.parquet").exists()
