@@ -14,13 +14,14 @@ from pydantic.fields import FieldInfo
 
 from stand.errors import unknown
 from stand.imu.bands import ACCEL_BANDS, GYRO_BANDS
-from stand.imu.preset import ImuEntry, Places, Stated
+from stand.imu.preset import ImuEntry, Stated
 from stand.procedure.procedure import ProcedureEntry
 from stand.procedure.steps import Background, Step
 from stand.table.joints import JOINTS
 from stand.table.table import TableEntry
 from stand.toml_files import Entry
 
+_IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 LONGEST = 96  # characters of a line of comment
 _SOURCE = "document, revision, page"
 # Values that show what a key is for, by the key; others are the default, or lie in the bounds.
@@ -193,8 +194,18 @@ def _inner(field: FieldInfo) -> type[Entry] | None:
     """The model of a key that is a table of its own; not of a stated value, which is inline."""
     for kind in _parts(field.annotation):
         if isinstance(kind, type) and issubclass(kind, Entry) and kind.__name__ != "AttitudeEntry":
-            return None if issubclass(kind, Stated | Places) else kind
+            return None if _is_stated(kind) else kind
     return None
+
+
+def _is_stated(kind: Any) -> bool:
+    """Whether it is a value with its source, which stands in one line."""
+    return (
+        isinstance(kind, type)
+        and issubclass(kind, Entry)
+        and "source" in kind.model_fields
+        and ("value" in kind.model_fields)
+    )
 
 
 def _parts(annotation: Any) -> list[Any]:
@@ -241,9 +252,12 @@ def _sample(name: str, field: FieldInfo) -> Any:
     kinds = _parts(field.annotation)
     if any(isinstance(k, type) and issubclass(k, Stated) for k in kinds):
         return {"value": _typical(name), "kind": "typical", "source": _SOURCE}
-    if Places in kinds:
-        place = (0.0, 0.0, 0.0)
-        return {"value": (place, place, place), "kind": "typical", "source": _SOURCE}
+    stated = next((kind for kind in kinds if _is_stated(kind)), None)
+    if stated is not None:
+        (kind,) = _parts(stated.model_fields["value"].annotation)
+        value = _IDENTITY if get_origin(kind) is tuple else 90.0
+        known = {"value": value, "kind": "typical", "source": _SOURCE}
+        return {key: known[key] for key in stated.model_fields if key in known}
     default = None if field.is_required() else field.get_default(call_default_factory=True)
     if default is not None and not isinstance(default, Entry) and default not in ("", (), {}):
         return default

@@ -491,8 +491,9 @@ def test_the_page_of_a_run(run_page, recorded):
     shown = checked(run_page)
     assert shown.said.startswith("Run: Short test Recorded run: Short test")
     assert "six-position, same window [deg]" in shown.said
-    # six-position has two windows; rk4 one; triad follows nothing over time; and the timeline
-    assert len(shown.of("svg")) == 4
+    # six-position has two windows; rk4 one; triad follows nothing over time; and the timeline;
+    # and the channels
+    assert len(shown.of("svg")) == 5
     assert "no servo was simulated" in shown.said
     text = (recorded.folder / "run.mcap").read_bytes()
     from hashlib import sha256
@@ -500,7 +501,7 @@ def test_the_page_of_a_run(run_page, recorded):
     assert sha256(text).hexdigest() in shown.said
     # the numbers of the table are those of the recording
     rk4 = next(e for e in recorded.printed["estimates"] if e["method"] == "rk4")
-    assert f"{rk4['error_pitch_deg']:+.4f}" in shown.said
+    assert f"{rk4['error_pitch_deg']:+.3f}"[:6] in shown.said
 
 
 def test_the_servos_table(recorded, tmp_path, quick_pictures):

@@ -116,8 +116,8 @@ def test_a_table_of_errors_with_its_footers():
         "error pitch",
     )
     assert table.rows == (
-        ("A", "y-p-r", "0.0000", "1.0000", "0.0000", "0 ± 0.2", "+1.0000 ± 0.2", "0 ± 0.2"),
-        ("B", "y-p-r", "0.0000", "3.0000", "0.0000", "0 ± 0.2", "+3.0000 ± 0.2", "0 ± 0.2"),
+        ("A", "y-p-r", "0.0000", "1.0000", "0.0000", "+0.00 ± 0.2", "+1.00 ± 0.2", "+0.00 ± 0.2"),
+        ("B", "y-p-r", "0.0000", "3.0000", "0.0000", "+0.00 ± 0.2", "+3.00 ± 0.2", "+0.00 ± 0.2"),
     )
     # yaw errors 1 and 3: n-1 deviation sqrt(2), RMS sqrt(5); to nominal 2 and 6: sqrt(20)
     assert table.footers == (
@@ -177,8 +177,8 @@ def test_one_table_per_method_and_window():
     ]
     titles = [table.title for table in score_tables(rows)]
     assert [t.split(" [deg]")[0] for t in titles] == [
-        "six-position, same window",
         "six-position, fresh window",
+        "six-position, same window",
         "triad",
         "triad, opposed pairs",
     ]
