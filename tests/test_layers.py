@@ -39,7 +39,7 @@ STOREYS = (
     ),
     ("motion", "physics", "vehicle", "simulation"),
     ("recording", "evaluation", "rehearsal"),
-    ("report", "recorded_run", "recorded_drive", "api", "results", "cli", "__main__"),
+    ("report", "recorded_run", "recorded_drive", "recovered", "api", "results", "cli", "__main__"),
 )
 
 

@@ -18,7 +18,7 @@ from stand.cli.options import (
     quick_imports,
     words,
 )
-from stand.cli.progress import print_json, working
+from stand.cli.progress import print_json, tell_left_behind, working
 
 
 def align(
@@ -199,6 +199,7 @@ def import_log(
         return
     if out is None:
         raise StandError("missing --out X.mcap: the recording to write")
+    tell_left_behind(out)
     with quick_imports():
         from stand.recording.foreign import LogForm, import_foreign
 

@@ -15,7 +15,7 @@ import typer
 from stand.cli.align import align, allan, import_log
 from stand.cli.catalogue import check_imu, list_entries
 from stand.cli.progress import Stopped
-from stand.cli.review import report, view
+from stand.cli.review import recover, report, view
 from stand.cli.run import drive, run
 from stand.cli.study import compare, export, rehearse
 from stand.physics import set_driver_aside
@@ -46,6 +46,7 @@ COMMANDS = {
     "list": list_entries,
     "allan": allan,
     "report": report,
+    "recover": recover,
     "check-imu": check_imu,
     "view": view,
 }

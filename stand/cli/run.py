@@ -19,7 +19,7 @@ from stand.cli.options import (
     quick_imports,
     words,
 )
-from stand.cli.progress import print_json, progress
+from stand.cli.progress import print_json, progress, tell_left_behind
 
 if TYPE_CHECKING:
     from stand.evaluation.drive_result import DriveResult
@@ -74,7 +74,9 @@ def run(
     with quick_imports():
         import stand
         from stand.evaluation.run_result import result_json
+        from stand.folder import recording_folder
         from stand.recording import review  # noqa: F401  here rather than amid the samples
+        from stand.simulation.settings import run_id
 
     settings = stand.settings(
         procedure,
@@ -90,6 +92,7 @@ def run(
         true_table=true_table,
         sequences=None if sequences is None else sequences.value,
     )
+    tell_left_behind(recording_folder(out, run_id(settings)))
     with progress(f"{settings.procedure.id}, {settings.imu.id}", as_json) as report:
         result = stand.run(settings, out, force=force, progress=report)
     if as_json:
@@ -149,7 +152,10 @@ def drive(
     with quick_imports():
         import stand
         from stand.evaluation.drive_result import result_json
+        from stand.folder import recording_folder
 
+    name = f"{Path(scenario).stem}_{Path(imu).stem}_seed{seed}"
+    tell_left_behind(recording_folder(out, name))
     with progress(f"{Path(scenario).stem}, {Path(imu).stem}", as_json) as report:
         result = stand.drive(
             scenario, imu, rate_hz=rate, seed=seed, out=out, force=force, progress=report

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import ceil, floor, isfinite
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE
 from alignment.sampling import bursts, evened, repeats
 from stand.errors import StandError, located
-from stand.evaluation.score import Truths
+from stand.evaluation.score import Refusal, Truths
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
 from stand.recording.mcap.reader import ImuLog, LogFile, TruthLog
 from stand.recording.metadata import (
@@ -22,6 +23,7 @@ from stand.recording.metadata import (
     LoggedStretch,
     drive_of,
     epoch_of,
+    interrupted_at,
     planned_stretches,
     settings_of,
     settled_stretches,
@@ -29,13 +31,16 @@ from stand.recording.metadata import (
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
 from stand.table.kinematics import C_NW
 
+NAMED = 5  # stretches that were not reached: more are counted
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Log:
     """Dwells with what is known about each, and what the recording says of site and methods.
 
     `imu`: the samples as they lie in the file, with its metadata. `doubts`: what its way into the
-    file did to the samples of a foreign log, in words.
+    file did to the samples of a foreign log, in words. `lost`: the stretches that are not whole,
+    because the recording was interrupted.
     """
 
     path: str
@@ -48,6 +53,7 @@ class Log:
     methods: tuple[str, ...]
     imu: ImuLog
     doubts: tuple[str, ...] = ()
+    lost: tuple[Refusal, ...] = ()
 
 
 def load_log(
@@ -112,7 +118,8 @@ def _parted(
         site, options, methods = settings_of(metadata)
         planned = planned_stretches(metadata)
         drive = drive_of(metadata)
-        stretches = settled_stretches(planned, metadata)
+        end = interrupted_at(metadata)
+        stretches, lost = _whole(settled_stretches(planned, metadata), end)
     vehicle = vehicle or (None if drive is None else Vehicle())
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
     t, doubts = (t, ()) if simulated or drive is not None else _as_sampled(t, imu)
@@ -131,7 +138,7 @@ def _parted(
             if turn_joint is not None:
                 axis = unit_vector(turn_axis)
                 chosen = replace(chosen, joint=turn_joint, axis_b=axis, nominal=None)
-            stretches = [chosen]
+            stretches, lost = [chosen], ()
         turning = any(stretch.joint is not None for stretch in stretches)
         encoders = Encoders(file.joints(), origin, counted=simulated) if turning else None
         dwells = [_dwell(path, stretch, readings, encoders) for stretch in stretches]
@@ -149,7 +156,34 @@ def _parted(
         methods=methods,
         imu=imu,
         doubts=doubts,
+        lost=lost,
     )
+
+
+def _whole(
+    stretches: Sequence[LoggedStretch], end: float
+) -> tuple[list[LoggedStretch], tuple[Refusal, ...]]:
+    """The stretches that are over by `end` [s]; the others by name, with what would do."""
+    whole = [s for s in stretches if s.t_to <= end + EDGE]
+    told = floor(end * 1e3) / 1e3 if isfinite(end) else end  # inward: it lies within the record
+    begun = [s for s in stretches if s.t_from < end <= s.t_to - EDGE]
+    later = [s for s in stretches if s.t_from >= end]
+    lost = [
+        Refusal(
+            method="",
+            reason=f"cut off at {told:.3f} s, planned to {s.t_to:.3f} s: the recording was "
+            f"interrupted; --from {ceil(s.t_from * 1e3) / 1e3:.3f} --to {told:.3f} uses what is "
+            "there",
+            stretch=s.label,
+        )
+        for s in begun
+    ]
+    if later:
+        more = f" and {len(later) - NAMED} more" if len(later) > NAMED else ""
+        names = ", ".join(s.label for s in later[:NAMED]) + more
+        reason = f"not reached: the recording was interrupted at {told:.3f} s"
+        lost.append(Refusal(method="", reason=reason, stretch=names))
+    return whole, tuple(lost)
 
 
 def _as_sampled(t: Array, imu: ImuLog) -> tuple[Array, tuple[str, ...]]:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import pi
+from math import inf, pi
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json, RootModel
@@ -67,6 +67,8 @@ FIX_UNITS = {
 }
 SCHEDULE = "schedule"  # the steps as they ran
 MODEL_FOLDER = "model/"  # of the attached files of a stand of one's own
+SETTLED = "settled"  # from when the dwells of a servo run count; the last such record has all
+INTERRUPTED = "interrupted"  # of a recording that was brought back: until when it goes
 NEVER = "never"  # of a dwell in the record `settled`: the table did not come to rest
 
 
@@ -243,6 +245,12 @@ class SettledRecord(RootModel[dict[str, Annotated[float, Field(ge=-_LATEST)]]]):
     """When each dwell had settled; also infinity, for what never did."""
 
 
+class InterruptedRecord(_Record):
+    """Until when a recording goes that was brought back, counted from its epoch."""
+
+    t_s: Seconds
+
+
 class EstimateRecord(_Record):
     """What `describe_estimate` writes, apart from the priors."""
 
@@ -318,11 +326,18 @@ def planned_stretches(metadata: Metadata) -> list[LoggedStretch]:
     ]
 
 
+def interrupted_at(metadata: Metadata) -> float:
+    """When a recording was interrupted [s]; infinity: it is whole."""
+    if INTERRUPTED not in metadata:
+        return inf
+    return _read(metadata, INTERRUPTED, InterruptedRecord).t_s
+
+
 def settled_stretches(planned: Sequence[LoggedStretch], metadata: Metadata) -> list[LoggedStretch]:
     """The stretches from when the table had settled; what never did is left out."""
-    record = metadata.get("settled", {})
+    record = metadata.get(SETTLED, {})
     times = {label: text for label, text in record.items() if text != NEVER}
-    begins = checked(f"{_DAMAGED}: settled", times, SettledRecord).root
+    begins = checked(f"{_DAMAGED}: {SETTLED}", times, SettledRecord).root
     settled = [
         replace(s, t_from=max(s.t_from, begins.get(s.label, s.t_from)))
         for s in planned

@@ -81,6 +81,7 @@ def page(file: Path) -> str:
     scores, refusals = evaluate_each(
         log.dwells, log.truths, log.site, log.options, [m for m in log.methods if m in ESTIMATORS]
     )
+    refusals = [*log.lost, *refusals]
     total = max([s["t_to_s"] for s in steps] or [d.t_to for d in log.dwells], default=0.0)
     texts = {
         key: (run.get(key, key), recorded.metadata[key]["toml"])
@@ -199,7 +200,7 @@ def _summary(scores: Sequence[Score], refusals: Sequence[Refusal]) -> list[str]:
         for name in names:
             n = sum(name in s.estimate.undetermined for s in own)
             lines.append(f"{method}: {name} {UNDETERMINED} in {n} of {len(own)} estimates")
-    lines += [f"{r.method}: no estimate" for r in refusals]
+    lines += [f"{r.stretch or r.method}: no estimate" for r in refusals]
     return lines
 
 
@@ -256,10 +257,10 @@ def _gallery(recorded: _Recorded, file: Path) -> Gallery:
     if main is None:
         return gallery(positions)
     with TemporaryDirectory() as folder, located(file):
-        return gallery(positions, _own_model(file, MODEL_FOLDER + main, Path(folder)))
+        return gallery(positions, attached_model(file, MODEL_FOLDER + main, Path(folder)))
 
 
-def _own_model(file: Path, main: str, folder: Path) -> Path:
+def attached_model(file: Path, main: str, folder: Path) -> Path:
     """The MJCF `main` that is attached to a recording, written into a folder with its files."""
     attached = read_attachments(file)
     if main not in attached:
