@@ -28,6 +28,7 @@ OURS = ("alignment", "stand")
 STOREYS = (
     (
         "errors",
+        "bounds",
         "versions",
         "toml_files",
         "columns",

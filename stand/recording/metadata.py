@@ -179,8 +179,9 @@ def _unit(numbers: tuple[float, ...]) -> tuple[float, ...]:
     return numbers
 
 
-Quaternion = Annotated[tuple[float, float, float, float], AfterValidator(_unit)]
-UnitVector = Annotated[tuple[float, float, float], AfterValidator(_unit)]
+_Part = Annotated[float, Field(ge=-2, le=2)]  # of what has length 1, which is checked then
+Quaternion = Annotated[tuple[_Part, _Part, _Part, _Part], AfterValidator(_unit)]
+UnitVector = Annotated[tuple[_Part, _Part, _Part], AfterValidator(_unit)]
 
 
 class RunRecord(_Record):
@@ -211,7 +212,9 @@ class SiteRecord(_Record):
         )
 
 
-Angles = Annotated[tuple[float, ...], Field(min_length=len(JOINTS), max_length=len(JOINTS))]
+# of an axis that turned on through all of the longest procedure
+_Angle = Annotated[float, Field(ge=-1e12, le=1e12)]
+Angles = Annotated[tuple[_Angle, ...], Field(min_length=len(JOINTS), max_length=len(JOINTS))]
 
 
 class TurningRecord(_Record):
