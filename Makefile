@@ -1,4 +1,4 @@
-.PHONY: demo test lint bench proof clean
+.PHONY: demo test lint bench proof mutants clean
 
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -22,6 +22,14 @@ proof: $(READY)
 	$(PY) tests/benchmarks/proof.py
 	$(PY) tests/benchmarks/proof_allan.py
 	$(PY) tests/benchmarks/proof_nees.py
+
+mutants: $(READY)
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[mutants]'
+	$(PY) tests/benchmarks/mutants.py $(ARGS)
+
+survive: $(READY)
+	STAND_DISK_SWEEP=1 STAND_KILLS=50 STAND_KERNELS=all $(PY) -m pytest -q tests/stand/test_full_disk.py \
+		tests/stand/test_recovered.py tests/test_any_processor.py
 
 $(READY): pyproject.toml
 	python3 -m venv $(VENV)

@@ -113,6 +113,7 @@ ESTIMATORS = {
         needs_latitude=True,
         needs_upright=True,
         azimuth_matters=True,
+        tells_mean=True,
     ),
     "inertial": Method(
         title="Inertial-frame alignment: gravity's cone over the whole record, by SVD",

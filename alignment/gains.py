@@ -40,6 +40,9 @@ class Answer:
         (constant; of a turning one cosine and sine of the encoder angle too) rates and forces.
     biases : mapping
         Gain (m,) of each bias that is told, by the label of its parameter in `Information`.
+    circle : (2, 2) or None
+        Information of the horizontal Earth rate (`alignment.information.circle`), of a method that
+        finds where on its circle it lies: what first order leaves out of heading.
     window_gain : (3, m) or None
         To the attitude that the offset's window would tell by itself, of a method that checks its
         vertical.
@@ -52,6 +55,7 @@ class Answer:
     own: int = 0
     window: str = ""
     biases: Mapping[str, Array] = field(default_factory=dict)
+    circle: Array | None = None
     window_gain: Array | None = None
 
     def __post_init__(self) -> None:
@@ -59,6 +63,8 @@ class Answer:
         m = self.gain.shape[1]
         biases = {label: owned(row, label, (m,)) for label, row in self.biases.items()}
         object.__setattr__(self, "biases", MappingProxyType(biases))
+        if self.circle is not None:
+            set_owned(self, circle=(self.circle, (2, 2), float))
         if self.window_gain is not None:
             set_owned(self, window_gain=(self.window_gain, (3, m), float))
 

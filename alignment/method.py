@@ -73,6 +73,8 @@ class Method:
         It fits all positions there are, so that one more makes it surer.
     azimuth_matters : bool
         Its sigma depends on where on the horizon the axes point.
+    tells_mean : bool
+        Its attitude is the mean one of a stretch, where all others tell that at its end.
     windows : mapping
         Its variants, by `AttitudeEstimate.window`; one that is not there is plain.
     published_deg : tuple or None
@@ -104,6 +106,7 @@ class Method:
     turns_cancel_bias: bool = False
     fits_positions: bool = False
     azimuth_matters: bool = False
+    tells_mean: bool = False
     windows: Mapping[str, Window] = field(default_factory=dict)
     published_deg: tuple[float, float, float] | None = None
     tracks: Callable[[Dwell, Site, Options], list[AttitudeTrack]] | None = None

@@ -23,13 +23,17 @@ if TYPE_CHECKING:
         recover,
         rehearse,
         run,
+        side_by_side,
         simulate,
+        stretches,
         unit,
     )
     from stand.errors import StandError
+    from stand.recording.log_form import LogForm
     from stand.simulation.settings import settings
 
 __all__ = [
+    "LogForm",
     "StandError",
     "__version__",
     "align",
@@ -42,10 +46,16 @@ __all__ = [
     "rehearse",
     "run",
     "settings",
+    "side_by_side",
     "simulate",
+    "stretches",
     "unit",
 ]
-_ELSEWHERE = {"StandError": "stand.errors", "settings": "stand.simulation.settings"}
+_ELSEWHERE = {
+    "LogForm": "stand.recording.log_form",
+    "StandError": "stand.errors",
+    "settings": "stand.simulation.settings",
+}
 
 
 def __getattr__(name: str):

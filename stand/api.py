@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     from stand.imu import ImuSpec
     from stand.imu.unit import Unit
     from stand.recording.log import Log
+    from stand.recording.log_form import LogForm
     from stand.recovered import Recovered
     from stand.results import (
         Aligned,
         Analysed,
+        Beside,
         Compared,
         Driven,
         Entries,
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
         Recording,
         Rehearsed,
         Simulated,
+        Stretches,
     )
     from stand.simulation.settings import Settings
 
@@ -188,13 +191,16 @@ def read(
     start_attitude_deg: Sequence[float] | None = None,
     start_sigma_deg: float | None = None,
     fix_sigma: Sequence[float] | None = None,
+    stretches: Named | None = None,
+    form: LogForm | None = None,
+    progress: Progress = _quiet,
 ) -> Recording:
-    """A recording, ours or any MCAP or ROS 2 bag with ``sensor_msgs/msg/Imu``.
+    """A recording: ours, or a log of any kind.
 
     Parameters
     ----------
     path : path
-        An MCAP file, a ROS 2 bag (its folder, or .db3), or a folder of `stand.run`.
+        A file, a folder of `stand.run` or of a ROS 2 bag.
     topic : str, optional
         Of the IMU, where there are several.
     t_from_s, t_to_s : float, optional
@@ -211,6 +217,13 @@ def read(
         How wrong that is about each axis [deg].
     fix_sigma : (2,), optional
         Noise of positions [m] and velocities [m/s]; else what the fixes state.
+    stretches : path, optional
+        A TOML file that names the log's stretches, with attitudes and turns, in place of the
+        recording's own; `stand.stretches` finds them.
+    form : stand.LogForm, optional
+        Columns, units, axes and what else a log of others does not say itself.
+    progress : callable
+        Told the part read, 0 to 1.
 
     Raises
     ------
@@ -226,12 +239,15 @@ def read(
     stand.errors.StandError: none.mcap: no such file
     """
     from stand.recording.log import load_log
+    from stand.recording.named_stretches import load_stretches
     from stand.recording.vehicle_log import vehicle_of
     from stand.results import Recording, shown
 
     vehicle = vehicle_of(moving, start_attitude_deg, start_sigma_deg, fix_sigma)
-    file = recording_file(path)
-    log = load_log(file, topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle)
+    named = None if stretches is None else load_stretches(stretches)
+    log = load_log(
+        _path(path), topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle, named, form, progress
+    )
     return shown(Recording, log)
 
 
@@ -267,17 +283,12 @@ def recover(place: Named | None = None) -> list[Recovered]:
     return bring_back(place)
 
 
-def recording_file(path: Named) -> Path:
-    """The file of a recording: itself, or that of a folder; a bag of several is its folder."""
+def _path(path: Named) -> Path:
     from stand.errors import StandError
-    from stand.recording.mcap.bag import bag_file, is_bag
 
     if not isinstance(path, str | PathLike):
         raise StandError(f"recording = {path!r}: must be a path")
-    path = Path(path)
-    if not path.is_dir():
-        return path
-    return bag_file(path) if is_bag(path) else path / "run.mcap"
+    return Path(path)
 
 
 def align(
@@ -362,6 +373,47 @@ def _log(recording: object) -> Log:
     raise StandError(
         f"recording: {type(recording).__name__}, must be a path or of stand.read, stand.simulate"
     )
+
+
+def stretches(
+    recording: Log | Simulated | Named, *, shortest_s: float = 3.0, topic: str | None = None
+) -> Stretches:
+    """Find where a log stands still, or turns evenly about the vertical.
+
+    Parameters
+    ----------
+    recording : Recording, Simulated or path
+    shortest_s : float
+        What is shorter is no stretch.
+    topic : str, optional
+        Of the IMU, where a file has several.
+
+    Returns
+    -------
+    Stretches
+        ``found``: times, means, noise; ``angles``; ``toml()``: the text of a file that
+        ``stand.read(..., stretches=...)`` takes, for a person to mend.
+
+    Raises
+    ------
+    StandError
+        An argument is not allowed; the file is not right.
+
+    Examples
+    --------
+    >>> import stand
+    >>> run = stand.simulate(stand.settings("two-position", imu="stim300", rate_hz=20))
+    >>> [(s.kind, s.t_from, s.t_to) for s in stand.stretches(run).found if s.kind == "rest"]
+    [('rest', 0.0, 295.5), ('rest', 304.0, 600.0)]
+    """
+    from stand.recording.found_stretches import stretches_of
+    from stand.recording.log import Log
+    from stand.results import Simulated, Stretches, shown
+
+    log = (
+        _log(recording) if isinstance(recording, Log | Simulated) else read(recording, topic=topic)
+    )
+    return shown(Stretches, stretches_of(log, shortest_s))
 
 
 def rehearse(
@@ -451,6 +503,51 @@ def compare(
     return shown(Compared, compare_methods(_checked(settings), runs, progress, workers))
 
 
+def side_by_side(
+    a: Log | Simulated | Named,
+    b: Log | Simulated | Named,
+    methods: Sequence[str] = (),
+    *,
+    imu: str | ImuSpec | None = None,
+    latitude_deg: float | None = None,
+) -> Beside:
+    """Two recordings of one procedure beside each other: estimates, means per stretch, noise.
+
+    Parameters
+    ----------
+    a, b : Recording, Simulated or path
+        Their stretches are matched by name; of a log without, name them first
+        (``stand.read(path, stretches=...)``).
+    methods : sequence of str
+        Ids (``stand.catalogue("methods")``); none: those of both.
+    imu : str or ImuSpec, optional
+        Unit whose data sheet enters the sigmas of both; else as recorded.
+    latitude_deg : float, optional
+        Of both; else as recorded.
+
+    Raises
+    ------
+    StandError
+        Stretches that cannot be matched; an argument is not allowed.
+
+    Examples
+    --------
+    >>> import stand
+    >>> s = stand.settings("two-position", imu="ring-laser", rate_hz=5, seed=1)
+    >>> other = stand.settings("two-position", imu="ring-laser", rate_hz=5, seed=2)
+    >>> found = stand.side_by_side(stand.simulate(s), stand.simulate(other), ["two-position"])
+    >>> [(e.a.label, bool(abs(e.off[2]) < 4 * e.sigmas[2])) for e in found.estimates]
+    [('first', True)]
+    """
+    from stand.evaluation.side_by_side import side_by_side as beside
+    from stand.results import Beside, shown
+    from stand.simulation.settings import words
+
+    logs = _log(a), _log(b)
+    named = words("methods", methods)
+    return shown(Beside, beside(*logs, named, imu=imu, latitude_deg=latitude_deg))
+
+
 def allan(
     recording: Log | Simulated | Named,
     *,
@@ -459,6 +556,8 @@ def allan(
     topic: str | None = None,
     t_from_s: float | None = None,
     t_to_s: float | None = None,
+    form: LogForm | None = None,
+    progress: Progress = _quiet,
 ) -> Analysed:
     """Allan analysis of a unit at rest: noise terms with intervals, against its data sheet.
 
@@ -473,6 +572,10 @@ def allan(
         Of the IMU, where a file has several.
     t_from_s, t_to_s : float, optional
         The stretch to use; else the longest rest, or all.
+    form : stand.LogForm, optional
+        As for `stand.read`.
+    progress : callable
+        Told the part read, 0 to 1.
 
     Raises
     ------
@@ -502,7 +605,9 @@ def allan(
     if isinstance(recording, (Log, Simulated)):
         source = _log(recording).imu
     else:
-        source = recording_file(recording)
+        from stand.recording.entrance import read_imu
+
+        source = read_imu(_path(recording), topic, form, progress)
     return shown(Analysed, analyse(source, topic, t_from_s, t_to_s, imu, asked))
 
 

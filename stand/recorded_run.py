@@ -38,10 +38,11 @@ from stand.recording.metadata import (
     describe_schedule,
     describe_site,
 )
+from stand.recording.reviewing import open_review
 from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
 from stand.samples import CHANNELS, ImuBlock, TruthBlock
-from stand.simulation.collector import DwellCollector
+from stand.simulation.collector import DwellCollector, TrueAttitudes
 from stand.simulation.settings import Settings, methods_of, run_id
 from stand.simulation.simulation import Simulation, begins_of
 from stand.simulation.step_record import StepRecord
@@ -232,10 +233,8 @@ class _Run:
         )
 
     def _open_review(self) -> Any:
-        from stand.recording.review import ReviewWriter
-
         settings = self.settings
-        return ReviewWriter(
+        return open_review(
             self.folder / "run.rrd",
             model=self.stand,
             run_id=self._unique_id(),
@@ -295,10 +294,13 @@ class _Run:
         }
 
     def _evaluate(
-        self, dwells: Sequence[Dwell], attitudes: Sequence[Rotation]
+        self, dwells: Sequence[Dwell], attitudes: TrueAttitudes
     ) -> tuple[list[Score], list[Refusal]]:
         latitude = self.settings.site.latitude
-        truths = [Truths(C, d.nominal, latitude) for d, C in zip(dwells, attitudes, strict=True)]
+        truths = [
+            Truths(C, d.nominal, latitude, mean)
+            for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
+        ]
         s = self.settings
         return evaluate_each(dwells, truths, s.site, s.options, methods_of(s))
 

@@ -62,6 +62,7 @@ from stand.recording.metadata import (
     planned_stretches,
     recorded_steps,
 )
+from stand.recording.reviewing import MISSING, open_review
 from stand.report.document import files_document, score_tables, verdict_document
 from stand.report.run_page import attached_model
 from stand.samples import CHANNELS
@@ -298,19 +299,17 @@ def _add_review(
         rrd.angles(_curves(log, answered, file))
         rrd.innovations(method_innovations(answered, log.dwells, log.site, log.options))
         rrd.documents(_verdict(log, scores, refusals), files_document(_parts(metadata)))
-    return saturated, ""
+    return saturated, "" if path.exists() else f"({MISSING})"
 
 
 def _opened_review(log: Log, path: Path) -> Any:
-    from stand.recording.review import ReviewWriter
-
     metadata, file = log.imu.metadata, path.with_name(RECORD)
     run, until = metadata[RUN], float(log.imu.t_ns[-1] - epoch_of(metadata)) * 1e-9
     with TemporaryDirectory() as folder:
         own = run.get("model")
         model = None if own is None else attached_model(file, MODEL_FOLDER + own, Path(folder))
         described = describe(load_model(model))
-    return ReviewWriter(
+    return open_review(
         path,
         model=described,
         run_id=f"{path.parent.name}_{log.imu.t_ns[-1]}",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from alignment import Dwell
+from alignment import Dwell, ImuReadings
 from alignment.arrays import Array, set_owned
 from alignment.units import DEG
 from stand.evaluation.aligned import Alignment
@@ -17,16 +17,20 @@ from stand.evaluation.comparison import Comparison
 from stand.evaluation.drive_result import DriveResult
 from stand.evaluation.run_result import RunResult
 from stand.evaluation.score import Truths
-from stand.recording.log import Log
+from stand.evaluation.side_by_side import SideBySide
+from stand.recording.found_stretches import FoundStretches
+from stand.recording.log import Log, mean_attitude
 from stand.recording.mcap.reader import ImuLog
 from stand.recording.metadata import RUN, describe_schedule
 from stand.rehearsal.result import Rehearsal
 from stand.report import allan as allan_report
 from stand.report import compare as compare_report
 from stand.report import rehearsal_tables, vectors
+from stand.report import side_by_side as beside_report
 from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 from stand.report.listing import entries_table
 from stand.report.notebook import Shown
+from stand.report.stretches import stretches_table
 from stand.report.tables import TableData
 from stand.report.windows import windows_table
 from stand.samples import AXES, CHANNELS, ImuBlock, TruthBlock
@@ -113,20 +117,21 @@ class Simulated(Shown):
     def log(self) -> Log:
         """The same as `stand.read` gives it of a recording."""
         s = self.settings
-        latitude = s.site.latitude
+        latitude, q_wb = s.site.latitude, (C_NW.inv() * self.C_nb).as_quat()
         return Recording(
             path=self.name,
             topic="",
             simulated=True,
             dwells=self.stretches,
             truths=tuple(
-                Truths(C, dwell.nominal, latitude)
+                Truths(C, dwell.nominal, latitude, mean_attitude(self.t, q_wb, dwell))
                 for dwell, C in zip(self.stretches, self.attitudes, strict=True)
             ),
             site=s.site,
             options=s.options,
             methods=methods_of(s),
             imu=self._imu_log(),
+            readings=ImuReadings(self.t, self.w_ib_b, self.f_b),
         )
 
     def _imu_log(self) -> ImuLog:
@@ -344,6 +349,35 @@ class Analysed(Shown, AllanReport):
 
     def tables(self) -> Sequence[TableData]:
         return allan_report.tables(self)
+
+
+class Stretches(Shown, FoundStretches):
+    """What stands still or turns evenly, of `stand.stretches`."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        n = len(self.found)
+        told = "1 stretch" if n == 1 else f"{n} stretches"
+        return f"{self.path} {self.topic}".rstrip() + f": {told}"
+
+    def tables(self) -> Sequence[TableData]:
+        return [stretches_table(self)]
+
+
+class Beside(Shown, SideBySide):
+    """Two recordings beside each other, of `stand.side_by_side`."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        return beside_report.headline(self)
+
+    def tables(self) -> Sequence[TableData]:
+        return beside_report.tables(self)
+
+    def remarks(self) -> Sequence[str]:
+        return beside_report.remarks(self)
 
 
 class Entries(Shown, tuple[dict[str, Any], ...]):

@@ -17,7 +17,7 @@ from alignment.against_truth import rotation_error
 from alignment.errors import AlignmentError
 from stand.errors import StandError
 from stand.evaluation.comparison import applicable
-from stand.evaluation.score import circular, suited
+from stand.evaluation.score import Truths, circular, suited
 from stand.imu import load_imu
 from stand.procedure.procedure import Procedure, table_of
 from stand.rehearsal.verify import first_seed
@@ -89,7 +89,10 @@ def promises(settings: Settings, runs: int, methods: Sequence[str] | None = None
         except StandError as error:  # a sway drawn anew may be beyond the table
             found.refused("", str(error))
             continue
-        truth = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
+        truths = {
+            d.label: Truths(C, mean=mean)
+            for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
+        }
         for method in methods or applicable(trials.plan):
             try:
                 estimates = ESTIMATORS[method].estimate(
@@ -99,8 +102,11 @@ def promises(settings: Settings, runs: int, methods: Sequence[str] | None = None
                 found.refused(method, str(error))
                 continue
             for e in estimates:
-                if e.C_nb is not None and e.label in truth and not circular(e):
-                    found.add(e, error_of(e.C_nb, truth[e.label]))
+                if e.C_nb is None or e.label not in truths or circular(e):
+                    continue
+                truth = truths[e.label].of(method)
+                assert truth is not None
+                found.add(e, error_of(e.C_nb, truth))
     return found.all()
 
 

@@ -2,17 +2,29 @@
 
 import os
 
+TICKS = os.sysconf("SC_CLK_TCK")
+
 
 def members(group):
     """Processes of a group, by /proc."""
-    found = []
+    return list(_times(group))
+
+
+def spent(group):
+    """Seconds of processors that a group has used: how far it is, however busy the machine."""
+    return sum(_times(group).values())
+
+
+def _times(group):
+    found = {}
     for entry in os.listdir("/proc"):
         if entry.isdigit():
             try:
                 with open(f"/proc/{entry}/stat", encoding="utf-8") as file:
-                    state, _, pgrp = file.read().rpartition(")")[2].split()[:3]
+                    fields = file.read().rpartition(")")[2].split()
             except OSError:
                 continue
-            if int(pgrp) == group and state != "Z":
-                found.append(int(entry))
+            state, _, own = fields[:3]
+            if int(own) == group and state != "Z":
+                found[int(entry)] = (int(fields[11]) + int(fields[12])) / TICKS
     return found

@@ -31,10 +31,9 @@ from alignment.methods.inertial import (
     drive,
     gravity_doubt,
     gravity_velocity,
-    match,
+    laid,
     rest_covariance,
     rest_of,
-    stated_noise,
     sway_covariance,
     told_at,
     wander_doubt,
@@ -56,6 +55,7 @@ _PASSES = 8
 _COARSE = 0.5  # s between the updates of passes that only look for the reference
 _ROUNDS = 3  # of them and the filter itself, after the first
 _SYMMETRIC = 8  # updates after which rounding's asymmetry is taken out
+_CAREFUL = 32  # updates by roots of the covariance: the first take a metre to a micrometre
 _CHUNK = 2048  # updates whose matrices are held at once
 _CONSISTENT = 5.0  # standard errors by which the innovations' mean square may exceed one
 _SHOWN = 0.5  # rad: a track begins when heading is known to this
@@ -232,10 +232,9 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     site.horizontal_rate()
     readings = checked_readings(dwell)
     carried = carry(readings, UPDATE)
-    matched = match(carried, site)
     priors = states_of(options.priors, carried, site)
-    noise = stated_noise(readings, carried, matched, priors)
-    coarse, wander = covariances(carried, matched, noise, priors)
+    matched, noise, arm = laid(readings, carried, site, priors)
+    coarse, wander = covariances(carried, matched, noise, priors, arm)
     rest = rest_of(readings, priors)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
@@ -310,9 +309,10 @@ def _settle(
     """Filter, and again about a corrected reference until the correction is small.
 
     Where it is not, or is not likely to be (`far`), coarse passes correct the reference first:
-    that only moves the point of linearisation.
+    that only moves the point of linearisation. Once is enough: they settle about an answer of
+    their own, which may be as far from the filter's as a correction may be.
     """
-    found = True
+    found, looked = True, far
     if far:
         reference, found = _found(model, reference, variance)
     run = _filter(model, reference, variance)
@@ -320,7 +320,9 @@ def _settle(
         if not found or _is_settled(model, reference, run):
             break
         reference = _corrected(model, reference, run, UPDATE)
-        reference, found = _found(model, reference, variance)
+        if not looked:
+            reference, found = _found(model, reference, variance)
+            looked = True
         run = _filter(model, reference, variance)
     return reference, run
 
@@ -387,13 +389,54 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     if "gyro_bias" in names:  # the reference has some of it taken out already
         state[columns_of(names.index("gyro_bias")), -1] = -reference.offset
     out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
-    for first in range(0, m, _CHUNK):
-        part = slice(first, min(first + _CHUNK, m))
+    careful = min(_CAREFUL, m)
+    edges = [0, *range(careful, m, _CHUNK), m]
+    for part in map(slice, edges[:-1], edges[1:]):
         push = np.diff(v[part.start : part.stop + 1], axis=0)
-        _updates(
-            state, (*error_matrices(model, carried, C_ni, push, part), z[part], variance), part, out
-        )
+        given = (*error_matrices(model, carried, C_ni, push, part), z[part], variance)
+        (_updates if part.start else careful_updates)(state, given, part, out)
     return out
+
+
+def careful_updates(
+    state: Array, given: tuple[Array, Array, Array, Array, float], part: slice, out: _Pass
+) -> None:
+    """As `_updates`, by a root S of the covariance, ``P = S^T S``, and orthogonal triangles.
+
+    ``[[r, 0], [S H^T, S]]`` becomes ``[[W, K], [0, S]]`` with ``W^T W`` the innovation's covariance
+    and ``K^T W^-T`` the gain: G. J. Bierman, Factorization Methods for Discrete Sequential
+    Estimation (1977), chapter V. Differences of variances, of which one metre squared less itself
+    leaves nothing of a square micrometre, do not arise.
+    """
+    F, Q, H, z, variance = given
+    size = len(state)
+    S, x = _root(state[:, :-1]), state[:, -1].copy()
+    for k, h in enumerate(H):
+        rows = np.block([[np.sqrt(variance) * np.eye(3), np.zeros((3, size))], [S @ h.T, S]])
+        triangle = _triangle(rows)
+        W, S = triangle[:3, :3], triangle[3:, 3:]
+        value = z[k] - h @ x
+        unit = np.linalg.solve(W.T, value)
+        x = x + triangle[:3, 3:].T @ unit
+        state[:, :-1], state[:, -1] = S.T @ S, x
+        at = part.start + k
+        out.x[at], out.variances[at], out.attitude[at] = x, state.diagonal(), state[:3, :3]
+        out.values[at], out.misfit[at] = value, unit @ unit
+        out.expected[at] = np.einsum("ij,ij->j", W, W)
+        if k < len(F):
+            S, x = _triangle(np.vstack([S @ F[k].T, _root(Q[k])])), F[k] @ x
+            state[:, :-1], state[:, -1] = S.T @ S, x
+
+
+def _triangle(rows: Array) -> Array:
+    """R with ``R^T R = rows^T rows``, upper triangular."""
+    return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def _root(P: Array) -> Array:
+    """A matrix S with ``S^T S = P``."""
+    values, vectors = np.linalg.eigh(P)
+    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
 
 
 def _updates(

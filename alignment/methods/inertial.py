@@ -41,6 +41,7 @@ _SMOOTH_ORDER = 8  # velocity beyond it is sway, not drift
 _TOLD_ORDERS = slice(3, 9)  # by which noise is told where the spectrum of the readings is motion's
 _PARTS = np.geomspace(1e-6, 1.0, 25)  # of a variance
 _CERTAIN = 3.0  # of log likelihood: chi-square of two degrees of freedom at one in twenty
+_ARM_ORDERS = 4  # Legendre orders of velocity that attitude errors and biases make
 _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
 _WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarked
 _WANDER_LIMIT = 10.0  # sigmas that are refused, where the instrument also moves by this:
@@ -86,6 +87,25 @@ class Match:
     C_ni: Rotation
     reference: Array
     residual: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arm:
+    """The instrument's place from the point that stays, as the velocity curve shows it.
+
+    Attributes
+    ----------
+    place : (3,) m
+        In b; nothing where no prior says that there is an arm.
+    weights : (m, 3, 3)
+        How it follows the block means of velocity error, in n [m per m/s].
+    left : (3, 3) m
+        Part of each unit cause of the prior that the curve does not show.
+    """
+
+    place: Array
+    weights: Array
+    left: Array
 
 
 def white_levels(values: Array, interval: float) -> Array:
@@ -211,12 +231,18 @@ def gravity_velocity(t: Array, site: Site) -> tuple[Array, Array]:
     return back.apply(v), back.apply(p)
 
 
-def match(carried: Carried, site: Site) -> Match:
-    """Wahba's problem for the centred velocity curves, by singular values."""
+def match(carried: Carried, site: Site, place: Array | None = None) -> Match:
+    """Wahba's problem for the centred velocity curves, by singular values.
+
+    `place` (3,) [m]: the instrument's, from the point that stays; None where that is not known.
+    """
     spans = carried.spans
     _, p = gravity_velocity(carried.t, site)
     reference = _centred(np.diff(p, axis=0) / spans[:, None], spans)
-    measured = _centred(carried.p / spans[:, None], spans)
+    moved = carried.p
+    if place is not None:
+        moved = moved - np.diff(matrices(carried.q) @ place, axis=0)
+    measured = _centred(moved / spans[:, None], spans)
     U, _, Vt = np.linalg.svd(np.einsum("m,mi,mj->ij", spans, reference, measured))
     proper = np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)])
     C = U @ proper @ Vt
@@ -294,6 +320,67 @@ def _line(carried: Carried) -> Array:
     return np.asarray((middle / carried.spans.sum() - 0.5)[:, None, None])
 
 
+def swings(carried: Carried, C_ni: Array) -> Array:
+    """Mean velocity of each block in n (m, 3, 3), per metre of lever arm along each axis of b.
+
+    A place r in b moves by ``C(t2) r - C(t1) r`` in a block, whatever turned it meanwhile.
+    """
+    return np.asarray(C_ni @ np.diff(matrices(carried.q), axis=0) / carried.spans[:, None, None])
+
+
+def arm_of(carried: Carried, matched: Match, noise: Noise, priors: Priors) -> Arm:
+    """The lever arm by its prior and by how the velocity curve follows the attitude.
+
+    Notes
+    -----
+    Least squares of the residual by `swings`, both beyond cubic polynomials, which errors of
+    attitude and biases of accelerometers make; then by noise, constants and prior weighed as
+    Bayes has it: with ``y = N r + noise`` of covariance P and a prior of variance s^2,
+    ``r = s^2 N^T (s^2 N N^T + P)^-1 y``. What does not turn shows no arm, and needs none.
+    """
+    m, sigma = len(carried.spans), priors.lever_arm
+    if not sigma > 0:
+        return Arm(np.zeros(3), np.zeros((m, 3, 3)), np.zeros((3, 3)))
+    C_ni, root = matched.C_ni.as_matrix(), np.sqrt(carried.spans)[:, None]
+    felt = swings(carried, C_ni)
+    smooth, _ = np.linalg.qr(_legendre(carried)[:, :_ARM_ORDERS] * root)
+    beyond = felt.reshape(m, 9) * root
+    beyond = (beyond - smooth @ (smooth.T @ beyond)) * root
+    weights = beyond.reshape(m, 3, 3).transpose(0, 2, 1)
+    gyro, accel = sensitivity(weights, C_ni, carried)
+    P = functional_covariance(gyro, accel, C_ni, carried, noise, priors)
+    N = np.einsum("mki,mij->kj", weights, felt)
+    gain = sigma**2 * N.T @ np.linalg.pinv(sigma**2 * N @ N.T + P, hermitian=True)
+    weights = gain @ weights
+    place = np.einsum("mki,mi->k", weights, matched.residual)
+    return Arm(place, weights, sigma * (np.eye(3) - gain @ N))
+
+
+def laid(
+    readings: ImuReadings, carried: Carried, site: Site, priors: Priors
+) -> tuple[Match, Noise, Arm]:
+    """The match of the curves, the noise and the arm that it is by."""
+    matched = match(carried, site)
+    noise = stated_noise(readings, carried, matched, priors)
+    arm = arm_of(carried, matched, noise, priors)
+    if priors.lever_arm > 0:
+        matched = match(carried, site, arm.place)
+    return matched, noise, arm
+
+
+def attitude_weights(carried: Carried, matched: Match) -> Array:
+    """How the matched rotation follows the block means of velocity error (m, 3, 3), in n."""
+    reference, spans = matched.reference, carried.spans[:, None]
+    return np.asarray(-fit_matrix(carried.spans, reference) @ cross_matrix(reference * spans))
+
+
+def less_arm(weights: Array, carried: Carried, C_ni: Array, arm: Arm) -> tuple[Array, Array]:
+    """Functionals (m, k, 3) of a curve that the arm's swing is taken from; what is left of it
+    (k, 3), per unit cause."""
+    J = np.einsum("mki,mij->kj", weights, swings(carried, C_ni))
+    return weights - J @ arm.weights, J @ arm.left
+
+
 def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
     """Attitude at the end of each stretch, on a base that rocks, sways, turns or rests.
 
@@ -341,16 +428,17 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     readings = checked_readings(dwell)
     priors = options.priors
     carried = carry(readings, block_of(readings))
-    noise = stated_noise(readings, carried, match(carried, site), priors)
+    _, noise, _ = laid(readings, carried, site, priors)
     rest = rest_of(readings, priors)
     m = len(carried.spans)
     ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
     found = []
     for end in ends:
         part = carried.until(int(end))
-        matched = match(part, site)
+        arm = arm_of(part, match(part, site), noise, priors)
+        matched = match(part, site, arm.place)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
-        P, _ = covariances(part, matched, noise, priors)
+        P, _ = covariances(part, matched, noise, priors, arm)
         found.append((C_nb, P + rest_covariance(part, matched, rest)))
     sequence = options.rule.sequence_for(found[-1][0].inv().apply([0.0, 0.0, -1.0]))
     return [
@@ -384,9 +472,8 @@ def block_of(readings: ImuReadings) -> float:
 def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     readings = checked_readings(dwell)
     carried = carry(readings, block_of(readings))
-    matched = match(carried, site)
-    noise = stated_noise(readings, carried, matched, options.priors)
-    covariance, wander = covariances(carried, matched, noise, options.priors)
+    matched, noise, arm = laid(readings, carried, site, options.priors)
+    covariance, wander = covariances(carried, matched, noise, options.priors, arm)
     rest = rest_of(readings, options.priors)
     covariance = covariance + rest_covariance(carried, matched, rest)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
@@ -411,7 +498,7 @@ def told_at(dwell: Dwell, C_nb: Rotation) -> Rotation:
 
 
 def covariances(
-    carried: Carried, matched: Match, noise: Noise, priors: Priors
+    carried: Carried, matched: Match, noise: Noise, priors: Priors, arm: Arm
 ) -> tuple[Array, Array]:
     """Of the attitude about n (3, 3) [rad^2], and of `wander_values` (9, 9) by noise and priors.
 
@@ -423,11 +510,12 @@ def covariances(
     basis = _legendre(carried)[:, _WANDER_ORDERS] * spans[:, None]
     m = len(spans)
     weights = np.empty((m, 12, 3))
-    weights[:, :3] = -fit @ cross_matrix(reference * spans[:, None])
+    weights[:, :3] = attitude_weights(carried, matched)
     weights[:, 3:] = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 9, 3)
+    weights, left = less_arm(weights, carried, C_ni, arm)
     gyro, accel = sensitivity(weights, C_ni, carried)
     gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
-    P = functional_covariance(gyro, accel, C_ni, carried, noise, priors)
+    P = functional_covariance(gyro, accel, C_ni, carried, noise, priors) + left @ left.T
     sway = sway_covariance(carried, matched)
     # Each order is one at both ends of the record, where the sway happens to stand.
     wander = P[3:, 3:] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
@@ -449,13 +537,11 @@ def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:
     be another one.
     """
     C_ni = matched.C_ni.as_matrix()
-    spans, reference = carried.spans, matched.reference
     C_nb = C_ni @ matrices(carried.q[-1:])[0]
     covariance: Array = (C_nb * rest.jitter) @ C_nb.T
     if not (rest.gyro_drift.any() or rest.accel_drift.any()):
         return covariance
-    weights = -fit_matrix(spans, reference) @ cross_matrix(reference * spans[:, None])
-    gyro, accel = sensitivity(weights, C_ni, carried)
+    gyro, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
     turned = drive(carried, C_ni)
     line = _line(carried)
     for part, drift in ((gyro + np.eye(3), rest.gyro_drift), (accel, rest.accel_drift)):

@@ -1,7 +1,8 @@
 """How fits of several positions follow their readings: the gains of [S4] double gyrocompassing.
 
 The gain is that of the best estimate under the priors that the method is told, as
-`alignment.information` has it: the fit's own first order.
+`alignment.information` has it: the fit's own first order. Another heading that would fit nearly as
+well is beyond that: `alignment.information.circle`.
 """
 
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.gains import Answer
 from alignment.information import Information, Setting, Stretch, assumed, information
+from alignment.information.circle import circle_information
 from alignment.methods.position_fit import ROUNDING
 from alignment.methods.positions import ANOMALY, LEAST_TURN
 from alignment.options import Options
@@ -74,6 +76,7 @@ def _fitted(
     known = known_to(used, site, options)
     labels = [p.label for p in known.parameters if p.source.endswith(" bias")]
     biases = {label: known.gain(label) for label in labels if known.determined(label)}
+    circle = circle_information(known, site)
     return [
         Answer(
             label=stretch.label,
@@ -82,6 +85,7 @@ def _fitted(
             own=k,
             gain=_best(known, k),
             biases=biases,
+            circle=circle,
         )
         for k, stretch in enumerate(used)
     ]

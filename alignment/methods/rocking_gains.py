@@ -22,10 +22,13 @@ from alignment.methods.fine import (
 )
 from alignment.methods.inertial import (
     EVERY,
+    attitude_weights,
     block_of,
     drive,
     fit_matrix,
     gravity_velocity,
+    laid,
+    less_arm,
     match,
     noise_of,
     sensitivity,
@@ -42,17 +45,16 @@ def inertial_functional(readings: ImuReadings, site: Site, options: Options) -> 
     """Wahba's match of velocity curves: its own sensitivity to each block's errors."""
     site.horizontal_rate()
     carried = carry(readings, block_of(readings))
-    matched = match(carried, site)
+    matched, _, arm = laid(readings, carried, site, options.priors)
     C_ni = matched.C_ni.as_matrix()
-    fit = fit_matrix(carried.spans, matched.reference)
-    gyro, accel = sensitivity(
-        -fit @ cross_matrix(matched.reference * carried.spans[:, None]), C_ni, carried
-    )
+    weights, left = less_arm(attitude_weights(carried, matched), carried, C_ni, arm)
+    gyro, accel = sensitivity(weights, C_ni, carried)
     gyro = gyro + np.eye(3)  # the attitude carried to the end has all of the gyros' error
     turned = drive(carried, C_ni, EVERY)
     sway = sway_covariance(carried, matched)
+    fit = fit_matrix(carried.spans, matched.reference)
     ends = [fit @ cross_matrix(matched.reference[k]) for k in (0, -1)]
-    motion = sum((e @ sway @ e.T for e in ends), np.zeros((3, 3)))
+    motion = sum((e @ sway @ e.T for e in ends), left @ left.T)
     return functional(carried, matched.C_ni, gyro @ turned, accel @ turned, np.asarray(motion))
 
 

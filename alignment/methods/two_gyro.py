@@ -119,10 +119,9 @@ def azimuth_of_sway(
     size = np.hypot(A, B)
     if not abs(C) < size:
         raise AlignmentError("no azimuth gives such rates")
-    both = -np.arctan2(B, A) + np.arccos(-C / size) * np.array([1.0, -1.0])
-    m1 = np.cos(both) * p1 - np.sin(both) * q1 + t * u1
-    m3 = -np.sin(both) * q3 + t * u3
-    return float(both[np.argmax(f1 * m1 + f2 * m3)])
+    # As the azimuth goes round, (m_1, m_3) goes round zero once, the way X1 turns: rates along it
+    # cross zero downward, at the other root those against it do upward.
+    return float(np.arccos(-C / size) - np.arctan2(B, A))
 
 
 @dataclass(frozen=True, slots=True)

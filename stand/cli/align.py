@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from stand.cli.log_options import takes_log_form
 from stand.cli.options import (
     ForceOption,
     HeightOption,
@@ -18,16 +19,23 @@ from stand.cli.options import (
     quick_imports,
     words,
 )
-from stand.cli.progress import print_json, tell_left_behind, working
+from stand.cli.progress import print_json, progress, tell_left_behind, working
+
+if TYPE_CHECKING:
+    from stand.recording.log_form import LogForm
+    from stand.recording.mcap.reader import ImuLog
+
+LOGS = "Logs of any kind (docs/own-logs.md), or folders of stand run."
 
 
+@takes_log_form
 def align(
     recordings: Annotated[
         list[Path],
-        typer.Argument(
-            help="MCAP files or ROS 2 bags with sensor_msgs/msg/Imu, or folders of stand run."
-        ),
+        typer.Argument(help=LOGS),
     ],
+    *,
+    form: LogForm,
     method: Annotated[
         str | None,
         typer.Option(metavar="ID", help="stand list methods; else the recording's own, or triad."),
@@ -77,6 +85,13 @@ def align(
         str | None,
         typer.Option(metavar="M,M/S", help="vectors: noise of the fixes; else what they state."),
     ] = None,
+    stretches: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="X.toml",
+            help="What the log's stretches are, with attitudes and turns: see stand stretches.",
+        ),
+    ] = None,
     windows: Annotated[
         str | None,
         typer.Option(
@@ -86,7 +101,7 @@ def align(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Estimate the attitude from recordings: ours, or any MCAP with an IMU at rest.
+    """Estimate the attitude from recordings: ours, or any log of an IMU at rest.
 
     Several recordings are several dwells of one unit: positions with opposite verticals also
     give a latitude free of that axis's bias. A moving vehicle's needs satellite fixes
@@ -98,6 +113,8 @@ def align(
 
     Is a sigma right? stand align log.mcap --windows 60,300
 
+    Positions of a log: stand align log.mcap --stretches stretches.toml --method multi-position
+
     A turning table's log: stand align log.mcap --method carousel --turn-joint yaw --latitude 48.5
     """
     with quick_imports():
@@ -108,10 +125,12 @@ def align(
     attitude = numbers("--start-attitude", start_attitude, 3)
     noise = numbers("--fix-sigma", fix_sigma, 2)
     lengths = numbers("--windows", windows) or ()
-    with working("reading", as_json):
+    with progress("reading", as_json) as done:
         logs = [
             api.read(
                 path,
+                form=form,
+                progress=done,
                 topic=topic,
                 t_from_s=t_from,
                 t_to_s=t_to,
@@ -121,6 +140,7 @@ def align(
                 start_attitude_deg=attitude,
                 start_sigma_deg=start_sigma,
                 fix_sigma=noise,
+                stretches=stretches,
             )
             for path in recordings
         ]
@@ -147,75 +167,40 @@ def align(
     out.print(ANGLE_NOTE, style="dim")
 
 
+@takes_log_form
 def import_log(
-    file: Annotated[Path, typer.Argument(help="A foreign log: text, or rows of binary numbers.")],
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            help="In order, out of t (or sec,nanosec),gx,gy,gz,ax,ay,az; - skips one. Or by header "
-            "or number: t=time_us,gx=2,...  Without: shows what the log looks like."
-        ),
-    ] = None,
-    gyro_unit: Annotated[
-        str | None, typer.Option(help="dps, deg/h, rad/s ...; deg: increments. Else the header's.")
-    ] = None,
-    accel_unit: Annotated[
-        str | None, typer.Option(help="m/s^2, g, mg ...; m/s: increments. Else the header's.")
-    ] = None,
-    gyro_scale: Annotated[float, typer.Option(help="What one count (LSB) is, in its unit.")] = 1.0,
-    accel_scale: Annotated[float, typer.Option(help="The same of the accelerometers.")] = 1.0,
+    file: Annotated[Path, typer.Argument(help="A log of any kind (docs/own-logs.md).")],
+    *,
+    form: LogForm,
     out: Annotated[
         Path | None, typer.Option(metavar="X.mcap", help="The recording to write.")
     ] = None,
-    time_unit: Annotated[
-        str | None, typer.Option(help="s, ms, us, ns or iso; else as the log says, or s.")
+    topic: Annotated[
+        str | None, typer.Option(help="Which IMU topic, where there are several.")
     ] = None,
-    rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Of a log without times: t is not read.")
-    ] = None,
-    file_format: Annotated[
-        str | None,
-        typer.Option(
-            "--format", help="csv, f8le or a numpy type such as '>f4'; else by the content."
-        ),
-    ] = None,
-    skip_bytes: Annotated[int, typer.Option(help="Before the first binary row.")] = 0,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Bring a foreign log into an MCAP that stand align and every ROS 2 tool reads.
+    """Bring a log into an MCAP that every ROS 2 tool reads.
 
     Example: stand import log.csv --columns t,gx,gy,gz,ax,ay,az --gyro-unit deg/s
     --accel-unit m/s^2 --out log.mcap
 
-    Without --columns it shows the log's columns and first rows, and the command to type.
+    Without --out it shows the log's columns and first rows, and the command to type.
     """
     from stand.errors import StandError
 
-    if columns is None:
-        if out is not None:
-            raise StandError(f"missing --columns: stand import {file} shows what they may be")
+    if out is None:
+        if form.columns is not None:
+            raise StandError("missing --out X.mcap: the recording to write")
         _show_inspection(file, as_json)
         return
-    if out is None:
-        raise StandError("missing --out X.mcap: the recording to write")
     tell_left_behind(out)
     with quick_imports():
-        from stand.recording.foreign import LogForm, import_foreign
+        from stand.recording.importing import import_log as imported
 
-    form = LogForm(
-        columns=columns,
-        gyro_unit=gyro_unit,
-        accel_unit=accel_unit,
-        gyro_scale=gyro_scale,
-        accel_scale=accel_scale,
-        time_unit=time_unit,
-        rate_hz=rate,
-        file_format=file_format,
-        skip_bytes=skip_bytes,
-    )
-    with working("importing", as_json):
-        log = import_foreign(file, out, form, force=force)
+    with progress("importing", as_json) as done:
+        log = imported(file, out, form, topic=topic, force=force, progress=done)
     _show_import(out, log, as_json)
 
 
@@ -231,24 +216,27 @@ def _show_inspection(file: Path, as_json: bool) -> None:
     print("\n".join(found.lines()))
 
 
-def _show_import(out: Path, log: Any, as_json: bool) -> None:
+def _show_import(out: Path, log: ImuLog, as_json: bool) -> None:
     import numpy as np
 
     from alignment.units import DEG_PER_HOUR
+    from stand.recording.entrance import origin_of
 
-    steps = np.diff(log.t_ns) * 1e-9
+    t = (log.t_ns - origin_of(log)) * 1e-9
+    steps = np.diff(t)
     rate = np.linalg.norm(log.w_ib_b.mean(axis=0)) / DEG_PER_HOUR
     force = np.linalg.norm(log.f_b.mean(axis=0))
     facts: dict[str, Any] = {
         "out": str(out),
+        "topic": log.topic,
         "samples": len(log.t_ns),
-        "t_from_s": float(log.t_ns[0] * 1e-9),
-        "t_to_s": float(log.t_ns[-1] * 1e-9),
+        "t_from_s": float(t[0]),
+        "t_to_s": float(t[-1]),
         "rate_hz": float(1 / steps.mean()),
         "longest_gap_s": float(steps.max()),
         "mean_rate_deg_h": float(rate),
         "mean_force_m_s2": float(force),
-        "notes": list(log.notes),
+        "notes": [*log.notes, *log.doubts],
     }
     if as_json:
         print_json(facts)
@@ -258,18 +246,19 @@ def _show_import(out: Path, log: Any, as_json: bool) -> None:
         f"{facts['t_to_s']:.3f} s, {facts['rate_hz']:.4g} Hz (longest step "
         f"{facts['longest_gap_s'] * 1e3:.3g} ms)\n"
         f"mean rate {rate:.4g} deg/h (Earth: 15.04), mean specific force {force:.5f} m/s^2\n"
-        + "".join(f"{note}\n" for note in log.notes)
+        + "".join(f"{note}\n" for note in (f"read: {log.topic}", *log.notes, *log.doubts))
         + f"Align it: stand align {shlex.quote(str(out))}"
     )
 
 
+@takes_log_form
 def allan(
     recording: Annotated[
         Path,
-        typer.Argument(
-            help="An MCAP or ROS 2 bag with sensor_msgs/msg/Imu at rest, or a folder of run."
-        ),
+        typer.Argument(help="A log of any kind (docs/own-logs.md) at rest, or a folder of run."),
     ],
+    *,
+    form: LogForm,
     imu: Annotated[
         str | None,
         typer.Option(metavar="ID", help="Data sheet to compare with; else the recording's own."),
@@ -301,9 +290,11 @@ def allan(
         from stand import api
         from stand.evaluation.allan import to_json
 
-    with working("analysing", as_json):
+    with progress("analysing", as_json) as done:
         found = api.allan(
             recording,
+            form=form,
+            progress=done,
             imu=imu,
             terms=words(terms),
             topic=topic,

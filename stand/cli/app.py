@@ -17,6 +17,7 @@ from stand.cli.catalogue import check_imu, list_entries
 from stand.cli.progress import Stopped
 from stand.cli.review import recover, report, view
 from stand.cli.run import drive, run
+from stand.cli.stretches import stretches
 from stand.cli.study import compare, export, rehearse
 from stand.physics import set_driver_aside
 from stand.versions import VERSION
@@ -45,6 +46,7 @@ COMMANDS = {
     "import": import_log,
     "list": list_entries,
     "allan": allan,
+    "stretches": stretches,
     "report": report,
     "recover": recover,
     "check-imu": check_imu,

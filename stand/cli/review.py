@@ -69,12 +69,59 @@ def recover(
 
 
 def view(
-    recording: Annotated[Path, typer.Argument(help="Folder of stand run, an .rrd or an .mcap.")],
+    recording: Annotated[
+        Path, typer.Argument(help="Folder of stand run, an .rrd or .mcap, or any log.")
+    ],
+    t_from: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="At full rate from here ...")
+    ] = None,
+    t_to: Annotated[float | None, typer.Option("--to", metavar="S", help="... to here.")] = None,
+    topic: Annotated[
+        str | None, typer.Option(help="Which IMU topic, where there are several.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="X.rrd", help="Write the review there, open nothing.")
+    ] = None,
+    force: ForceOption = False,
 ) -> None:
-    """Open a recording in the rerun viewer: the review of a run's folder, else its run.mcap."""
+    """Open a recording in the rerun viewer: the review of a run's folder, else its samples.
+
+    The review of a long run shows two rows for many samples; a stretch is shown with all of them.
+
+    Example: stand view recordings/six-position_stim300_seed0 --from 60 --to 70
+    """
+    from stand.recording.viewer import KINDS
     from stand.recording.viewer import view as open_viewer
 
-    review, alone = recording / "run.rrd", recording / "run.mcap"
-    if recording.is_dir():
-        recording = alone if alone.is_file() and not review.is_file() else review
-    open_viewer(recording)
+    whole = t_from is None and t_to is None and out is None
+    if whole and recording.is_dir() and (recording / "run.rrd").is_file():
+        open_viewer(recording / "run.rrd")
+    elif whole and recording.suffix in KINDS:
+        open_viewer(recording)
+    else:
+        _view_samples(recording, (t_from, t_to), topic, out, force)
+
+
+def _view_samples(
+    recording: Path,
+    limits: tuple[float | None, float | None],
+    topic: str | None,
+    out: Path | None,
+    force: bool,
+) -> None:
+    from tempfile import TemporaryDirectory
+
+    from stand import api
+    from stand.folder import refuse_files
+    from stand.recording.samples_review import write_review
+    from stand.recording.viewer import view as open_viewer
+
+    if out is not None:
+        refuse_files([out], force=force)
+    with TemporaryDirectory() as folder:
+        target = out or Path(folder) / f"{recording.stem}.rrd"
+        with working("reading", False):
+            told = write_review(api.read(recording, topic=topic), target, *limits)
+        print(told)
+        if out is None:
+            open_viewer(target)

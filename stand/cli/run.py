@@ -75,8 +75,10 @@ def run(
         import stand
         from stand.evaluation.run_result import result_json
         from stand.folder import recording_folder
-        from stand.recording import review  # noqa: F401  here rather than amid the samples
+        from stand.recording.reviewing import can_review
         from stand.simulation.settings import run_id
+
+        reviewed = can_review()  # imports rerun here rather than amid the samples
 
     settings = stand.settings(
         procedure,
@@ -98,12 +100,13 @@ def run(
     if as_json:
         print_json(result_json(result) | {"out": str(result.out)})
     else:
-        _show_run(result)
+        _show_run(result, reviewed)
 
 
-def _show_run(result: RunResult) -> None:
+def _show_run(result: RunResult, reviewed: bool) -> None:
     from rich.markup import escape
 
+    from stand.recording.reviewing import MISSING
     from stand.report.console import console, show
     from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
 
@@ -122,7 +125,11 @@ def _show_run(result: RunResult) -> None:
     for line in refusal_lines(result.refusals):
         out.print(line, style="bold yellow", markup=False)
     where = escape(str(result.out))
-    out.print(f"\nRecorded in [bold]{where}[/bold]: run.mcap, run.rrd, result.json", soft_wrap=True)
+    files = "run.mcap, run.rrd, result.json" if reviewed else "run.mcap, result.json"
+    out.print(f"\nRecorded in [bold]{where}[/bold]: {files}", soft_wrap=True)
+    if not reviewed:
+        out.print(MISSING, markup=False, soft_wrap=True)
+        return
     out.print(f"Review it: stand view {escape(shlex.quote(str(result.out)))}", soft_wrap=True)
 
 

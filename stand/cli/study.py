@@ -1,4 +1,4 @@
-"""Commands before a test: `stand compare`, `stand rehearse`, `stand export`."""
+"""Commands before a test, and on its outcome: `stand compare`, `rehearse`, `export`."""
 
 from __future__ import annotations
 
@@ -21,11 +21,22 @@ from stand.cli.progress import Stopped, print_json, progress, working
 
 def compare(
     procedure: Annotated[
-        str | None, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
+        str | None,
+        typer.Argument(
+            metavar="PROCEDURE|A",
+            help="Catalogue id (stand list procedures) or a TOML file; or a recording.",
+        ),
+    ] = None,
+    other: Annotated[
+        Path | None, typer.Argument(metavar="B", help="Another recording of that procedure.")
     ] = None,
     imu: Annotated[
-        str, typer.Option(metavar="ID", help="Unit (stand list imus) or a TOML file.")
-    ] = "stim300",
+        str | None,
+        typer.Option(
+            metavar="ID",
+            help="Unit (stand list imus) or a TOML file; else stim300, or as recorded.",
+        ),
+    ] = None,
     table: Annotated[
         str | None, typer.Option(metavar="ID", help="Table (stand list tables) or a TOML file.")
     ] = None,
@@ -46,6 +57,10 @@ def compare(
         str,
         typer.Option(metavar="TERMS", help="Switch error terms off: turn-on-bias,range ..."),
     ] = "",
+    stretches: Annotated[
+        Path | None,
+        typer.Option(metavar="X.toml", help="Of recordings that bring no stretches of their own."),
+    ] = None,
     latitude: LatitudeOption = None,
     height: HeightOption = None,
     rate: Annotated[int, typer.Option(metavar="HZ", help="Sample rate, 1 to 10000 Hz.")] = 20,
@@ -54,10 +69,18 @@ def compare(
         bool,
         typer.Option("--published", help="Print published figures beside ours, with verdicts."),
     ] = False,
+    only: Annotated[
+        str,
+        typer.Option(
+            metavar="PLACE", help="Of --published: one paper or place, as 'S4 formula (13)'."
+        ),
+    ] = "",
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="For the picture; default: recordings/compare_PROCEDURE_IMU_seedN."
+            metavar="DIR",
+            help="For the picture; default: recordings/compare_PROCEDURE_IMU_seedN. With "
+            "--published: a page with its pictures.",
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -70,19 +93,27 @@ def compare(
     Example: stand compare two-position --imu ring-laser --runs 200 --methods triad,two-position
 
     What the papers print, beside what comes out here: stand compare --published
+
+    Two recordings of one procedure, simulated or real: estimates, means per stretch, noise.
+    stand compare recordings/a recordings/b
     """
+    if other is not None:
+        _compare_recordings(procedure, other, imu, words(methods), stretches, latitude, as_json)
+        return
     if published:
-        _compare_published(as_json)
+        _compare_published(only, out, as_json)
         return
     with quick_imports():
         import stand
         from stand.evaluation.comparison import to_json
 
+    if only:
+        raise stand.StandError("--only: of --published, which is not given")
     if procedure is None:
         raise stand.StandError("compare: name a procedure (stand list procedures), or --published")
     settings = stand.settings(
         procedure,
-        imu,
+        imu or "stim300",
         table,
         latitude_deg=latitude,
         height_m=height,
@@ -112,18 +143,59 @@ def compare(
         print(path)
 
 
-def _compare_published(as_json: bool) -> None:
-    from stand.evaluation.published import all_figures, to_json
+def _compare_recordings(
+    first: str | None,
+    second: Path,
+    imu: str | None,
+    methods: list[str],
+    stretches: Path | None,
+    latitude: float | None,
+    as_json: bool,
+) -> None:
+    from stand import api
+    from stand.evaluation.side_by_side import side_by_side_json
 
-    with working("working out what the papers print", as_json):
-        figures = all_figures()
+    with working("reading", as_json):
+        logs = [api.read(path) for path in (str(first), second)]
+        if stretches is not None:
+            logs = [
+                log if log.simulated else api.read(log.path, stretches=stretches) for log in logs
+            ]
+    with working("estimating", as_json):
+        found = api.side_by_side(*logs, methods, imu=imu, latitude_deg=latitude)
     if as_json:
-        print_json({"published": [to_json(figure) for figure in figures]})
+        print_json(side_by_side_json(found))
         return
-    from stand.report.compare import published_text
-    from stand.report.console import console
+    from stand.report.console import console, show
 
-    print(published_text(figures, console().width))
+    out = console()
+    out.print(found.headline(), markup=False, soft_wrap=True)
+    show(out, found.tables())
+    for line in found.remarks():
+        out.print(line, markup=False)
+
+
+def _compare_published(only: str, out: Path | None, as_json: bool) -> None:
+    with quick_imports():
+        from stand.evaluation.published import audit, row_json
+
+    with progress("what the papers print, and ours", as_json) as report:
+        rows = audit(only, report)
+    if as_json:
+        print_json({"published": [row_json(row) for row in rows]})
+    else:
+        from stand.report.console import console
+        from stand.report.published import audit_text
+
+        print(audit_text(rows, console().width))
+    if out is not None:  # after the answer: a folder that cannot be written costs no runs
+        from stand.report.published import write_audit
+
+        with working("drawing the pictures", as_json):
+            written = write_audit(rows, out)
+        if not as_json:
+            for path in written:
+                print(path)
 
 
 def _unseen(done: float) -> None:
@@ -228,29 +300,62 @@ def rehearse(
 
 
 def export(
-    procedure: Annotated[
-        str, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="PROCEDURE|RECORDING",
+            help="Catalogue id (stand list procedures) or a TOML file; or any recording or log.",
+        ),
     ],
     out: Annotated[Path, typer.Option(metavar="X.csv", help="The file to write.")],
     table: Annotated[
         str | None, typer.Option(metavar="ID", help="Table (stand list tables) or a TOML file.")
     ] = None,
-    file_format: Annotated[str, typer.Option("--format", help="csv.")] = "csv",
+    file_format: Annotated[
+        str | None,
+        typer.Option("--format", help="csv; of a recording also npz, mat, parquet; else by --out."),
+    ] = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Of a sway that is drawn.")] = 0,
+    topic: Annotated[
+        str | None, typer.Option(help="Of a recording: which IMU topic, where there are several.")
+    ] = None,
     force: ForceOption = False,
 ) -> None:
-    """Demanded angle, rate and acceleration of every axis each 10 ms, for a real controller.
+    """A procedure for a real controller, or the samples of a recording for other programs.
 
-    The steps and their times go into X_steps.csv. A profile step reads X.csv back.
+    A procedure: demanded angle, rate and acceleration of every axis each 10 ms; the steps and
+    their times go into X_steps.csv. A profile step reads X.csv back.
 
     Example: stand export two-position --table mid-class --out two-position.csv
+
+    A recording: time, readings, and of one of ours truth and encoder angles, a column each, with
+    the unit in its name; its stretches go into X_stretches.toml, which stand align takes.
+
+    Example: stand export recordings/sample --out sample.npz
     """
+    kind = file_format or out.suffix.lower().lstrip(".") or "csv"
+    if _is_recording(what):
+        from stand import api
+        from stand.recording.export import WRITERS, export_log
+
+        known = kind if file_format or kind in WRITERS else "csv"
+        for path in export_log(api.read(what, topic=topic), out, known, force=force):
+            print(path)
+        return
     with quick_imports():
         import stand
         from stand.errors import unknown
         from stand.rehearsal.export import exported, steps_file
 
-    if file_format != "csv":
+    if file_format not in (None, "csv"):
         raise unknown("format", file_format, ("csv",))
-    rows = exported(stand.settings(procedure, table=table, seed=seed), out, force)
+    rows = exported(stand.settings(what, table=table, seed=seed), out, force)
     print(f"{out}: {rows} rows\n{steps_file(out)}")
+
+
+def _is_recording(what: str) -> bool:
+    """Whether it is a path of something else than a procedure."""
+    from stand.toml_files import ids
+
+    path = Path(what)
+    return path.suffix != ".toml" and what not in ids("procedures") and path.exists()

@@ -28,7 +28,8 @@ from alignment.units import (
 from stand.errors import StandError, located
 from stand.evaluation.plausible import force_slip, rate_slip
 from stand.imu import ImuSpec, TriadSpec, load_imu
-from stand.recording.mcap.reader import ImuLog, read_imu
+from stand.recording.entrance import read_imu
+from stand.recording.mcap.reader import ImuLog
 from stand.recording.metadata import (
     RUN,
     epoch_of,

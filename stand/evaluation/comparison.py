@@ -107,8 +107,14 @@ class _Bench:
     def trial(self, seed: int) -> list[Outcome]:
         """All methods on the readings of one run."""
         dwells, attitudes = self.trials.readings(seed)
-        truth = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
-        return [self._outcome(method, seed, dwells, truth) for method in self.methods]
+        ends, means = (
+            {d.label: C for d, C in zip(dwells, own, strict=True)}
+            for own in (attitudes, attitudes.means)
+        )
+        return [
+            self._outcome(method, seed, dwells, means if ESTIMATORS[method].tells_mean else ends)
+            for method in self.methods
+        ]
 
     def _outcome(
         self, method: str, seed: int, dwells: Sequence[Dwell], truth: dict[str, Rotation]

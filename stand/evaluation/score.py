@@ -19,12 +19,18 @@ ANGLES = ("roll", "yaw", "pitch")
 class Truths:
     """What is known about a dwell apart from the readings: None where nobody knows.
 
-    `C_nb` the true attitude, `nominal` what the table was told, `latitude` [rad].
+    `C_nb` the true attitude at its end, `nominal` what the table was told, `latitude` [rad],
+    `mean` the true mean attitude, where that is another.
     """
 
     C_nb: Rotation | None = None
     nominal: Rotation | None = None
     latitude: float | None = None
+    mean: Rotation | None = None
+
+    def of(self, method: str) -> Rotation | None:
+        """The true attitude that a method's answer is to be set against."""
+        return self.mean or self.C_nb if ESTIMATORS[method].tells_mean else self.C_nb
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +56,9 @@ def score(estimate: AttitudeEstimate, truths: Truths) -> Score:
         latitude_error = estimate.latitude - truths.latitude
     return Score(
         estimate,
-        angle_error(estimate, truths.C_nb),
+        angle_error(estimate, truths.of(estimate.method)),
         angle_error(estimate, truths.nominal),
-        _heading_error(estimate, truths.C_nb),
+        _heading_error(estimate, truths.of(estimate.method)),
         latitude_error=latitude_error,
     )
 

@@ -55,7 +55,7 @@ class Scatter:
         Windows that were estimated.
     scatter, low, high : float
         Standard deviation about their own mean (n - 1) [rad] and its 95 % interval by chi-square,
-        as of independent normal values; NaN of one window.
+        as of independent normal values; NaN of one window, and where one of them does not tell.
     sigma : float or None
         Root mean square of the sigmas stated [rad]; None where a method states none, or one that
         says nothing (above 30 deg of heading, 10 deg of latitude).
@@ -78,7 +78,9 @@ class Scatter:
     @property
     def ratio(self) -> float | None:
         """Variance of the estimates over that which is stated; 1 of a sigma that is right."""
-        return None if not self.sigma or self.count < 2 else (self.scatter / self.sigma) ** 2
+        if not self.sigma or not np.isfinite(self.scatter):
+            return None
+        return (self.scatter / self.sigma) ** 2
 
 
 def check_lengths(lengths: Sequence[float]) -> None:
@@ -260,7 +262,9 @@ def _spread(angles: Array) -> float:
 
 def scatter_to_json(row: Scatter) -> dict[str, Any]:
     """One row for machines, in degrees; null where there is no number."""
-    lone = row.count < 2
+    scatter, low, high = (
+        x / DEG if np.isfinite(x) else None for x in (row.scatter, row.low, row.high)
+    )
     return {
         "method": row.method,
         "window": row.window,
@@ -268,9 +272,9 @@ def scatter_to_json(row: Scatter) -> dict[str, Any]:
         "seconds": row.seconds,
         "quantity": row.quantity,
         "windows": row.count,
-        "scatter_deg": None if lone else row.scatter / DEG,
-        "scatter_low_deg": None if lone else row.low / DEG,
-        "scatter_high_deg": None if lone else row.high / DEG,
+        "scatter_deg": scatter,
+        "scatter_low_deg": low,
+        "scatter_high_deg": high,
         "sigma_deg": None if row.sigma is None else row.sigma / DEG,
         "variance_over_stated": row.ratio,
         "remark": row.remark,

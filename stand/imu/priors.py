@@ -25,19 +25,18 @@ ALIKE = (
 )
 LASTING = 60.0  # s: correlation beyond it makes a bias of a dwell
 BASE_ARM = 0.73  # m: the unit's height above the crossing of the shipped base's axes
+GIMBAL_ARM = 0.055227  # m: the unit's place on two lines across the shipped pitch axis, each
 
 
-def priors_of(
-    imu: ImuSpec, table: Table | None, rocking: bool = False, arm: float = BASE_ARM
-) -> Priors:
+def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
     """Standard deviations of a unit's constant errors and of a table's placement.
 
     A dwell of minutes cannot tell a bias from what of its instability changes more slowly than
     that. What misaligned accelerometers and g-sensitive gyros make of gravity is no bias: it
-    changes with the attitude, and is told by its own name. On a `rocking` base the unit moves
-    about the base's axes, `arm` [m] away.
+    changes with the attitude, and is told by its own name. Where a base rocks or a table turns the
+    unit moves about axes that are some `arm` [m] away.
     """
-    turn, seat, nominal = (0.0, 0.0, 0.0) if table is None else _placement(table)
+    turn, seat, nominal = (0.0, 0.0, 0.0) if table is None else placement(table)
     slow = _slow_part(imu.corners)
     return Priors(
         gyro_bias=float(np.hypot(imu.gyro.bias, slow * imu.gyro.instability)),
@@ -52,7 +51,7 @@ def priors_of(
         turn=turn,
         seat=seat,
         nominal=nominal,
-        lever_arm=arm if rocking else 0.0,
+        lever_arm=arm,
     )
 
 
@@ -71,7 +70,7 @@ def _slow_part(corners: Sequence[float]) -> float:
     return float(np.sqrt(lasting)) / plateau(corners)
 
 
-def _placement(table: Table) -> tuple[float, float, float]:
+def placement(table: Table) -> tuple[float, float, float]:
     """`turn`, `seat` and `nominal` of a table [rad], each of one axis.
 
     A position is off by its encoders and by what bends the turn to it: axes that are not square

@@ -26,6 +26,7 @@ from stand.procedure.steps import (
     Step,
     SweepStep,
     Text,
+    TurningEntry,
 )
 from stand.table.table import Table, load_table
 from stand.table.table_errors import TableErrorsEntry
@@ -233,6 +234,11 @@ class ProcedureEntry(catalogue.Entry):
     def rocks(self) -> bool:
         """Whether the base moves behind steps."""
         return bool(self.background)
+
+    @property
+    def turns(self) -> bool:
+        """Whether it estimates from steady turns of an axis."""
+        return any(isinstance(step, TurningEntry) for step in self.step)
 
     @model_validator(mode="after")
     def _long_enough(self) -> "ProcedureEntry":

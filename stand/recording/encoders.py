@@ -65,10 +65,11 @@ class Encoders:
 def axis_of_turn(stretch: LoggedStretch, readings: ImuReadings, angle: Array) -> Array:
     """The axis in b: of the schedule, the told one, or the vertical.
 
-    The latter two are compared with the gyros: the encoder's rate is fitted to theirs by least
-    squares. A bias may be as large as a slow table's rate, so that a told axis stands then.
+    What no encoder or schedule of ours says is compared with the gyros: the rate is fitted to
+    theirs by least squares. A bias may be as large as a slow table's rate, so that a told axis
+    stands then.
     """
-    if stretch.nominal is not None:
+    if stretch.nominal is not None and stretch.rate is None:
         return np.array(stretch.axis_b)
     known = stretch.axis_b is not None
     axis = np.array(stretch.axis_b if known else unit_vector(readings.f_b.mean(axis=0)))
@@ -83,9 +84,11 @@ def axis_of_turn(stretch: LoggedStretch, readings: ImuReadings, angle: Array) ->
     off = abs(share - 1.0)
     if off > GROSS and (not known or off * np.sqrt(power / len(rate)) > LARGEST_BIAS):
         about = ", ".join(f"{a:.3f}" for a in axis)
+        told = "the stretch says" if stretch.joint is None else f"{stretch.joint} does"
         raise StandError(
             f"{stretch.label}: the gyros turn {share:.3f} times as fast about ({about}) as "
-            f"{stretch.joint} does, must be {1 - GROSS:g} to {1 + GROSS:g}: another axis or joint"
+            f"{told}, must be {1 - GROSS:g} to {1 + GROSS:g}: another axis or "
+            f"{'rate' if stretch.joint is None else 'joint'}"
         )
     return axis
 

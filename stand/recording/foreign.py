@@ -1,54 +1,59 @@
-"""Foreign logs: text or rows of binary numbers, brought to SI and one time base."""
+"""Logs that are tables, of any kind, brought to SI and one time base."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.sampling import bursts
-from stand.errors import StandError, unknown
-from stand.folder import file_beside, refuse_files, refuse_no_file
+from stand.errors import StandError
+from stand.recording.binary_rows import binary_rows, number_type
+from stand.recording.content import BINARY, KNOWN, MESSAGES, TEXT, kind_of
+from stand.recording.formats import READERS
+from stand.recording.formats.table import ArrayTable
 from stand.recording.log_columns import (
     CHANNELS,
+    Columns,
     SensorUnit,
+    clear_columns,
     columns_of,
     sensor_unit,
     time_unit_of_header,
 )
-from stand.recording.mcap.writer import EPOCH_NS, write_imu_log
-from stand.recording.metadata import RUN
-from stand.recording.text_table import TextLayout, is_text, layout_of, read_columns
+from stand.recording.log_form import LogForm
+from stand.recording.mcap.writer import EPOCH_NS
+from stand.recording.text_table import layout_of, read_columns
 from stand.recording.time_stamps import (
+    ISO,
     NS,
-    TIME_UNITS,
     YEAR_1990,
     YEAR_2038,
+    array_ns,
     likely_unit,
     parser_of,
+    time_unit_ns,
+    unwrapped,
 )
-from stand.versions import VERSION
 
-FORMATS = ("csv", "f8le")  # and any numpy dtype
-_TEXT_ENDINGS = (".csv", ".txt", ".tsv")  # which tell what an empty file is
-_USUAL_TYPES = ("<f8", ">f8", "<f4", ">f4")
-_NO_READING = 1e9  # no sensor reads so much in any unit
 _SECOND = NS["s"]
+Progress = Callable[[float], None]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ForeignLog:
     """A log in SI: `t_ns` (n,) int64 since `epoch_ns`, rates [rad/s], forces [m/s^2] (n, 3).
 
-    `notes` say what was found out of the file and what was left out.
+    `topic`: which of the file's columns it is. `notes` say what was found out of the file and
+    what was left out.
     """
 
     t_ns: IntArray
     w_ib_b: Array
     f_b: Array
     epoch_ns: int
+    topic: str = ""
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -61,110 +66,44 @@ class ForeignLog:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LogForm:
-    """What is told of a foreign log.
-
-    Attributes
-    ----------
-    columns : str
-        Names of the file's columns in order, out of t, sec, nanosec and `CHANNELS`, '-' for one
-        to skip; or ``name=column`` by header or number. The IMU's axes must already be X1
-        forward, Y1 up, Z1 right, or any right-handed triad whose attitude is wanted.
-    gyro_unit, accel_unit : str or None
-        As data sheets write them; of an angle or a speed: increments. None: as the header says.
-    gyro_scale, accel_scale : float
-        What one count is, in that unit.
-    time_unit : str or None
-        One of `TIME_UNITS`; None: as the header or the first stamp says, or else seconds.
-    rate_hz : float or None
-        Of a log without a time.
-    file_format : str or None
-        'csv' (any text), 'f8le' or another numpy type of binary rows; None: text if it looks so,
-        little-endian float64 otherwise.
-    skip_bytes : int
-        Before the first binary row.
-    """
-
-    columns: str
-    gyro_unit: str | None = None
-    accel_unit: str | None = None
-    gyro_scale: float = 1.0
-    accel_scale: float = 1.0
-    time_unit: str | None = None
-    rate_hz: float | None = None
-    file_format: str | None = None
-    skip_bytes: int = 0
-
-    def __post_init__(self) -> None:
-        if self.time_unit is not None and self.time_unit not in TIME_UNITS:
-            raise unknown("time unit", self.time_unit, TIME_UNITS)
-        if self.rate_hz is not None and not 1e-3 <= self.rate_hz <= 1e6:
-            raise StandError(f"--rate {self.rate_hz:g}: must be 0.001 to 1e6 Hz")
-        if self.skip_bytes < 0:
-            raise StandError(f"--skip-bytes {self.skip_bytes}: must be 0 or more")
-        for sensor, scale in (("gyro", self.gyro_scale), ("accel", self.accel_scale)):
-            if not (np.isfinite(scale) and scale > 0):
-                raise StandError(f"--{sensor}-scale {scale:g}: must be above 0")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Table:
-    """Six channels (n, 6) in the file's units; `t_ns` None where there is no time; `row` from 0."""
+    """Six channels (n, 6) in the file's units; `t_ns` None where there is no time, which is in
+    `unit`; `row` from 0."""
 
     t_ns: IntArray | None
     row: IntArray
     values: Array
     headers: tuple[str, ...]
+    unit: str
+    topic: str
     notes: tuple[str, ...]
 
 
-def import_foreign(file: Path, out: Path, form: LogForm, *, force: bool = False) -> ForeignLog:
-    """Read a foreign log as `load_foreign` does, and write it as an MCAP that others read.
-
-    Raises
-    ------
-    StandError
-        As `load_foreign`; `out` is there (and not `force`), is the log itself, or has no folder.
-    """
-    refuse_files([out], force=force)
-    itself = out.exists() and file.exists() and out.samefile(file)
-    if out.is_dir() or itself:
-        raise StandError(f"--out {out}: must be a new file")
-    if not out.parent.is_dir():
-        raise StandError(f"--out {out}: no folder {out.parent}")
-    log = load_foreign(file, form)
-    record = {
-        "source": file.name,
-        "columns": form.columns,
-        "gyro_unit": form.gyro_unit or "",
-        "accel_unit": form.accel_unit or "",
-        "time_unit": form.time_unit or "",
-        "epoch_ns": str(log.epoch_ns),
-        "stand_version": VERSION,
-    }
-    with file_beside(out) as beside:
-        write_imu_log(
-            beside,
-            t_ns=log.t_ns,
-            w_ib_b=log.w_ib_b,
-            f_b=log.f_b,
-            epoch_ns=log.epoch_ns,
-            metadata={RUN: record},
-        )
-    return log
+def _quiet(done: float) -> None:
+    """Progress that nobody watches."""
 
 
-def load_foreign(path: Path, form: LogForm) -> ForeignLog:
-    """Read a foreign log.
+def load_foreign(
+    path: Path, form: LogForm, topic: str | None = None, progress: Progress = _quiet
+) -> ForeignLog:
+    """Read a log that is a table.
+
+    Parameters
+    ----------
+    path : Path
+    form : LogForm
+    topic : str or None
+        Which group of columns, of a kind of file that has several.
+    progress : callable
+        Told the part read, 0 to 1.
 
     Raises
     ------
     StandError
         One line: file, row or line, column, value, what is allowed.
     """
-    text = _is_text(path, form)
-    table = _text(path, form) if text else _binary(path, form)
+    table = _table(path, form, topic, progress)
     if len(table.values) < 2:
         raise StandError(f"{path}: {len(table.values)} rows of data, at least 2 are needed")
     headers = table.headers or ("",) * 6
@@ -174,150 +113,164 @@ def load_foreign(path: Path, form: LogForm) -> ForeignLog:
     with np.errstate(all="ignore"):  # told by the check below
         si = table.values * scales
     _check_finite(path, table, si)
-    t_ns, epoch_ns = _stamps(path, table, form.rate_hz)
+    t_ns, epoch_ns = _stamps(path, table, form)
     si, told = _rates(si, t_ns, gyro, accel)
-    notes = (*table.notes, *gyro.notes, *accel.notes, *told)
-    return ForeignLog(t_ns, si[:, :3], si[:, 3:], epoch_ns, notes=notes)
+    w_ib_b, f_b = si[:, :3], si[:, 3:]
+    if (turn := form.turn()) is not None:
+        w_ib_b, f_b = turn.of(w_ib_b), turn.of(f_b)
+    return ForeignLog(
+        t_ns=t_ns,
+        w_ib_b=w_ib_b,
+        f_b=f_b,
+        epoch_ns=epoch_ns,
+        topic=table.topic,
+        notes=(*table.notes, *gyro.notes, *accel.notes, *told),
+    )
 
 
-def _is_text(path: Path, form: LogForm) -> bool:
-    refuse_no_file(path)
-    if path.is_dir():
-        raise StandError(f"{path}: is a folder, must be a file")
-    try:
-        if form.file_format is not None:
-            return form.file_format in ("csv", "text")
-        if path.stat().st_size == 0:
-            return path.suffix.lower() in _TEXT_ENDINGS
-        return is_text(path)
-    except OSError as error:
-        raise StandError(f"{path}: cannot read: {error.strerror}") from error
+def _table(path: Path, form: LogForm, topic: str | None, progress: Progress) -> _Table:
+    kind = kind_of(path)
+    if kind in (TEXT, BINARY):
+        if topic is not None:
+            raise StandError(f"{path}: --topic: is for logs with topics, this is a table")
+        told = form.file_format
+        text = kind == TEXT if told is None else told in ("csv", "text")
+        return _text(path, form, progress) if text else _binary(path, form)
+    if kind in MESSAGES:
+        raise StandError(f"{path}: holds messages, is no table")
+    form.refuse(path, ("file_format", "skip_bytes"), f"is for binary rows, this is {KNOWN[kind]}")
+    return _arrays(path, form, READERS[kind](path, topic))
 
 
-def _text(path: Path, form: LogForm) -> _Table:
+def _text(path: Path, form: LogForm, progress: Progress) -> _Table:
     try:
         layout = layout_of(path)
     except OSError as error:
         raise StandError(f"{path}: cannot read: {error.strerror}") from error
-    columns = columns_of(form.columns, layout.names, layout.width, timed=form.rate_hz is None)
-    times = () if form.rate_hz is not None else columns.times
-    unit, told = _time_unit(form, layout, times)
+    columns = _columns(path, form, layout.names, layout.width)
+    first = next((row[columns.times[0]] for row in layout.rows if columns.times), "")
+    unit, told = _time_unit(form, layout.names, columns, first.strip())
     found = read_columns(
         path,
         layout,
         width=columns.width,
         values=columns.values,
-        times=times,
-        to_ns=parser_of(unit, layout.decimal_comma),
+        times=columns.times,
+        to_ns=parser_of(unit, columns.stamp, layout.decimal_comma),
+        progress=progress,
     )
-    notes = [*told]
+    notes = [*columns.notes, *told]
     if found.empty:
         lines = ", ".join(map(str, found.empty[:3])) + (" ..." if len(found.empty) > 3 else "")
         rows = "row" if len(found.empty) == 1 else "rows"
         notes.append(
             f"{len(found.empty)} {rows} with an empty field left out, a gap each: line {lines}"
         )
-    there = len(layout.names) > max(columns.values)
-    headers = tuple(layout.names[k] for k in columns.values) if there else ()
-    return _Table(found.t_ns, found.row, found.values, headers, notes=tuple(notes))
+    return _Table(
+        t_ns=found.t_ns,
+        row=found.row,
+        values=found.values,
+        headers=_headers(layout.names, columns),
+        unit=unit,
+        topic=_topic(layout.names, columns),
+        notes=tuple(notes),
+    )
+
+
+def _columns(path: Path, form: LogForm, names: Sequence[str], width: int) -> Columns:
+    """Which column is what, as stated or as the headers say."""
+    timed = form.rate_hz is None
+    if form.columns is None:
+        return clear_columns(path, names, width, timed=timed)
+    columns = columns_of(form.columns, names, width, timed=timed)
+    return columns if timed else replace(columns, times=(), stamp=())
+
+
+def _headers(names: Sequence[str], columns: Columns) -> tuple[str, ...]:
+    there = len(names) > max(columns.values)
+    return tuple(names[k] for k in columns.values) if there else ()
+
+
+def _topic(names: Sequence[str], columns: Columns) -> str:
+    """The columns that are read, in words."""
+    places = (*columns.times, *columns.values)
+    named = [names[k] if k < len(names) and names[k] else str(k + 1) for k in places]
+    return f"columns {', '.join(named)}"
 
 
 def _time_unit(
-    form: LogForm, layout: TextLayout, times: Sequence[int]
+    form: LogForm, names: Sequence[str], columns: Columns, first: str
 ) -> tuple[str, tuple[str, ...]]:
     """The unit of the time, and whether it was told by the file."""
-    if form.time_unit is not None or len(times) != 1:
+    if form.time_unit is not None or len(columns.times) != 1:
         return form.time_unit or "s", ()
-    if len(layout.names) > times[0]:
-        header = time_unit_of_header(layout.names[times[0]])
+    if len(names) > columns.times[0]:
+        header = time_unit_of_header(names[columns.times[0]])
         if header in NS:
             return header, (f"time unit {header}: from the header",)
-    first = next((row[times[0]] for row in layout.rows if len(row) > times[0]), "0")
-    unit = likely_unit(first.strip()) if first.strip() else "s"
+    unit = likely_unit(first) if first else "s"
     return unit, (f"time unit {unit}: from the first stamp",) if unit != "s" else ()
 
 
 def _binary(path: Path, form: LogForm) -> _Table:
-    columns = columns_of(form.columns, (), form.columns.count(",") + 1, timed=form.rate_hz is None)
+    if form.columns is None:
+        raise StandError(
+            f"{path}: not an MCAP file, nor another kind that is known by its content; rows of "
+            "binary numbers need --columns t,gx,gy,gz,ax,ay,az (in order) and --format"
+        )
+    columns = _columns(path, form, (), form.columns.count(",") + 1)
     if columns.width is None:
         raise StandError(f"--columns {form.columns}: binary rows need every column in order")
-    kind = _number_type(form.file_format or "<f8")
-    rows = _binary_rows(path, form, kind, columns.width)
-    if not _reads(rows, columns.values, columns.times):
-        others = [np.dtype(text) for text in _USUAL_TYPES if np.dtype(text) != kind]
-        for other in others:
-            raw = _binary_rows(path, form, other, columns.width, whole=False)
-            if len(raw) > 1 and _reads(raw, columns.values, columns.times):
-                big = "big endian" if other.str.startswith(">") else "little endian"
-                raise StandError(
-                    f"{path}: makes no sense as {kind.str}, but does as {other.str} ({big}): "
-                    f"--format '{other.str}'"
-                )
-    with np.errstate(all="ignore"):
-        values = rows[:, list(columns.values)].astype(float)
-    times = () if form.rate_hz is not None else columns.times
-    t_ns = _binary_stamps(path, rows, times, form.time_unit or "s") if times else None
-    return _Table(t_ns, np.arange(len(rows)), values, (), notes=())
+    rows = binary_rows(
+        path,
+        number_type(form.file_format or "<f8"),
+        columns.width,
+        skip=form.skip_bytes,
+        values=columns.values,
+        times=columns.times,
+    )
+    table = ArrayTable(
+        topic="", names=(), rows=len(rows), width=columns.width, column=lambda k: rows[:, k]
+    )
+    return _gathered(path, form, table, columns)
 
 
-def _number_type(text: str) -> np.dtype[Any]:
-    try:
-        kind = np.dtype("<f8" if text == "f8le" else text)
-    except (TypeError, ValueError, SyntaxError):
-        raise unknown("format", text, (*FORMATS, *_USUAL_TYPES)) from None
-    if kind.kind not in "fiu":
-        raise unknown("format", text, (*FORMATS, *_USUAL_TYPES))
-    return kind
-
-
-def _binary_rows(
-    path: Path, form: LogForm, kind: np.dtype[Any], width: int, *, whole: bool = True
-) -> np.ndarray:
-    size = path.stat().st_size - form.skip_bytes
-    row = kind.itemsize * width
-    if size < 0:
-        raise StandError(f"{path}: --skip-bytes {form.skip_bytes}: has {size + form.skip_bytes}")
-    if size % row:
-        if not whole:
-            return np.empty((0, width))
-        name = "float64" if kind == np.float64 else kind.str
+def _arrays(path: Path, form: LogForm, table: ArrayTable) -> _Table:
+    columns = _columns(path, form, table.names, table.width)
+    last = max([*columns.values, *columns.times])
+    if last >= table.width:
+        raise StandError(f"{path}: {table.width} columns, column {last + 1} is asked for")
+    if columns.width not in (None, table.width):
         raise StandError(
-            f"{path}: {size} bytes is not a whole number of rows of {width} {name} "
-            f"({row} bytes): truncated, another --format, or other --columns"
+            f"{path}: {table.width} columns, but --columns names {columns.width} (use - to skip "
+            "one)"
         )
-    return np.fromfile(path, dtype=kind, offset=form.skip_bytes).reshape(-1, width)
+    return _gathered(path, form, table, columns)
 
 
-def _reads(rows: np.ndarray, values: Sequence[int], times: Sequence[int]) -> bool:
-    """Whether binary rows are readings of a sensor, as far as that can be seen."""
-    with np.errstate(all="ignore"):
-        numbers = np.abs(rows[:, list(values)].astype(float))
-        sound = bool(np.all(numbers < _NO_READING)) and bool(np.any(numbers > 1 / _NO_READING))
-        stamps = rows[:, list(times)].astype(float)
-        rising = bool((np.diff(stamps[:, 0]) >= 0).all()) if len(times) else True
-    return sound and rising and bool(np.isfinite(stamps).all())
-
-
-def _binary_stamps(path: Path, rows: np.ndarray, times: Sequence[int], unit: str) -> IntArray:
-    if unit not in NS:
-        raise StandError(f"{path}: binary rows have no times as {unit}")
-    parts = [rows[:, k] for k in times]
-    scales = (NS["s"], 1) if len(parts) == 2 else (NS[unit],)
-    t_ns = np.zeros(len(rows), np.int64)
-    for part, scale in zip(parts, scales, strict=True):
+def _gathered(path: Path, form: LogForm, table: ArrayTable, columns: Columns) -> _Table:
+    """The six channels and the times of columns that are arrays."""
+    values = np.empty((table.rows, 6))
+    for k, place in enumerate(columns.values):
+        column = table.column(place)
+        if column.dtype.kind not in "fiub":
+            name = table.names[place] if table.names else str(place + 1)
+            raise StandError(f"{path}: column {name}: {column.dtype}, must be numbers")
         with np.errstate(all="ignore"):
-            most = np.abs(part.astype(float)) * scale
-        bad = np.flatnonzero(~(most < 9e18))
-        if len(bad):
-            value = part[bad[0]]
-            must = "must be finite" if not np.isfinite(value) else "is the time unit right?"
-            raise StandError(f"{path}: row {bad[0] + 1}, column t = {value}: {must}")
-        floats = part.dtype.kind == "f"
-        whole = (np.floor(part) if floats else part).astype(np.int64)
-        t_ns += whole * scale
-        if floats:
-            t_ns += np.round((part.astype(float) - whole) * scale).astype(np.int64)
-    return t_ns
+            values[:, k] = column
+    parts = [table.column(k) for k in columns.times]
+    first = str(parts[0][0]) if len(parts) == 1 and len(parts[0]) else ""
+    unit, told = _time_unit(form, table.names, columns, first)
+    t_ns = array_ns(path, parts, columns.stamp, unit) if parts else None
+    return _Table(
+        t_ns=t_ns,
+        row=np.arange(table.rows),
+        values=values,
+        headers=_headers(table.names, columns),
+        unit=unit,
+        topic=": ".join(filter(None, (table.topic, _topic(table.names, columns)))),
+        notes=(*table.notes, *columns.notes, *told),
+    )
 
 
 def _check_finite(path: Path, table: _Table, si: Array) -> None:
@@ -330,13 +283,17 @@ def _check_finite(path: Path, table: _Table, si: Array) -> None:
         )
 
 
-def _stamps(path: Path, table: _Table, rate: float | None) -> tuple[IntArray, int]:
+def _stamps(path: Path, table: _Table, form: LogForm) -> tuple[IntArray, int]:
     """Nanoseconds since an epoch: Unix time's own, or a fixed one for times from anywhere else."""
     if table.t_ns is None:
-        assert rate is not None
-        return np.round((table.row + 1) * (_SECOND / rate)).astype(np.int64), EPOCH_NS
+        assert form.rate_hz is not None
+        return np.round((table.row + 1) * (_SECOND / form.rate_hz)).astype(np.int64), EPOCH_NS
     t_ns = table.t_ns
-    _check_increase(path, table)
+    if form.wrap is not None:
+        if table.unit == ISO:
+            raise StandError(f"--wrap {form.wrap:g}: times as {ISO} do not wrap")
+        t_ns = unwrapped(path, t_ns, round(form.wrap * time_unit_ns(table.unit)))
+    _check_increase(path, t_ns, table.row)
     unix = t_ns[0] >= YEAR_1990 * _SECOND and t_ns[-1] < YEAR_2038 * _SECOND
     whole = int(t_ns[0]) // _SECOND * _SECOND if unix else 0
     if not unix and (t_ns[0] < 0 or t_ns[-1] > YEAR_2038 * _SECOND - EPOCH_NS):
@@ -348,16 +305,14 @@ def _stamps(path: Path, table: _Table, rate: float | None) -> tuple[IntArray, in
     return t_ns - whole, whole or EPOCH_NS
 
 
-def _check_increase(path: Path, table: _Table) -> None:
-    t_ns = table.t_ns
-    assert t_ns is not None
+def _check_increase(path: Path, t_ns: IntArray, row: IntArray) -> None:
     back = np.flatnonzero(np.diff(t_ns) <= 0)
     if len(back):
         k = int(back[0]) + 1
         seconds = not np.any(t_ns % _SECOND)
         hint = ": whole seconds, are nanoseconds in another column (sec,nanosec)?"
         raise StandError(
-            f"{path}: row {table.row[k] + 1}, column t = {t_ns[k] / _SECOND:.12g} s: must be "
+            f"{path}: row {row[k] + 1}, column t = {t_ns[k] / _SECOND:.12g} s: must be "
             f"above the row before, {t_ns[k - 1] / _SECOND:.12g} s, by a nanosecond at least"
             + (hint if seconds and len(back) > len(t_ns) / 2 else "")
         )

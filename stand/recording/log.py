@@ -16,7 +16,9 @@ from alignment.sampling import bursts, evened, repeats
 from stand.errors import StandError, located
 from stand.evaluation.score import Refusal, Truths
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
-from stand.recording.mcap.reader import ImuLog, LogFile, TruthLog
+from stand.recording.entrance import OpenLog, Progress, open_log, unseen
+from stand.recording.log_form import LogForm
+from stand.recording.mcap.reader import ImuLog, TruthLog
 from stand.recording.metadata import (
     RUN,
     SCHEDULE,
@@ -28,6 +30,7 @@ from stand.recording.metadata import (
     settings_of,
     settled_stretches,
 )
+from stand.recording.named_stretches import StretchesEntry
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
 from stand.table.kinematics import C_NW
 
@@ -38,7 +41,8 @@ NAMED = 5  # stretches that were not reached: more are counted
 class Log:
     """Dwells with what is known about each, and what the recording says of site and methods.
 
-    `imu`: the samples as they lie in the file, with its metadata. `doubts`: what its way into the
+    `imu`: the samples as they lie in the file, with its metadata; `readings`: all of them on the
+    log's own clock. `doubts`: what its way into the
     file did to the samples of a foreign log, in words. `lost`: the stretches that are not whole,
     because the recording was interrupted.
     """
@@ -52,6 +56,7 @@ class Log:
     options: Options
     methods: tuple[str, ...]
     imu: ImuLog
+    readings: ImuReadings
     doubts: tuple[str, ...] = ()
     lost: tuple[Refusal, ...] = ()
 
@@ -64,8 +69,11 @@ def load_log(
     turn_joint: str | None = None,
     turn_axis: Sequence[float] | None = None,
     vehicle: Vehicle | None = None,
+    named: StretchesEntry | None = None,
+    form: LogForm | None = None,
+    progress: Progress = unseen,
 ) -> Log:
-    """Read a recording and part it into dwells and turns at constant rate.
+    """Read a recording, or a log of any kind, and part it into dwells and turns at constant rate.
 
     A recording of ours brings its stretches, nominal and true attitudes and site; any other log,
     or a stretch chosen by `t_from` and `t_to`, is one dwell. A drive is one, with its fixes. Times
@@ -86,6 +94,12 @@ def load_log(
         as the mean specific force says, upward or downward as the gyros say.
     vehicle : Vehicle, optional
         The log is that of a vehicle, with satellite fixes; recordings of drives need no telling.
+    named : StretchesEntry, optional
+        The stretches of the log, in place of its own; see `load_stretches`.
+    form : LogForm, optional
+        What is stated of a log of others; see `open_log`.
+    progress : callable
+        Told the part read, 0 to 1.
 
     Raises
     ------
@@ -96,17 +110,20 @@ def load_log(
     """
     if turn_axis is not None and turn_joint is None:
         raise StandError("turn axis: must have a turn joint with it")
-    with LogFile(path) as file:
-        return _parted(file, topic, (t_from, t_to), turn_joint, turn_axis, vehicle)
+    if named is not None and (t_from, t_to, turn_joint, vehicle) != (None,) * 4:
+        raise StandError("stretches: must not stand beside another choice of a stretch")
+    with open_log(path, form, progress) as file:
+        return _parted(file, topic, (t_from, t_to), turn_joint, turn_axis, vehicle, named)
 
 
 def _parted(
-    file: LogFile,
+    file: OpenLog,
     topic: str | None,
     limits: tuple[float | None, float | None],
     turn_joint: str | None,
     turn_axis: Sequence[float] | None,
     vehicle: Vehicle | None,
+    named: StretchesEntry | None,
 ) -> Log:
     path, imu = file.path, file.imu(topic)
     if len(imu) < 2:
@@ -120,6 +137,9 @@ def _parted(
         drive = drive_of(metadata)
         end = interrupted_at(metadata)
         stretches, lost = _whole(settled_stretches(planned, metadata), end)
+    if named is not None:
+        stretches, lost = named.stretches(), ()
+        site, options, methods = named.settings(site, options, methods)
     vehicle = vehicle or (None if drive is None else Vehicle())
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
     t, doubts = (t, ()) if simulated or drive is not None else _as_sampled(t, imu)
@@ -133,7 +153,10 @@ def _parted(
         if drive is not None:
             truths = [Truths(_true_attitude(file.truth(), origin, dwells[0].t_to))]
     else:
-        if not simulated or (*limits, turn_joint) != (None, None, None):
+        if named is not None:
+            for stretch in stretches:
+                _check_inside(path, readings, stretch.t_from, stretch.t_to, stretch.label)
+        elif not simulated or (*limits, turn_joint) != (None, None, None):
             chosen = _chosen(path, readings, planned, *limits)
             if turn_joint is not None:
                 axis = unit_vector(turn_axis)
@@ -155,7 +178,8 @@ def _parted(
         options=options,
         methods=methods,
         imu=imu,
-        doubts=doubts,
+        readings=readings,
+        doubts=imu.doubts + doubts,
         lost=lost,
     )
 
@@ -212,18 +236,22 @@ def _chosen(
     t_to: float | None,
 ) -> LoggedStretch:
     """The chosen stretch; it keeps what is known of the planned one it lies in."""
-    begin = float(readings.t[0]) - readings.interval
-    end = float(readings.t[-1])
-    a = begin if t_from is None else t_from
-    b = end if t_to is None else t_to
-    if not (np.isfinite(a) and np.isfinite(b) and begin - EDGE <= a < b <= end + EDGE):
-        raise StandError(
-            f"{path}: from {a:.3f} to {b:.3f} s: must be a stretch within the recording's "
-            f"{begin:.3f} to {end:.3f} s"
-        )
+    a = float(readings.t[0]) - readings.interval if t_from is None else t_from
+    b = float(readings.t[-1]) if t_to is None else t_to
+    _check_inside(path, readings, a, b)
     inside = [s for s in planned if s.t_from <= a + EDGE and b - EDGE <= s.t_to]
     known = inside[0] if inside else LoggedStretch(label=Path(path).stem, t_from=a, t_to=b)
     return replace(known, t_from=a, t_to=b)
+
+
+def _check_inside(path: str, readings: ImuReadings, a: float, b: float, label: str = "") -> None:
+    begin, end = float(readings.t[0]) - readings.interval, float(readings.t[-1])
+    if not (np.isfinite(a) and np.isfinite(b) and begin - EDGE <= a < b <= end + EDGE):
+        named = f'"{label}" ' if label else ""
+        raise StandError(
+            f"{path}: {named}from {a:.3f} to {b:.3f} s: must be a stretch within the recording's "
+            f"{begin:.3f} to {end:.3f} s"
+        )
 
 
 def _dwell(
@@ -231,11 +259,18 @@ def _dwell(
 ) -> Dwell:
     nominal = None if stretch.nominal is None else Rotation.from_quat(stretch.nominal)
     times = stretch.t_from, stretch.t_to
-    if stretch.joint is None or encoders is None:
+    if stretch.rate is None and (stretch.joint is None or encoders is None):
         return Dwell(stretch.label, *times, readings=readings, nominal=nominal)
     part = readings.between(*times)
     with located(path):
-        angle = encoders.angle(stretch.joint, part.t)
+        if len(part) < 2:
+            raise StandError(f"{stretch.label}: {len(part)} samples, at least 2 are needed")
+        if stretch.rate is not None:
+            angle = stretch.angle + stretch.rate * (part.t - stretch.t_from)
+        else:
+            assert stretch.joint is not None
+            assert encoders is not None
+            angle = encoders.angle(stretch.joint, part.t)
         turn = Turn(axis_of_turn(stretch, part, angle), angle)
     return Dwell(stretch.label, *times, readings=part, nominal=nominal, turn=turn)
 
@@ -259,9 +294,18 @@ def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -
             _judged_attitude(C_NW * Rotation.from_quat(truth.q_wb[k]), dwell),
             dwell.nominal,
             site.latitude,
+            mean_attitude(t, truth.q_wb, dwell),
         )
         for k, dwell in zip(last, dwells, strict=True)
     ]
+
+
+def mean_attitude(t: Array, q_wb: Array, dwell: Dwell) -> Rotation | None:
+    """True mean ``C_nb`` of a dwell from samples (n,), (n, 4); None of one that turns."""
+    own = (t > dwell.t_from + EDGE) & (t <= dwell.t_to + EDGE)
+    if dwell.turn is not None or not own.any():
+        return None
+    return C_NW * Rotation.from_quat(q_wb[own]).mean()
 
 
 def _untrue(truth: TruthLog, stamps: Array, t: float) -> StandError:

@@ -11,7 +11,9 @@ CHANNELS = ("gx", "gy", "gz", "ax", "ay", "az")
 STAMP = ("t",)
 SPLIT_STAMP = ("sec", "nanosec")
 SKIP = "-"
-ALLOWED = (*STAMP, *SPLIT_STAMP, *CHANNELS, SKIP)
+GPS_STAMP = ("week", "tow")
+STAMPS = (STAMP, SPLIT_STAMP, GPS_STAMP)
+ALLOWED = (*STAMP, *SPLIT_STAMP, *GPS_STAMP, *CHANNELS, SKIP)
 
 GYRO_UNITS = ("deg/s", "rad/s", "deg/h", "dps", "mdps", "mrad/s", "deg", "rad", "arcsec")
 ACCEL_UNITS = ("m/s^2", "g", "mg", "ug", "mm/s^2", "m/s")
@@ -38,6 +40,8 @@ _SUFFIXES = {
     "ns": "ns",
 }
 _GUESSES = {
+    "week": r"(gps_?)?(week|wn|week_?(no|num|number))",
+    "tow": r"(gps_?)?(tow|sow|itow|time_?of_?week|sec(onds?)?_?of_?week)",
     "nanosec": r"nano_?sec(onds?)?|nsecs?",
     "sec": r"secs?|seconds",
     "t": r"t|time|zeit|temps|tiempo|stamp|timestamp|time_?stamp|systime|sampletimefine",
@@ -48,12 +52,15 @@ _GUESSES = {
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Places, from 0, of `CHANNELS` in order and of the time: one, seconds and nanoseconds, or
-    none. `width`: how many columns the log must have; None where only some were named."""
+    """Places, from 0, of `CHANNELS` in order and of the time, which is what `stamp` says: t,
+    sec and nanosec, week and tow, or nothing. `width`: how many columns the log must have; None
+    where only some were named. `notes`: what was guessed."""
 
     values: tuple[int, ...]
     times: tuple[int, ...]
+    stamp: tuple[str, ...]
     width: int | None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,11 +100,7 @@ def columns_of(columns: str, names: Sequence[str], width: int, *, timed: bool) -
             raise unknown("column", name, ALLOWED)
         places.append((name, _place(column.strip(), names, width) if named else k))
     given = [name for name, _ in places]
-    stamp = SPLIT_STAMP if any(name in given for name in SPLIT_STAMP) else STAMP
-    if not timed and not any(name in given for name in (*STAMP, *SPLIT_STAMP)):
-        stamp = ()
-    if "t" in given and stamp == SPLIT_STAMP:
-        raise StandError(f"--columns {columns}: t, or sec and nanosec, not both")
+    stamp = _stamp_of(columns, given, timed)
     for name in (*stamp, *CHANNELS):
         if given.count(name) != 1:
             raise StandError(
@@ -105,9 +108,59 @@ def columns_of(columns: str, names: Sequence[str], width: int, *, timed: bool) -
             )
     place = dict(places)
     return Columns(
-        tuple(place[name] for name in CHANNELS),
-        tuple(place[name] for name in stamp),
-        None if named else len(parts),
+        values=tuple(place[name] for name in CHANNELS),
+        times=tuple(place[name] for name in stamp),
+        stamp=stamp,
+        width=None if named else len(parts),
+    )
+
+
+def _stamp_of(columns: str, given: Sequence[str], timed: bool) -> tuple[str, ...]:
+    """The one kind of time that is among the names; none where none is needed."""
+    used = [stamp for stamp in STAMPS if any(name in given for name in stamp)]
+    if len(used) > 1:
+        raise StandError(
+            f"--columns {columns}: t, or sec and nanosec, or week and tow, not several"
+        )
+    return used[0] if used else STAMP if timed else ()
+
+
+def clear_columns(path: object, names: Sequence[str], width: int, *, timed: bool) -> Columns:
+    """The columns as their headers say, where each of `CHANNELS` and the time is clear.
+
+    Raises
+    ------
+    StandError
+        They are not, and how to say which is which.
+    """
+    guesses = guessed_columns(names, width) if names else [SKIP] * width
+    every = [_guess_of(name) for name in names]
+    twice = [name for name in CHANNELS if every.count(name) > 1]
+    if twice:
+        alike = ", ".join(n for n, g in zip(names, every, strict=True) if g == twice[0])
+        raise StandError(
+            f"{path}: {twice[0]} may be any of {alike}: give --columns t=HEADER,gx=HEADER,..."
+        )
+    stamp = next((s for s in STAMPS if set(s) <= set(guesses)), ()) if timed else ()
+    missing = [name for name in CHANNELS if name not in guesses]
+    if missing or (timed and not stamp):
+        what = ", ".join([*(["a time"] if timed and not stamp else []), *missing])
+        say = "no header" if not names else f"no header is clearly {what}"
+        raise StandError(
+            f"{path}: {say}: give --columns t,gx,gy,gz,ax,ay,az, in order (- skips one) or "
+            f"t=HEADER,gx=HEADER,...{' or --rate HZ' if timed else ''}; stand import {path} shows "
+            "the columns"
+        )
+    places = tuple(guesses.index(name) for name in (*stamp, *CHANNELS))
+    told = ", ".join(
+        f"{what}={names[k]}" for what, k in zip((*stamp, *CHANNELS), places, strict=True)
+    )
+    return Columns(
+        values=places[len(stamp) :],
+        times=places[: len(stamp)],
+        stamp=tuple(stamp),
+        width=None,
+        notes=(f"columns by their headers: {told}",),
     )
 
 
@@ -125,13 +178,20 @@ def _place(column: str, names: Sequence[str], width: int) -> int:
 
 def unit_of_header(name: str, dimensions: Sequence[tuple[float, ...]]) -> str | None:
     """The unit that a column's name ends in, if it is of one of these dimensions."""
-    inside = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name)
-    told = inside[1].strip() if inside else ""
+    return named_unit(name, dimensions)[1]
+
+
+def named_unit(name: str, dimensions: Sequence[tuple[float, ...]]) -> tuple[str, str | None]:
+    """A column's name without the unit that it ends in, and that unit."""
+    inside = re.search(r"\s*[\[(]([^\[\]()]+)[\])]\s*$", name)
+    bare, told = (name[: inside.start()], inside[1].strip()) if inside else (name, "")
     if not inside:
         tail = re.split(r"[\s.]", name.lower())[-1]
         fitting = [s for s in _SUFFIXES if tail.endswith("_" + s)]
-        told = _SUFFIXES[max(fitting, key=len)] if fitting else ""
-    return told if told and _dimension(told) in dimensions else None
+        if fitting:
+            suffix = max(fitting, key=len)
+            bare, told = name[: -len(suffix) - 1], _SUFFIXES[suffix]
+    return (bare, told) if told and _dimension(told) in dimensions else (name, None)
 
 
 def _dimension(unit: str) -> tuple[float, ...] | None:
@@ -186,18 +246,24 @@ def guessed_columns(names: Sequence[str], width: int) -> list[str]:
         return [*STAMP, *CHANNELS] if width == 7 else [SKIP] * width
     found: list[str] = []
     for name in names:
-        bare = re.sub(r"[\[(].*$", "", name).strip().lower()
-        guess = _guess(re.sub(r"[\s.]+", "_", bare))
+        guess = _guess_of(name)
         found.append(guess if guess not in found else SKIP)
     if "t" in found:
+        found = [SKIP if name in (*SPLIT_STAMP, *GPS_STAMP) else name for name in found]
+    elif set(GPS_STAMP) <= set(found):
         found = [SKIP if name in SPLIT_STAMP else name for name in found]
     return found
+
+
+def _guess_of(name: str) -> str:
+    bare = re.sub(r"[\[(].*$", "", name).strip().lower()
+    return _guess(re.sub(r"[\s./]+", "_", bare))
 
 
 def _guess(name: str) -> str:
     for suffix in sorted(_SUFFIXES, key=len, reverse=True):
         name = name.removesuffix("_" + suffix) if name not in _SUFFIXES else name
-    for what in ("nanosec", "sec", "t"):
+    for what in ("week", "tow", "nanosec", "sec", "t"):
         if re.fullmatch(rf"(.*_)?({_GUESSES[what]})", name):
             return what
     for what in ("g", "a"):

@@ -150,7 +150,10 @@ def describe_drive(
 
 @dataclass(frozen=True, slots=True)
 class LoggedStretch:
-    """A time to estimate from [s]; what it is called, its nominal attitude, what turned it."""
+    """A time to estimate from [s]; what it is called, its nominal attitude, what turned it.
+
+    A turn of which no encoder tells has its `rate` [rad/s] and its `angle` [rad] at `t_from`.
+    """
 
     label: str
     t_from: float
@@ -158,6 +161,8 @@ class LoggedStretch:
     nominal: tuple[float, ...] | None = None
     joint: str | None = None
     axis_b: tuple[float, ...] | None = None
+    rate: float | None = None
+    angle: float = 0.0
 
 
 class _Record(BaseModel):

@@ -16,11 +16,13 @@ import numpy as np
 from alignment.arrays import Array, IntArray
 from stand.errors import StandError
 from stand.imu.stated_units import scale_of, spelled
+from stand.recording.growing import Growing
 
 COMMENTS = ("#", "%", "//")
 SEPARATORS = ("\t", ";", ",", None)  # None: blanks
 _HEAD = 1 << 18  # characters in which the table must have begun
 _SAMPLE = 40  # lines by whose numbers the separator is told
+_BLOCK = 1 << 16  # rows
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 
@@ -122,6 +124,7 @@ def read_columns(
     values: Sequence[int],
     times: Sequence[int],
     to_ns: Callable[[Sequence[str]], int],
+    progress: Callable[[float], None] = lambda done: None,
 ) -> TextColumns:
     """Read the columns `values` as numbers and `times` by `to_ns`; a row without one is left out.
 
@@ -135,24 +138,53 @@ def read_columns(
     StandError
         The first line that does not fit: line, column, value, what is allowed.
     """
-    numbers, stamps, kept, empty = array("d"), array("q"), array("q"), []
-    for row, (line, fields) in enumerate(_rows(path, layout)):
+    found = _Rows(len(values))
+    for row, (line, fields) in enumerate(_rows(path, layout, progress)):
         _check_width(path, layout, line, fields, width, max([*values, *times]))
-        chosen = [fields[k] for k in values]
         try:
-            found = [number_of(field, layout.decimal_comma) for field in chosen]
             stamp = to_ns([fields[k].strip() for k in times]) if times else 0
-            stamps.append(stamp)
+            numbers = [number_of(fields[k], layout.decimal_comma) for k in values]
+            found.add(row, stamp, numbers)
         except (ValueError, OverflowError):
             if not all(fields[k].strip() for k in [*values, *times]):
-                empty.append(line)
+                found.empty.append(line)
                 continue
             raise _no_number(path, layout, line, fields, values, times) from None
-        numbers.extend(found)
-        kept.append(row)
-    table = np.array(numbers, float).reshape(-1, len(values))
-    t_ns = np.array(stamps, np.int64) if times else None
-    return TextColumns(t_ns, np.array(kept, np.int64), table, tuple(empty))
+    return found.whole(timed=bool(times))
+
+
+class _Rows:
+    """Rows that are collected block by block, so that a long log is never held twice."""
+
+    def __init__(self, width: int) -> None:
+        self._numbers, self._stamps, self._places = array("d"), array("q"), array("q")
+        self._grown = (
+            Growing(np.empty((0, width))),
+            Growing(np.empty(0, np.int64)),
+            Growing(np.empty(0, np.int64)),
+        )
+        self._width = width
+        self.empty: list[int] = []
+
+    def add(self, place: int, stamp: int, numbers: Sequence[float]) -> None:
+        self._stamps.append(stamp)
+        self._places.append(place)
+        self._numbers.extend(numbers)
+        if len(self._places) >= _BLOCK:
+            self._flush()
+
+    def whole(self, *, timed: bool) -> TextColumns:
+        self._flush()
+        values, stamps, places = (part.whole() for part in self._grown)
+        return TextColumns(stamps if timed else None, places, values, tuple(self.empty))
+
+    def _flush(self) -> None:
+        values = np.array(self._numbers, float).reshape(-1, self._width)
+        for grown, part in zip(
+            self._grown, (values, np.array(self._stamps), np.array(self._places)), strict=True
+        ):
+            grown.extend(part)
+        self._numbers, self._stamps, self._places = array("d"), array("q"), array("q")
 
 
 def fields_of(line: str, separator: str | None) -> list[str]:
@@ -250,11 +282,15 @@ def _is_unit(text: str) -> bool:
     return True
 
 
-def _rows(path: Path, layout: TextLayout) -> Iterator[tuple[int, list[str]]]:
+def _rows(
+    path: Path, layout: TextLayout, progress: Callable[[float], None]
+) -> Iterator[tuple[int, list[str]]]:
     """Line number, from 1, and fields of every line of numbers."""
-    separator = layout.separator
+    separator, size = layout.separator, path.stat().st_size
     with _opened(path, layout.encoding) as file:
         for number, line in enumerate(islice(file, layout.first, None), layout.first + 1):
+            if number % _BLOCK == 0:
+                progress(file.buffer.tell() / size)
             if not line.strip() or _is_comment(line):
                 continue
             yield number, fields_of(line.rstrip(" \n"), separator)

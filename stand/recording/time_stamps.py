@@ -1,32 +1,154 @@
 """Times of day and of counters as text, to whole nanoseconds: a double has 256 ns since 1970."""
 
+import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alignment.arrays import IntArray
+from stand.errors import StandError, unknown
 
 NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 ISO = "iso"
 TIME_UNITS = (*NS, ISO)
 YEAR_1990 = 631_152_000  # s, Unix: a later stamp is taken for Unix time
 YEAR_2038 = 2_147_483_647  # ROS stamps end there
+GPS_EPOCH = 315_964_800  # s, Unix: 6 January 1980
+GPS_WEEK = 604_800  # s
+SHORT_WEEKS = 1024  # of a week number of ten bits
+SHORT_EPOCH = 2048  # weeks: since 7 April 2019 it counts from here
 
 
-def parser_of(unit: str, decimal_comma: bool = False) -> Callable[[Sequence[str]], int]:
-    """What takes the fields of a time, one or (s, ns), to nanoseconds; `ValueError` if it cannot.
+def time_unit_ns(unit: str) -> int:
+    """Nanoseconds of a unit of time: s, ms, us, ns, or a number of them (100us); of iso 1.
+
+    Raises
+    ------
+    StandError
+        Not known, or not a whole number of nanoseconds.
+    """
+    if unit == ISO:
+        return 1
+    found = re.fullmatch(r"(\d*\.?\d*)\s*(s|ms|us|ns)", unit)
+    size = float(found[1] or 1) * NS[found[2]] if found and found[1] != "." else 0.0
+    if not 1 <= size <= 1e15 or abs(size - round(size)) > 1e-6:
+        raise unknown("time unit", unit, (*TIME_UNITS, "100us (a counter's tick)"))
+    return round(size)
+
+
+def parser_of(
+    unit: str, stamp: Sequence[str], decimal_comma: bool = False
+) -> Callable[[Sequence[str]], int]:
+    """What takes the fields of a time to nanoseconds; `ValueError` if it cannot.
 
     Parameters
     ----------
     unit : str
-        Of `TIME_UNITS`; of two fields the first is in seconds.
+        As `time_unit_ns` takes it; of two fields that of the seconds of a week.
+    stamp : sequence of str
+        What the fields are: t; sec and nanosec; or week and tow.
     decimal_comma : bool
     """
+    size = time_unit_ns(unit)
+
+    def number(text: str) -> str:
+        return text.replace(",", ".") if decimal_comma else text
 
     def parse(fields: Sequence[str]) -> int:
-        if len(fields) == 2:
-            return int(fields[0]) * NS["s"] + int(fields[1])
-        text = fields[0].replace(",", ".") if decimal_comma else fields[0]
-        return iso_ns(text) if unit == ISO else decimal_ns(text, NS[unit])
+        text = number(fields[0])
+        return iso_ns(text) if unit == ISO else decimal_ns(text, size)
 
-    return parse
+    def split(fields: Sequence[str]) -> int:
+        return int(fields[0]) * NS["s"] + int(fields[1])
+
+    def gps(fields: Sequence[str]) -> int:
+        week = float(number(fields[0]))
+        return gps_ns(week) + decimal_ns(number(fields[1]), size)
+
+    return {"sec": split, "week": gps}.get(stamp[0] if stamp else "t", parse)
+
+
+def gps_ns(week: float) -> int:
+    """Where a week of GPS begins, on GPS's own clock [ns since 1970]; ten bits: since 2019."""
+    if not (week.is_integer() and 0 <= week < 10_000):
+        raise ValueError(week)
+    number = int(week) + (SHORT_EPOCH if week < SHORT_WEEKS else 0)
+    return (GPS_EPOCH + number * GPS_WEEK) * NS["s"]
+
+
+def array_ns(
+    path: object, parts: Sequence[NDArray[Any]], stamp: Sequence[str], unit: str
+) -> IntArray:
+    """Nanoseconds (n,) of columns that are times: `parts` are of what `stamp` says.
+
+    Raises
+    ------
+    StandError
+        The first row that is no time.
+    """
+    if len(parts) == 1 and parts[0].dtype.kind in "Mm":
+        return parts[0].astype(f"{parts[0].dtype.kind}8[ns]").astype(np.int64)
+    if unit == ISO or any(part.dtype.kind not in "fiu" for part in parts):
+        parse = parser_of(unit, stamp)
+        rows = zip(*parts, strict=True)
+        return np.array([_parsed(path, k, row, parse) for k, row in enumerate(rows)])
+    size = time_unit_ns(unit)
+    if tuple(stamp) == ("week", "tow"):
+        weeks, which = np.unique(parts[0], return_inverse=True)
+        try:
+            starts = np.array([gps_ns(float(week)) for week in weeks])
+        except ValueError as error:
+            raise StandError(f"{path}: column week = {error}: must be a week of GPS") from None
+        return starts[which] + _whole_ns(path, parts[1], size, "tow")
+    if tuple(stamp) == ("sec", "nanosec"):
+        return _whole_ns(path, parts[0], NS["s"], "sec") + _whole_ns(path, parts[1], 1, "nanosec")
+    return _whole_ns(path, parts[0], size, "t")
+
+
+def _parsed(path: object, k: int, row: Sequence[Any], parse: Callable[[Sequence[str]], int]) -> int:
+    try:
+        return parse([str(field) for field in row])
+    except (ValueError, OverflowError):
+        raise StandError(f"{path}: row {k + 1}, column t = {row[0]!r}: is no time") from None
+
+
+def _whole_ns(path: object, part: NDArray[Any], size: int, name: str) -> IntArray:
+    """Numbers of units of `size` ns, to the nearest nanosecond."""
+    with np.errstate(all="ignore"):
+        most = np.abs(part.astype(float)) * size
+    bad = np.flatnonzero(~(most < 4e18))
+    if len(bad):
+        value = part[bad[0]]
+        must = "must be finite" if not np.isfinite(value) else "is the time unit right?"
+        raise StandError(f"{path}: row {bad[0] + 1}, column {name} = {value}: {must}")
+    floats = part.dtype.kind == "f"
+    whole = (np.floor(part) if floats else part).astype(np.int64)
+    t_ns = whole * size
+    if floats:
+        t_ns += np.round((part.astype(float) - whole) * size).astype(np.int64)
+    return t_ns
+
+
+def unwrapped(path: object, t_ns: IntArray, period: int) -> IntArray:
+    """Times (n,) of a counter that begins anew after `period` [ns], as if it never did.
+
+    Raises
+    ------
+    StandError
+        A time that the counter cannot have.
+    """
+    beyond = np.flatnonzero((t_ns < 0) | (t_ns > period))
+    if len(beyond):
+        k = int(beyond[0])
+        raise StandError(
+            f"{path}: row {k + 1}, column t = {t_ns[k] / NS['s']:.12g} s: must be within 0 and "
+            f"--wrap, {period / NS['s']:.12g} s"
+        )
+    back = np.diff(t_ns, prepend=t_ns[:1]) < -period // 2
+    return t_ns + period * np.cumsum(back)
 
 
 def decimal_ns(text: str, unit_ns: int) -> int:

@@ -15,7 +15,8 @@ from alignment.navigation import C_en, ecef
 from alignment.readings import EDGE, Fixes
 from alignment.units import DEG
 from stand.errors import StandError, located
-from stand.recording.mcap.reader import FixLog, LogFile, VelocityLog
+from stand.recording.entrance import OpenLog
+from stand.recording.mcap.reader import FixLog, VelocityLog
 from stand.recording.metadata import LoggedDrive, LoggedStretch
 from stand.table.kinematics import C_NW
 
@@ -72,7 +73,7 @@ def _numbers(option: str, values: Sequence[float], count: int) -> tuple[float, .
 
 
 def vehicle_dwell(
-    file: LogFile,
+    file: OpenLog,
     stretch: LoggedStretch,
     readings: ImuReadings,
     origin: int,

@@ -54,10 +54,13 @@ def with_advice(settings: Settings) -> Rehearsal:
         return result
     data = settings.procedure.entry.model_dump(exclude_unset=True, mode="json")
     tried: list[_Trial] = []
-    whole = _remedies(settings, data, _wanted(result), tried)
+    wanted = _wanted(result)
+    whole = _remedies(settings, data, wanted, tried)
     advice: list[Advice] = []
     for quantity in failing:
-        found = whole or _remedies(settings, data, (quantity,), tried)
+        found = whole
+        if not whole and wanted != (quantity,):
+            found = _remedies(settings, data, (quantity,), tried)
         advice += [_advice_of(quantity, data, trial) for trial in found[:_KEPT]]
         if not found:
             advice.append(_nothing(quantity, data, tried))

@@ -167,13 +167,17 @@ class Leaning:
 
 
 def leanings(
-    stated: StatedErrors, model: StandModel, joints: Array, round_axis: IntArray | None = None
+    stated: StatedErrors,
+    model: StandModel,
+    joints: Array,
+    round_axis: IntArray | None = None,
+    off: Array | None = None,
 ) -> list[Leaning]:
     """Every error that is stated, and how it turns b at joint angles (k, 6) [rad].
 
     ``C_true = C_nominal exp(turns)``. `round_axis` (k,): the axis that goes round evenly through a
     pose and others (-1: none does): a ripple too quick for `NODES` of them leaves nothing in a
-    whole turn.
+    whole turn. `off` (k, 6): by how much axes stand beyond what they are told at each pose.
     """
     frames, axes, across, before = _chain(model, joints)
     rounds = np.full(len(joints), -1) if round_axis is None else round_axis
@@ -209,6 +213,8 @@ def leanings(
         for size, cosine, sine in waves:
             wave = cosine * np.cos(n * q) - sine * np.sin(n * q)
             add("rate ripple", size, axes[:, i] * wave * slow)
+    if off is not None and off.any():
+        add("servo", Size(known=1.0), np.einsum("ki,kij->kj", off, axes))
     return found
 
 

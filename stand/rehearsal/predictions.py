@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from alignment.angles import Sequence as Order
 from alignment.angles import SequenceRule, angle_jacobian, angles_from_C_nb, near_singular
 from alignment.arrays import Array
+from alignment.information.circle import Rival
 from alignment.information.result import DETERMINED
 from alignment.units import DEG
 from stand.rehearsal.known_errors import KNOWN
@@ -17,6 +18,7 @@ from stand.rehearsal.result import Contribution, Prediction
 
 Parts = dict[str, Array]  # covariance (3, 3) about n [rad^2] by source
 
+BEYOND = "heading beyond first order"
 _NO_TURN = np.zeros(3)
 _ANGLES = ("roll", "yaw", "pitch")
 # how sources of `alignment.information` and of this package are told
@@ -96,6 +98,13 @@ def withheld(
             why = f"not determined: {reason}"
             p = replace(p, sigma=None, bias=0.0, contributions=(), reason=why)
         yield p
+
+
+def rounder(parts: Parts, other: Rival) -> Parts:
+    """The same with what the circle of headings adds to its first order."""
+    variance = float(sum(parts.values(), np.zeros((3, 3)))[2, 2])
+    more = max(other.ratio**2 - 1, 0.0) * variance
+    return parts | {BEYOND: np.diag([0.0, 0.0, more])} if more else parts
 
 
 def name_of(source: str) -> str:

@@ -7,7 +7,9 @@ import numpy as np
 from scipy.special import chdtrc
 
 from alignment.errors import AlignmentError
+from alignment.gains import Answer
 from alignment.information import InstrumentErrors
+from alignment.information.circle import NO_RIVAL, Rival, rival
 from alignment.information.result import DETERMINED
 from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT
 from alignment.nominal import WRONG_POSITION
@@ -17,6 +19,7 @@ from stand.rehearsal.instrument import roundings_of
 from stand.rehearsal.predictions import Parts
 from stand.rehearsal.response import Response
 from stand.rehearsal.scene import Scene
+from stand.rehearsal.verification import AGREES
 
 # root mean square scale error by rounding, above which heading is none of first order: fits that
 # know the size of Earth rate are 20 % worse at 0.18 (and it goes with the square)
@@ -98,4 +101,23 @@ def coarse(scene: Scene) -> str:
         f"rates are rounded to {gyro.step / DEG:.3g} deg/s, which the noise of a sample, "
         f"{gyro.dither / DEG:.2g} deg/s at {scene.rate_hz} Hz, does not blur: how much of Earth "
         "rate is read depends on where in a step the bias lies"
+    )
+
+
+def rival_of(answer: Answer) -> Rival:
+    """What first order leaves out of an answer's heading."""
+    return NO_RIVAL if answer.circle is None else rival(answer.circle)
+
+
+def rivalled(other: Rival) -> str:
+    """Why another heading forbids a number for this one; '' where it does not.
+
+    Where it would change the sigma by more than is promised of predictions: such errors are mostly
+    small and now and then wide, which no sigma says.
+    """
+    if other.ratio <= AGREES[1]:
+        return ""
+    return (
+        f"a heading {other.apart / DEG:.0f} deg off fits the readings nearly as well (chi-square "
+        f"{other.chi2:.1f} more): a turn about a second axis would tell"
     )

@@ -14,7 +14,13 @@ from stand.rehearsal.feasibility import durations, feasibility
 from stand.rehearsal.requirement import judge
 from stand.rehearsal.result import Duration, Finding, Inputs, Rehearsal, Severity
 from stand.rehearsal.scene import Scene
-from stand.rehearsal.traps import allan_lengths, from_margins, from_sheet, procedure_doubts
+from stand.rehearsal.traps import (
+    allan_lengths,
+    from_margins,
+    from_servos,
+    from_sheet,
+    procedure_doubts,
+)
 from stand.simulation.settings import Settings, methods_of, payload_of, temperature_of
 from stand.versions import versions
 
@@ -47,6 +53,7 @@ def rehearse(settings: Settings) -> Rehearsal:
     findings = [
         *from_margins(steps),
         *from_sheet(settings.unit),
+        *from_servos(scene),
         *allan_lengths(scene.plan, scene.imu, settings.allan_terms),
         *procedure_doubts(scene.plan, scene.imu, scene.site, methods, judgements),
     ]

@@ -11,6 +11,7 @@ from alignment.gains import Answer
 from alignment.information import InstrumentErrors, Setting, information
 from alignment.information.model import coefficient_weights, sensor_inputs
 from stand.motion.plan import PlannedStep
+from stand.rehearsal.following import left_off
 from stand.rehearsal.instrument import leanings, roundings_of
 from stand.rehearsal.predictions import Parts, name_of, prediction
 from stand.rehearsal.result import Prediction
@@ -45,7 +46,11 @@ class ReadingErrors:
             [_round_axes(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
             + [np.full(len(steps), -1)]
         )
-        found = leanings(scene.stated, scene.model, np.concatenate(poses), rounds)
+        off = [left_off(scene, step) for step in steps]
+        held = np.repeat(off, [len(w) for w, *_ in seen], axis=0)
+        found = leanings(
+            scene.stated, scene.model, np.concatenate(poses), rounds, np.concatenate([held, off])
+        )
         edges = np.cumsum([0, *(len(p) for p in poses)])
         self.sources = tuple(one.source for one in found)
         self.sigmas = np.array([one.sigma for one in found])
@@ -133,6 +138,20 @@ class Response:
         prior = self.true.prior
         stated = np.where(np.isfinite(prior), prior, 0.0)
         return np.asarray(self.answer.window_gain[:2] @ self.true.J * stated)
+
+    def share_of_heading(self, label: str) -> float:
+        """Part (0 to 1) of a bias's variance that goes with the error of heading."""
+        own, gain = self.answer.own, self.answer.biases[label]
+        labels = [p.label for p in self.true.parameters]
+        C = self.answer.stretches[own].C_pb.as_matrix()
+        judged = C @ self.errors.turns[own]
+        parts = self._parts(
+            np.stack([self.answer.gain[2], gain]),
+            np.stack([self.true.attitude_rows(own)[2], np.eye(len(labels))[labels.index(label)]]),
+            np.stack([judged[2], np.zeros_like(judged[2])]),
+        )
+        P = sum(parts.values(), np.zeros((2, 2)))
+        return float(P[0, 1] ** 2 / (P[0, 0] * P[1, 1])) if P.diagonal().all() else 0.0
 
     def biases(self, method: str) -> Iterator[Prediction]:
         """Sigmas of the biases that are told."""

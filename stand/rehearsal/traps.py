@@ -14,7 +14,9 @@ from alignment.units import DEG, DEG_PER_HOUR
 from stand.imu import ImuSpec
 from stand.imu.preset import TriadSpec, unstated
 from stand.motion.plan import Plan
+from stand.rehearsal.following import never_settling
 from stand.rehearsal.result import Finding, Judgement, Margin, Severity, StepFeasibility, Verdict
+from stand.rehearsal.scene import Scene
 
 NEAR_POLE = 1 * DEG_PER_HOUR  # horizontal Earth rate below which heading is not to be had
 BIAS_DOUBT = 1 * DEG  # heading error by the turn-on bias that is remarked where nothing is required
@@ -36,6 +38,12 @@ def from_sheet(imu: ImuSpec) -> Iterator[Finding]:
     """What the unit's data sheet leaves out, so that no prediction holds it."""
     for sentence in unstated(imu):
         yield Finding(Severity.WARNING, "data sheet", "", sentence)
+
+
+def from_servos(scene: Scene) -> Iterator[Finding]:
+    """Axes that never settle."""
+    for sentence in never_settling(scene, scene.plan.stretches):
+        yield Finding(Severity.WARNING, "servo", "", sentence)
 
 
 def _margin_text(m: Margin) -> str:

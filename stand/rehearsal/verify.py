@@ -6,25 +6,24 @@ readings, and the estimators are set against the truth of that run.
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
-import numpy as np
-from scipy.special import chdtri
+from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, AttitudeEstimate
+from alignment.against_truth import angle_errors, heading_errors
 from alignment.angles import SequenceRule
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.evaluation.score import ANGLES, Truths, score, suited
-from stand.evaluation.statistics import FEW, TAIL
+from stand.evaluation.score import ANGLES, suited
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
-from stand.rehearsal.verification import Achieved, Refused, Verification
+from stand.rehearsal.sums import Key, RunErrors, Sums
+from stand.rehearsal.verification import Achieved, Verification
 from stand.samples import AXES
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
@@ -33,14 +32,6 @@ from stand.simulation.settings import Settings
 Progress = Callable[[float], None]
 _RUNS_BITS = 20
 BIASES = tuple(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in AXES)
-Key = tuple[str, str, str, str]  # method, window, label, quantity
-
-
-class RunErrors(NamedTuple):
-    """One run: errors [SI] by what they are of, and why methods refused."""
-
-    errors: dict[Key, float]
-    refusals: dict[str, str]
 
 
 def with_verification(
@@ -126,14 +117,9 @@ def _contradicted(a: Achieved) -> str:
 def _verified(
     result: Rehearsal, settings: Settings, runs: int, progress: Progress, workers: int | None
 ) -> Verification:
-    methods = tuple(dict.fromkeys(p.method for p in result.predictions))
-    options = replace(settings.options, rule=SequenceRule.REGULAR)  # as predictions read angles
-    first = first_seed(settings)
-    settings = replace(settings, options=options, seed=first)
     sums = Sums()
     begin = time.perf_counter()
-    seeds = range(first, first + runs)
-    with closing(campaign(partial(_ready, settings, methods), seeds, workers)) as trials:
+    with closing(errors_of_runs(result, settings, range(runs), workers)) as trials:
         try:
             for found in trials:
                 sums.add(found)
@@ -142,20 +128,39 @@ def _verified(
             if not sums.runs:
                 raise
     seconds = time.perf_counter() - begin
+    return verification_of(result, sums, runs, first_seed(settings), seconds)
+
+
+def errors_of_runs(
+    result: Rehearsal, settings: Settings, numbers: range, workers: int | None = None
+) -> Generator[RunErrors]:
+    """The runs of these `numbers`, counted from `first_seed`; close it to end early."""
+    methods = tuple(dict.fromkeys(p.method for p in result.predictions))
+    options = replace(settings.options, rule=SequenceRule.REGULAR)  # as predictions read angles
+    first = first_seed(settings)
+    made = replace(settings, options=options, seed=first)
+    seeds = range(first + numbers.start, first + numbers.stop)
+    return campaign(partial(_ready, made, methods), seeds, workers)
+
+
+def verification_of(
+    result: Rehearsal, sums: Sums, requested: int, seed: int, seconds: float
+) -> Verification:
+    """What the summed runs, from `seed` on, come to beside a rehearsal's predictions."""
     achieved = list(_achieved(result, sums))
     among = sum(a.ratio is not None for a in achieved)
     together = tuple(replace(a, among=max(1, among)) for a in achieved)
     return Verification(
-        requested=runs,
+        requested=requested,
         done=sums.runs,
-        seed=settings.seed,
+        seed=seed,
         seconds=seconds,
         achieved=together,
         refused=sums.refused(),
     )
 
 
-def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
+def _achieved(result: Rehearsal, sums: Sums) -> Iterator[Achieved]:
     """What was predicted; then attitudes by methods of which nothing is predicted."""
     for p in result.predictions:
         key = (p.method, p.window, p.label, p.quantity)
@@ -167,7 +172,7 @@ def _achieved(result: Rehearsal, sums: "Sums") -> Iterator[Achieved]:
             yield _came_to(sums, key, "deg", DEG, None)
 
 
-def _came_to(sums: "Sums", key: Key, unit: str, per: float, predicted: float | None) -> Achieved:
+def _came_to(sums: Sums, key: Key, unit: str, per: float, predicted: float | None) -> Achieved:
     n, (sigma, low, high) = sums.sigma(key)
     method, window, label, quantity = key
     return Achieved(
@@ -198,83 +203,37 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
         dwells, attitudes = trials.readings(seed)
     except StandError as error:  # a sway drawn anew may be beyond the table
         return RunErrors({}, dict.fromkeys(methods, f"seed {seed}: {error}"))
-    truths = {d.label: Truths(C) for d, C in zip(dwells, attitudes, strict=True)}
+    truths = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
     biases = trials.biases(seed)
-    found = RunErrors({}, {})
+    found, untold, refusals = {}, set(), {}
     for method in methods:
         try:
             own = suited(method, dwells)
             estimates = ESTIMATORS[method].estimate(own, settings.site, settings.options)
         except AlignmentError as error:
-            found.refusals[method] = str(error)
+            refusals[method] = str(error)
             continue
         for e in estimates:
             if e.label in truths:
+                untold |= {(e.method, e.window, e.label, name) for name in e.undetermined}
                 for key, error in errors_of(e, truths[e.label], biases).items():
-                    found.errors.setdefault(key, error)  # biases by the first of several fits
-    return found
+                    found.setdefault(key, error)  # biases by the first of several fits
+    return RunErrors(found, refusals, frozenset(untold))
 
 
-def errors_of(e: AttitudeEstimate, truth: Truths, biases: Array) -> dict[Key, float]:
-    """Errors [SI] of an estimate by what they are of; those of `biases` (6,) for all stretches."""
-    scored = score(e, truth)
+def errors_of(e: AttitudeEstimate, truth: Rotation, biases: Array) -> dict[Key, float]:
+    """Errors [SI] of an estimate by what they are of; those of `biases` (6,) for all stretches.
+
+    Of an angle that is not determined too. A heading of a vertical X1 is NaN.
+    """
     errors: dict[str, float] = {}
-    if scored.heading_error is not None:
-        errors["heading"] = scored.heading_error
-    if scored.error is not None:
-        errors |= dict(zip(ANGLES, scored.error.tolist(), strict=True))
+    if e.C_nb is not None:
+        errors["heading"] = float(heading_errors(e.C_nb, truth))
+        if not e.singular:
+            angles = angle_errors(e.sequence, e.C_nb, truth)
+            errors |= dict(zip(ANGLES, angles.tolist(), strict=True))
     found = {(e.method, e.window, e.label, name): x for name, x in errors.items()}
     if e.biases is not None:
         off = zip(BIASES, (e.biases - biases).tolist(), strict=True)
         found |= {(e.method, e.window, "all", name): x for name, x in off}
     return found
-
-
-# --- all of them ---------------------------------------------------------------------------------
-
-
-class Sums:
-    """What is kept of all runs: numbers, and sums of the first, second and fourth powers of each
-    error."""
-
-    def __init__(self) -> None:
-        self.runs = 0
-        self._of: dict[Key, Array] = {}
-        self._refused: dict[str, tuple[int, str]] = {}
-
-    def __contains__(self, key: Key) -> bool:
-        return key in self._of
-
-    def __iter__(self) -> Iterator[Key]:
-        return iter(self._of)
-
-    def add(self, found: RunErrors) -> None:
-        """One run."""
-        self.runs += 1
-        for key, error in found.errors.items():
-            if np.isfinite(error):
-                self._of.setdefault(key, np.zeros(4))[:] += (1.0, error, error**2, error**4)
-        for method, reason in found.refusals.items():
-            often, first = self._refused.get(method, (0, reason))
-            self._refused[method] = often + 1, first
-
-    def refused(self) -> tuple[Refused, ...]:
-        """Methods that refused, with how often."""
-        return tuple(Refused(m, n, reason) for m, (n, reason) in self._refused.items())
-
-    def sigma(self, key: Key) -> tuple[int, tuple[float, float, float]]:
-        """How many runs gave a number; root mean square of the errors with its 95 % interval.
-
-        Chi-square. Normal errors of mean m and variance v have as many degrees of freedom as there
-        are runs, times ``(m^2 + v)^2 / (v^2 + 2 m^2 v)``: the same bias in every run is soon known.
-        Where there are `FEW` runs or more, no more than their fourth moment says.
-        """
-        n, total, squares, fourths = self._of[key]
-        mean = squares / n
-        of_normal = mean**2 - (total / n) ** 4  # v^2 + 2 m^2 v
-        freedom = n * mean**2 / of_normal if n >= FEW and of_normal > 0 else n
-        spread = fourths / n - mean**2
-        if n >= FEW and spread > 0:
-            freedom = min(freedom, 2 * n * mean**2 / spread)
-        sigma, (low, high) = np.sqrt(mean), np.sqrt(freedom / chdtri(freedom, [TAIL, 1 - TAIL]))
-        return int(n), (float(sigma), float(sigma * low), float(sigma * high))

@@ -9,12 +9,10 @@ from collections.abc import Sequence
 from io import BytesIO
 from math import ceil, isfinite
 from pathlib import Path
-from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from alignment.information.budget import PublishedFigure
 from alignment.units import ARC_SECOND, DEG
 from stand.evaluation.comparison import Comparison
 from stand.evaluation.heading_history import History, histories
@@ -124,21 +122,6 @@ def _between(value: float, low: float, high: float) -> str:
     shown = f"{value:.2f}" if value < 10 else _short(value)
     places = 2 if high < 10 else 0
     return f"{shown} ({low:.{places}f}-{high:.{places}f})"
-
-
-def published_text(figures: Sequence[PublishedFigure], width: int) -> str:
-    """Figures of the papers beside ours with a verdict each, in lines of so many characters."""
-    blocks = []
-    for f in figures:
-        lines = [*_wrapped("", f.figure, width), *_wrapped("  published  ", f.published, width)]
-        lines += [*_wrapped("  ours       ", f.ours, width), *_wrapped("  ", f.verdict, width)]
-        blocks.append("\n".join(lines))
-    count = sum(f.reproduced for f in figures)
-    return "\n\n".join([*blocks, f"{count} of {len(figures)} reproduced"])
-
-
-def _wrapped(lead: str, text: str, width: int) -> list[str]:
-    return wrap(text, width, initial_indent=lead, subsequent_indent=" " * len(lead))
 
 
 # --- the picture ---------------------------------------------------------------------------------

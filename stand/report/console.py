@@ -25,6 +25,10 @@ LEFT = (
     "axis",
     "contributions",
     "estimates",
+    "position",
+    "stretch",
+    "channel",
+    "sensor",
 )
 
 

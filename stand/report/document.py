@@ -10,6 +10,7 @@ import numpy as np
 
 from alignment import ESTIMATORS, AttitudeEstimate
 from alignment.arrays import Array
+from alignment.nominal import SIX_POSITIONS
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G
 from stand.evaluation.score import Refusal, Score, Spread, by_method, spreads
 from stand.imu import ImuSpec, unstated
@@ -107,7 +108,7 @@ def _table(scores: Sequence[Score], deviations: Sequence[Spread], noise_only: bo
         title,
         tuple(columns),
         tuple(_row(s, scored, latitude, noise_only) for s in scores if s.estimate.C_nb is not None),
-        tuple(_footers(first.method, deviations, len(columns))),
+        tuple(_footers(first.method, deviations, len(columns), {s.estimate.label for s in scores})),
         tuple(_notes(scores)),
         ("turns", "roll", "yaw", "pitch")
         if scored
@@ -183,7 +184,11 @@ def _bias_table(scores: Sequence[Score], noise_only: bool) -> TableData:
     )
 
 
-def _footers(method: str, deviations: Sequence[Spread], width: int) -> list[tuple[str, ...]]:
+def _footers(
+    method: str, deviations: Sequence[Spread], width: int, labels: set[str]
+) -> list[tuple[str, ...]]:
+    """Deviations; what the paper prints of them beside its own six positions alone."""
+
     def footer(name: str, values: Array) -> tuple[str, ...]:
         cells = (name, "", "", "", "", *(_deviation(v) for v in values))
         return cells + ("",) * (width - len(cells))
@@ -197,8 +202,9 @@ def _footers(method: str, deviations: Sequence[Spread], width: int) -> list[tupl
     if nominal is not None:
         rows.append(footer("RMS nominal", nominal.rms / DEG))
     published = ESTIMATORS[method].published_deg
-    if rows and published is not None:
-        rows.append(footer("published", np.array(published)))
+    if rows and published is not None and labels == set(SIX_POSITIONS):
+        letter = ESTIMATORS[method].source.split()[0]
+        rows.append(footer(f"published {letter}", np.array(published)))
     return rows
 
 

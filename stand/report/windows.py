@@ -1,6 +1,7 @@
 """The scatter of windows beside the sigmas stated, as a table."""
 
 from collections.abc import Sequence
+from math import isfinite
 
 from alignment.units import DEG
 from stand.evaluation.windows import Scatter
@@ -26,8 +27,8 @@ def windows_table(rows: Sequence[Scatter]) -> TableData:
 
 
 def _row(row: Scatter) -> tuple[str, ...]:
-    scatter = "one window"
-    if row.count > 1:
+    scatter = "one window" if row.count < 2 else "not determined"
+    if isfinite(row.scatter):
         scatter = f"{row.scatter / DEG:.3g} ({row.low / DEG:.2g} to {row.high / DEG:.2g})"
     return (
         method_text(row.method, row.window),

@@ -16,6 +16,18 @@ from stand.table.kinematics import C_NW
 NS = 1e-9  # s
 
 
+class TrueAttitudes(list[Rotation]):
+    """True ``C_nb`` of stretches at their ends; `means`: over each, in the same order.
+
+    A mean attitude is the one from which the squares of all half turns' sines are least: the
+    eigenvector of the mean of quaternions' squares.
+    """
+
+    def __init__(self, ends: Sequence[Rotation], means: Sequence[Rotation]) -> None:
+        super().__init__(ends)
+        self.means = list(means)
+
+
 class DwellCollector:
     """Keeps the samples that lie wholly within a stretch, and the true attitude at its end.
 
@@ -35,6 +47,7 @@ class DwellCollector:
             for step, (a, b) in zip(stretches, self._ranges, strict=True)
         ]
         self._q_wb: list[Array | None] = [None] * len(stretches)
+        self._squares = np.zeros((len(stretches), 4, 4))
         self._all_q_wb = {
             step.label: np.empty((b - a, 4))
             for step, (a, b) in zip(stretches, self._ranges, strict=True)
@@ -59,6 +72,8 @@ class DwellCollector:
             label = self._steps[k].label
             if label in self._all_q_wb:
                 self._all_q_wb[label][there] = truth.q_wb[here]
+            q = truth.q_wb[here]
+            self._squares[k] += q.T @ q
             if b == last:
                 self._q_wb[k] = truth.q_wb[b - 1 - start]
         self._tick = stop
@@ -75,16 +90,17 @@ class DwellCollector:
 
     def finish(
         self, begins: Mapping[str, float | None] | None = None
-    ) -> tuple[list[Dwell], list[Rotation]]:
+    ) -> tuple[list[Dwell], TrueAttitudes]:
         """The stretches and their true ``C_nb``; the collector is empty afterwards.
 
-        The attitude is that at the end, of a turning stretch that at encoder angle zero.
+        The attitude is that at the end, of a turning stretch that at encoder angle zero. Of one
+        that turns, or counts from later on, no mean is told apart from it.
 
         `begins`: by label, where a stretch counts from a later time [s] than was planned, because
         the table had not settled; None: it never settled, and is left out.
         """
-        dwells, attitudes = [], []
-        for step, q_wb in zip(self._steps, self._q_wb, strict=True):
+        dwells, attitudes, means = [], [], []
+        for step, q_wb, squares in zip(self._steps, self._q_wb, self._squares, strict=True):
             columns = [c.pop(0) for c in (self._t, self._w, self._f, self._angle)]
             first, last = self._ranges.pop(0)
             t_from = (begins or {}).get(step.label, step.steady_from)
@@ -108,7 +124,15 @@ class DwellCollector:
             )
             C_nb = C_NW * Rotation.from_quat(q_wb)
             attitudes.append(C_nb if turn is None else turn.back(C_nb))
-        return dwells, attitudes
+            plain = turn is not None or cut > 0
+            means.append(attitudes[-1] if plain else C_NW * _mean(squares))
+        return dwells, TrueAttitudes(attitudes, means)
+
+
+def _mean(squares: Array) -> Rotation:
+    """Of attitudes whose quaternions' squares have this sum (4, 4)."""
+    _, vectors = np.linalg.eigh(squares)
+    return Rotation.from_quat(vectors[:, -1])
 
 
 def ticks_of(step: PlannedStep, rate_hz: int) -> tuple[int, int]:

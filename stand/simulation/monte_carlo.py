@@ -26,7 +26,7 @@ from stand.physics.mjcf import load_model
 from stand.physics.truth import Truth, sample_count, stamps_ns
 from stand.procedure.steps import SwayBehind, SwayStep, VibrationBehind, VibrationStep
 from stand.samples import Sensed, TruthBlock
-from stand.simulation.collector import NS, DwellCollector, ticks_of
+from stand.simulation.collector import NS, DwellCollector, TrueAttitudes, ticks_of
 from stand.simulation.settings import Settings, table_errors_of, temperature_of
 from stand.simulation.simulation import Block, Simulation, begins_of
 from stand.table.kinematics import C_NW
@@ -35,7 +35,7 @@ RANDOM = (SwayStep, SwayBehind, VibrationStep, VibrationBehind)
 CHUNK = 20_000  # samples: bounds the memory of a run, and costs no speed
 KEPT = 400_000  # samples of truth that are kept for the next run, 300 bytes each
 
-Readings = tuple[list[Dwell], list[Rotation]]
+Readings = tuple[list[Dwell], TrueAttitudes]
 
 
 class _Sensing(NamedTuple):

@@ -8,9 +8,10 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from inspect import Parameter, signature
-from math import isfinite
+from math import hypot, isfinite
 from numbers import Real
 from os import PathLike, fspath
+from pathlib import Path
 from typing import Never, TypeVar
 
 import numpy as np
@@ -20,13 +21,13 @@ from alignment.angles import SequenceRule
 from alignment.units import DEG
 from stand.errors import StandError, unknown, whole
 from stand.imu import ImuSpec, Temperature, load_imu, without
-from stand.imu.priors import BASE_ARM, priors_of
+from stand.imu.priors import BASE_ARM, GIMBAL_ARM, priors_of
 from stand.motion.polynomial import MotionKind
 from stand.physics.dynamics import Payload
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import Procedure, load_procedure, table_of
 from stand.samples import Sampling
-from stand.table.kinematics import base_arm
+from stand.table.kinematics import base_arm, gimbal_arm
 from stand.table.table import Table, load_table, without_errors
 from stand.table.table_errors import TableErrors, TableErrorsEntry, draw
 
@@ -263,10 +264,10 @@ def with_procedure(made: Settings, procedure: Procedure) -> Settings:
 def stated_priors(made: Settings) -> Priors:
     """What the estimators may know of a run: what its unit and its table class may do.
 
-    Of a table without errors that is none; a base that rocks moves the unit, whoever built it.
+    Of a table without errors that is none; a base that rocks and an axis that turns move the unit,
+    whoever built it.
     """
-    arm = base_arm_of(made.table)
-    return priors_of(made.unit, made.stated_table, made.procedure.entry.rocks, arm)
+    return priors_of(made.unit, made.stated_table, arm_of(made.procedure, made.table))
 
 
 def site_with(site: Site, latitude_deg: float | None, height_m: float | None) -> Site:
@@ -322,9 +323,16 @@ def run_id(settings: Settings) -> str:
     return f"{settings.procedure.id}_{settings.imu.id}_seed{settings.seed}"
 
 
-def base_arm_of(table: Table) -> float:
-    """Height of the unit above the base's axes [m], where `priors_of` has its lever arm from."""
-    return BASE_ARM if table.model is None else base_arm(describe(load_model(table.model)))
+def arm_of(procedure: Procedure, table: Table) -> float:
+    """How far the unit is from the axes that move it while it is observed [m]."""
+    entry, own = procedure.entry, table.model
+    rocking, turning = (BASE_ARM, GIMBAL_ARM) if own is None else _arms(own)
+    return hypot(rocking * entry.rocks, turning * entry.turns)
+
+
+def _arms(model: Path) -> tuple[float, float]:
+    described = describe(load_model(model))
+    return base_arm(described), gimbal_arm(described)
 
 
 def methods_of(settings: Settings) -> tuple[str, ...]:

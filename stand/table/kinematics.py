@@ -45,6 +45,20 @@ def gimbal_angles(model: StandModel, base: ArrayLike, C_nb: Rotation) -> list[Ar
     ]
 
 
+def gimbal_arm(model: StandModel) -> float:
+    """How far [m] the instrument's point is, across one axis, from the gimbal axis farthest from
+    it: of its distance, at zero angles, the part along each of two lines across that axis."""
+    bodies = {body.name: body for body in model.bodies}
+    place, body = model.imu_position.copy(), bodies[model.imu_body]
+    arms = []
+    while body.name != "world":
+        if body.joint is not None and body.joint.name in JOINTS[3:]:
+            arms.append(float(np.linalg.norm(np.cross(body.joint.axis, place))))
+        place = body.position + Rotation.from_quat(body.rotation).apply(place)
+        body = bodies[body.parent]
+    return max(arms) / np.sqrt(2)
+
+
 def base_arm(model: StandModel) -> float:
     """Height [m] of the instrument's point above the base's first axis, at zero angles."""
     bodies = {body.name: body for body in model.bodies}

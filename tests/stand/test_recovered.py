@@ -208,10 +208,11 @@ elif kind == "drive":
     stand.drive(source, rate_hz=200, out=out, progress=progress)
 else:
     from pathlib import Path
-    from stand.recording.foreign import LogForm, import_foreign
+    from stand.recording.importing import import_log
+    from stand.recording.log_form import LogForm
     columns = "t,gx,gy,gz,ax,ay,az"
     form = LogForm(columns=columns, gyro_unit="deg/s", accel_unit="m/s^2")
-    import_foreign(Path(source), Path(out), form)
+    import_log(Path(source), Path(out), form)
 progress(1.0)
 """
 

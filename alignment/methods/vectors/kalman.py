@@ -16,9 +16,10 @@ from alignment.methods.vectors.channel import (
     PSI,
     VEL,
     VEL_DRIFT,
+    Notes,
     State,
 )
-from alignment.methods.vectors.fixes import Matching, VectorOptions, check, joined
+from alignment.methods.vectors.fixes import Matching, Record, VectorOptions, check, joined
 from alignment.navigation import C_en, geodetic
 from alignment.readings import Fixes, ImuReadings
 
@@ -55,6 +56,14 @@ def kalman(
     covariance. Source: methods.md section 4, the tuned filter.
     """
     options = options or VectorOptions()
+    record, states, notes = filtered(readings, fixes, C_nb0, options)
+    return channel.shown(METHOD, record, states, notes, options)
+
+
+def filtered(
+    readings: ImuReadings, fixes: Fixes, C_nb0: Rotation, options: VectorOptions
+) -> tuple[Record, list[State], Notes]:
+    """The filter's states at all points, biases and covariances among them; as `kalman`."""
     check(fixes)
     latitude, longitude, _ = geodetic(fixes.position[0])
     record = joined(readings, fixes, C_nb0, C_en(latitude, longitude), options.step)
@@ -73,7 +82,7 @@ def kalman(
             doubt = _doubt(state, misfit, 6 * (seen - 1), options)
         states.append(state)
         notes.add(at_fix, np.zeros(3), doubt)
-    return channel.shown(METHOD, record, states, notes, options)
+    return record, states, notes
 
 
 def updated(state: State, z: Array, R: Array) -> tuple[State, float]:

@@ -1,4 +1,8 @@
-"""Reading messages from CDR bytes, many at once, whoever wrote them: Imu, joints, satellites."""
+"""Reading messages, many at once, whoever wrote them: Imu, joints, satellites.
+
+As ROS 2 writes them, in CDR: four bytes say how, and numbers are aligned. Or `packed`, as ROS 1
+does: the first four bytes are a count, and nothing is aligned; the fields are the same.
+"""
 
 from typing import Any, Literal, NamedTuple
 
@@ -13,6 +17,7 @@ from stand.recording.mcap.cdr import NS_PER_S, Bytes
 
 Order = Literal[">", "<"]
 
+MOST_FRAMES = 32  # of frame_ids that are told apart
 _ENCAPSULATION_SIZE = 4
 _STAMP_END = _ENCAPSULATION_SIZE + 8
 _HEADER = np.dtype([("sec", "i4"), ("nanosec", "u4"), ("frame_size", "u4")])
@@ -29,17 +34,22 @@ _NUMBERS = np.dtype(
 _FIX = np.dtype([("place", "f8", 3), ("covariance", "f8", (3, 3)), ("kind", "u1")])
 _TWIST = np.dtype([("v", "f8", 3), ("w", "f8", 3)])
 _TWIST_WITH_COVARIANCE = np.dtype([*_TWIST.descr, ("covariance", "f8", (6, 6))])
-_ORDERS: dict[int, Order] = {0x0000: ">", 0x0001: "<"}
+_LITTLE = 0x0001
+_ORDERS: dict[int, Order] = {0x0000: ">", _LITTLE: "<"}
 """Of the bytes, by the encapsulation's identifier."""
 
 
 class ImuBatch(NamedTuple):
-    """Decoded messages: `t_ns` (n,) header stamps, `w_ib_b`, `f_b` (n, 3), `q` (n, 4) x y z w."""
+    """Decoded messages: `t_ns` (n,) header stamps, `w_ib_b`, `f_b` (n, 3), `q` (n, 4) x y z w.
+
+    `none` (n, 2): whether a message says that it has no rates, no forces (covariance[0] = -1).
+    """
 
     t_ns: IntArray
     w_ib_b: Array
     f_b: Array
     q: Array
+    none: NDArray[np.bool_]
 
 
 class JointBatch(NamedTuple):
@@ -75,7 +85,9 @@ class VelocityBatch(NamedTuple):
     variance: Array
 
 
-def decode_imu(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0) -> ImuBatch:
+def decode_imu(
+    data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0, *, packed: bool = False
+) -> ImuBatch:
     """Decode the sensor_msgs/msg/Imu at `starts` in `data`.
 
     Parameters
@@ -85,32 +97,44 @@ def decode_imu(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0) -
         Where each message begins, and its length; all within `data`.
     first : int
         Number of the first message, for errors.
+    packed : bool
+        As ROS 1 writes them.
 
     Raises
     ------
     StandError
         A message too short for its type, or not in plain CDR.
     """
-    kinds = _kinds(data, starts, sizes, first, schemas.IMU)
+    kinds = _kinds(data, starts, sizes, first, schemas.IMU, packed)
     n = len(starts)
-    batch = ImuBatch(np.empty(n, np.int64), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 4)))
+    batch = ImuBatch(
+        t_ns=np.empty(n, np.int64),
+        w_ib_b=np.empty((n, 3)),
+        f_b=np.empty((n, 3)),
+        q=np.empty((n, 4)),
+        none=np.empty((n, 2), bool),
+    )
     for kind, order in _ORDERS.items():
         rows = np.flatnonzero(kinds == kind)
         if len(rows):
             header = _headers(data, starts[rows], order)
-            numbers = _numbers_start(header["frame_size"])
+            numbers = _numbers_start(header["frame_size"], packed)
             _check_sizes(sizes[rows], numbers + _NUMBERS.itemsize, first, schemas.IMU)
             values = gather(data, starts[rows] + numbers, _NUMBERS.newbyteorder(order))
             batch.t_ns[rows] = _stamp_ns(header)
             batch.w_ib_b[rows] = values["w"]
             batch.f_b[rows] = values["f"]
             batch.q[rows] = values["q"]
+            for k, name in enumerate(("w_covariance", "f_covariance")):
+                batch.none[rows, k] = values[name][:, 0] == -1.0
     return batch
 
 
-def decode_fixes(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0) -> FixBatch:
+def decode_fixes(
+    data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0, *, packed: bool = False
+) -> FixBatch:
     """Decode the sensor_msgs/msg/NavSatFix at `starts` in `data`; all as in `decode_imu`."""
-    kinds, n = _kinds(data, starts, sizes, first, schemas.NAV_SAT_FIX), len(starts)
+    kinds, n = _kinds(data, starts, sizes, first, schemas.NAV_SAT_FIX, packed), len(starts)
     batch = FixBatch(np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, 3)), np.empty(n))
     for kind, order in _ORDERS.items():
         rows = np.flatnonzero(kinds == kind)
@@ -118,7 +142,9 @@ def decode_fixes(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0)
             header = _headers(data, starts[rows], order)
             frame_end = _HEADER.itemsize + header["frame_size"].astype(np.int64)
             # one byte of status, then the services aligned to two
-            numbers = _ENCAPSULATION_SIZE + _up(_up(frame_end + 1, 2) + 2, 8)
+            numbers = _ENCAPSULATION_SIZE + (
+                frame_end + 3 if packed else _up(_up(frame_end + 1, 2) + 2, 8)
+            )
             _check_sizes(sizes[rows], numbers + _FIX.itemsize, first, schemas.NAV_SAT_FIX)
             status = gather(data, starts[rows] + _ENCAPSULATION_SIZE + frame_end, "i1")
             values = gather(data, starts[rows] + numbers, _FIX.newbyteorder(order))
@@ -130,26 +156,32 @@ def decode_fixes(data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0)
 
 
 def decode_velocities(
-    data: Bytes, starts: IntArray, sizes: IntArray, first: int = 0, covariance: bool = True
+    data: Bytes,
+    starts: IntArray,
+    sizes: IntArray,
+    first: int = 0,
+    covariance: bool = True,
+    *,
+    packed: bool = False,
 ) -> VelocityBatch:
     """Decode the geometry_msgs/msg/TwistWithCovarianceStamped at `starts` in `data`.
 
     Parameters
     ----------
-    data, starts, sizes, first
+    data, starts, sizes, first, packed
         As in `decode_imu`.
     covariance : bool
         False: they are TwistStamped, without one.
     """
     name = schemas.TWIST_WITH_COVARIANCE_STAMPED if covariance else schemas.TWIST_STAMPED
     layout = _TWIST_WITH_COVARIANCE if covariance else _TWIST
-    kinds, n = _kinds(data, starts, sizes, first, name), len(starts)
+    kinds, n = _kinds(data, starts, sizes, first, name, packed), len(starts)
     batch = VelocityBatch(np.empty(n, np.int64), np.empty((n, 3)), np.full(n, np.nan))
     for kind, order in _ORDERS.items():
         rows = np.flatnonzero(kinds == kind)
         if len(rows):
             header = _headers(data, starts[rows], order)
-            numbers = _numbers_start(header["frame_size"])
+            numbers = _numbers_start(header["frame_size"], packed)
             _check_sizes(sizes[rows], numbers + layout.itemsize, first, name)
             values = gather(data, starts[rows] + numbers, layout.newbyteorder(order))
             batch.t_ns[rows] = _stamp_ns(header)
@@ -165,12 +197,30 @@ def _mean(covariances: Array) -> Array:
     return np.where(variance > 0, variance, np.nan)
 
 
-def frame_id(data: Bytes, start: int) -> str:
-    """The header's frame_id of the message at `start`, which `decode_imu` has accepted."""
-    order = _ORDERS[int(data[start]) << 8 | int(data[start + 1])]
-    size = int(_headers(data, np.array([start]), order)["frame_size"][0])
-    at = start + _ENCAPSULATION_SIZE + _HEADER.itemsize
-    return data[at : at + size].tobytes().rstrip(b"\0").decode(errors="replace")
+def frame_ids(data: Bytes, starts: IntArray, *, packed: bool = False) -> tuple[list[str], IntArray]:
+    """The frame_ids that there are, and which (n,) each message has.
+
+    The messages must be such as `decode_imu` has accepted.
+    """
+    big = np.zeros(len(starts), bool) if packed else data[starts + 1] == 0
+    size = np.where(
+        big, _headers(data, starts, ">")["frame_size"], _headers(data, starts, "<")["frame_size"]
+    ).astype(np.int64)
+    names: list[str] = []
+    which = np.full(len(starts), -1)
+    left = np.ones(len(starts), bool)
+    while left.any():
+        row = int(np.argmax(left))
+        alike = np.flatnonzero(left & (size == size[row]))
+        at = starts[alike] + _ENCAPSULATION_SIZE + _HEADER.itemsize
+        texts = gather(data, at, ("u1", (int(size[row]),))) if size[row] else at[:, None] * 0
+        alike = alike[(texts == texts[0]).all(axis=1)]
+        name = texts[0].astype("u1").tobytes().rstrip(b"\0").decode(errors="replace")
+        names += [] if name in names else [name]
+        which[alike], left[alike] = names.index(name), False
+        if len(names) > MOST_FRAMES:
+            break
+    return names, which
 
 
 def decode_joints(
@@ -179,12 +229,14 @@ def decode_joints(
     sizes: IntArray,
     first: int = 0,
     names: tuple[str, ...] | None = None,
+    *,
+    packed: bool = False,
 ) -> JointBatch:
     """Decode the sensor_msgs/msg/JointState at `starts` in `data`.
 
     Parameters
     ----------
-    data, starts, sizes, first
+    data, starts, sizes, first, packed
         As in `decode_imu`.
     names : k strings, optional
         Which joints every message must have, in any order; without it those of the first.
@@ -198,14 +250,20 @@ def decode_joints(
     -----
     Messages whose names and counts lie byte for byte alike are decoded together.
     """
-    kinds = _kinds(data, starts, sizes, first, schemas.JOINT_STATE)
+    kinds = _kinds(data, starts, sizes, first, schemas.JOINT_STATE, packed)
     left = np.ones(len(starts), bool)
-    names = names or _joint_layout(data, starts, sizes, kinds, 0, first).names
+    unit = 1 if packed else 8
+
+    def layout_of(row: int) -> _JointLayout:
+        message = data[starts[row] : starts[row] + sizes[row]]
+        return _joint_layout(message, _ORDERS[int(kinds[row])], first + row, unit)
+
+    names = names or layout_of(0).names
     shape = (len(starts), len(names))
     batch = JointBatch(names, np.empty(len(starts), np.int64), np.empty(shape), np.empty(shape))
     while left.any():
         row = int(np.argmax(left))
-        layout = _joint_layout(data, starts, sizes, kinds, row, first)
+        layout = layout_of(row)
         if sorted(layout.names) != sorted(names):
             here, there = ", ".join(layout.names) or "none", ", ".join(names)
             raise StandError(f"message {first + row}: joints {here}, must be {there} as before")
@@ -240,19 +298,15 @@ def _alike(messages: NDArray[Any], row: int) -> NDArray[np.bool_]:
     return same
 
 
-def _joint_layout(
-    data: Bytes, starts: IntArray, sizes: IntArray, kinds: IntArray, row: int, first: int
-) -> _JointLayout:
-    """The layout of one message, read field by field."""
-    order = _ORDERS[int(kinds[row])]
-    message = data[starts[row] : starts[row] + sizes[row]]
+def _joint_layout(message: Bytes, order: Order, number: int, unit: int) -> _JointLayout:
+    """The layout of one message, read field by field; its numbers align to `unit` at most."""
 
     def fail(fault: str) -> StandError:
-        return StandError(f"message {first + row}: {fault}")
+        return StandError(f"message {number}: {fault}")
 
     def count(at: int) -> tuple[int, int]:
         """A count at the next multiple of four behind `at`, and where it ends."""
-        at = _ENCAPSULATION_SIZE + -(-(at - _ENCAPSULATION_SIZE) // 4) * 4
+        at = _aligned(at, min(4, unit))
         if at + 4 > len(message):
             raise fail(f"{len(message)} bytes, {schemas.JOINT_STATE} needs {at + 4} or more")
         return int(message[at : at + 4].view(f"{order}u4")[0]), at + 4
@@ -272,11 +326,11 @@ def _joint_layout(
         raise fail(f"joints {', '.join(names) or 'none'}: must be one or more, each once")
     if angle_count != total:
         raise fail(f"{angle_count} angles, must be {total}, one for each joint")
-    angles = _aligned(head_end, 8)
+    angles = _aligned(head_end, unit)
     rate_count, rates_head_end = count(angles + 8 * total)
     if rate_count not in (0, total):
         raise fail(f"{rate_count} rates, must be {total}, one for each joint, or none")
-    rates = _aligned(rates_head_end, 8)
+    rates = _aligned(rates_head_end, unit)
     end = rates + 8 * rate_count if rate_count else rates_head_end
     if end > len(message):
         raise fail(f"{len(message)} bytes, {schemas.JOINT_STATE} needs {end} or more")
@@ -315,9 +369,10 @@ def _stamp_ns(messages: NDArray[Any]) -> IntArray:
     return messages["sec"].astype(np.int64) * NS_PER_S + messages["nanosec"]
 
 
-def _numbers_start(frame_size: NDArray[Any]) -> IntArray:
-    """Offset in the message of its numbers: behind the frame_id, aligned to 8."""
-    return _ENCAPSULATION_SIZE + _up(_HEADER.itemsize + frame_size.astype(np.int64), 8)
+def _numbers_start(frame_size: NDArray[Any], packed: bool) -> IntArray:
+    """Offset in the message of its numbers: behind the frame_id, aligned to 8 or packed."""
+    end = _HEADER.itemsize + frame_size.astype(np.int64)
+    return _ENCAPSULATION_SIZE + (end if packed else _up(end, 8))
 
 
 def _up(at: IntArray, size: int) -> IntArray:
@@ -332,10 +387,22 @@ def _check_sizes(sizes: IntArray, wanted: IntArray, first: int, type_name: str) 
         raise StandError(f"message {first + i}: {sizes[i]} bytes, {type_name} needs {wanted[i]}")
 
 
-def _kinds(data: Bytes, starts: IntArray, sizes: IntArray, first: int, type_name: str) -> IntArray:
-    """The encapsulation's identifier of each message, which must be long enough for a header."""
+def _kinds(
+    data: Bytes,
+    starts: IntArray,
+    sizes: IntArray,
+    first: int,
+    type_name: str,
+    packed: bool,
+) -> IntArray:
+    """The encapsulation's identifier of each message, which must be long enough for a header.
+
+    Packed messages have none, and are little-endian.
+    """
     least = np.full_like(sizes, _ENCAPSULATION_SIZE + _HEADER.itemsize)
     _check_sizes(sizes, least, first, type_name)
+    if packed:
+        return np.full(len(starts), _LITTLE)
     kinds = data[starts].astype(np.int64) << 8 | data[starts + 1]
     odd = np.flatnonzero(~np.isin(kinds, list(_ORDERS)))
     if len(odd):

@@ -2,16 +2,19 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Metadata
+from mcap.records import Attachment
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, IntArray, owned
 from stand.errors import StandError, located, unknown
+from stand.recording.growing import Growing
+from stand.recording.log_form import LogForm
 from stand.recording.mcap import schemas
 from stand.recording.mcap.bag import is_bag, joined
 from stand.recording.mcap.cdr import Bytes
@@ -24,17 +27,18 @@ from stand.recording.mcap.decode import (
     decode_imu,
     decode_joints,
     decode_velocities,
-    frame_id,
 )
 from stand.recording.mcap.records import (
     Directory,
-    directory,
+    McapMessages,
+    Messages,
     faults_of,
     opened,
     parsed,
     records,
-    segments,
 )
+from stand.recording.mcap.ros1 import BagMessages, is_ros1
+from stand.recording.mcap.shared_topic import SharedTopic
 from stand.recording.mcap.writer import (
     ENCODER_TOPIC,
     FIX_TOPIC,
@@ -73,8 +77,10 @@ _MOST = {
 }
 
 Batch = ImuBatch | JointBatch | FixBatch | VelocityBatch
-Decode = Callable[[Bytes, IntArray, IntArray, int], Batch]
-"""A chunk, where its messages begin, their sizes, the first one's number: the messages."""
+Decode = Callable[..., Batch]
+"""A chunk, where its messages begin, their sizes, the first one's number, and whether they are
+packed as ROS 1 does: the messages."""
+_PACKED = {"cdr": False, "ros1": True}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +99,10 @@ class ImuLog:
         Angular rate [rad/s] and specific force [m/s^2].
     metadata : dict
         The file's metadata records: {name: {key: value}}.
+    notes : tuple of str
+        What was found out of the file: units, columns, what was left out.
+    doubts : tuple of str
+        What of it may make an answer wrong.
     """
 
     path: str
@@ -102,6 +112,8 @@ class ImuLog:
     w_ib_b: Array
     f_b: Array
     metadata: dict[str, dict[str, str]]
+    notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _own(self, t_ns=(), w_ib_b=(3,), f_b=(3,))
@@ -234,47 +246,57 @@ class LogFile:
     messages are not CDR, hold a value that is not finite, or stamps that do not increase.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        form: LogForm | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
         self.path = str(path)
+        self._form = form or LogForm()
+        self._progress = progress
         with faults_of(path):
-            self._file = joined(Path(path)) if is_bag(Path(path)) else opened(path)
-        try:
-            with faults_of(path):
-                self._found = directory(self._file)
-        except BaseException:
-            self._file.close()
-            raise
+            file = joined(Path(path)) if is_bag(Path(path)) else opened(path)
+            try:
+                self._messages: Messages = (
+                    BagMessages(file) if is_ros1(file) else McapMessages(file)
+                )
+            except BaseException:
+                file.close()
+                raise
+        self._found = self._messages.found
         self._metadata: dict[str, dict[str, str]] | None = None
 
     def __enter__(self) -> "LogFile":
         return self
 
     def __exit__(self, *exc: object) -> None:
-        self._file.close()
+        self._messages.close()
 
     @property
     def metadata(self) -> dict[str, dict[str, str]]:
         """The metadata records, {name: {key: value}}; of equal names the last."""
         if self._metadata is None:
             with faults_of(self.path):
-                self._metadata = _metadata(self._file)
+                self._metadata = self._messages.metadata()
         return self._metadata
 
     def imu(self, topic: str | None = None) -> ImuLog:
         """What the IMU said; without a `topic` /imu/data, or the only IMU topic there is."""
         with faults_of(self.path):
             topic = _chosen(self._found, topic, _IMU_TYPES, IMU_TOPIC)
-            frames: list[str] = []
-
-            def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> ImuBatch:
-                batch = decode_imu(data, starts, sizes, first)
-                if not frames:
-                    frames.append(frame_id(data, int(starts[0])))
-                return batch
-
-            columns = self._columns(topic, decode, ("t_ns", "w_ib_b", "f_b"))
+            seen = SharedTopic(self._form.frame, self._form.stamps)
+            columns = self._columns(topic, seen.decode, ("t_ns", "w_ib_b", "f_b"), seen=seen)
+            doubts = seen.doubts(columns)
+        if (turn := self._form.turn()) is not None:
+            columns |= {name: turn.of(columns[name]) for name in ("w_ib_b", "f_b")}
         return ImuLog(
-            path=self.path, topic=topic, frame_id=frames[0], metadata=self.metadata, **columns
+            path=self.path,
+            topic=topic,
+            frame_id=seen.frame,
+            metadata=self.metadata,
+            doubts=doubts,
+            **columns,
         )
 
     def truth(self) -> TruthLog:
@@ -295,8 +317,11 @@ class LogFile:
             topic = _chosen(self._found, topic, _JOINT_TYPES, ENCODER_TOPIC)
             names: list[tuple[str, ...]] = []
 
-            def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> JointBatch:
-                batch = decode_joints(data, starts, sizes, first, names[0] if names else None)
+            def decode(
+                data: Bytes, starts: IntArray, sizes: IntArray, first: int, *, packed: bool
+            ) -> JointBatch:
+                known = names[0] if names else None
+                batch = decode_joints(data, starts, sizes, first, known, packed=packed)
                 if not names:
                     names.append(batch.names)
                 return batch
@@ -314,13 +339,8 @@ class LogFile:
         with faults_of(self.path):
             topic = _chosen(self._found, None, _FIX_TYPES, FIX_TOPIC)
 
-            def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> FixBatch:
-                batch = decode_fixes(data, starts, sizes, first)
-                k = batch.status >= 0
-                return FixBatch(batch.t_ns[k], batch.status[k], batch.place[k], batch.variance[k])
-
             names = ("t_ns", "place", "variance")
-            columns = self._columns(topic, decode, names, ("t_ns", "place"))
+            columns = self._columns(topic, decode_fixes, names, ("t_ns", "place"))
             if not len(columns["t_ns"]):
                 raise StandError(f"{topic}: no message has a fix: their status is below 0")
         return FixLog(path=self.path, topic=topic, **columns)
@@ -336,11 +356,8 @@ class LogFile:
             types = {c.topic: self._found.type_name(c) for c in self._found.channels.values()}
             has_covariance = _VELOCITY_TYPES[types[topic]]
 
-            def decode(data: Bytes, starts: IntArray, sizes: IntArray, first: int) -> VelocityBatch:
-                return decode_velocities(data, starts, sizes, first, has_covariance)
-
-            names = ("t_ns", "v", "variance")
-            columns = self._columns(topic, decode, names, ("t_ns", "v"))
+            decode = partial(decode_velocities, covariance=has_covariance)
+            columns = self._columns(topic, decode, ("t_ns", "v", "variance"), ("t_ns", "v"))
         return VelocityLog(path=self.path, topic=topic, **columns)
 
     def _columns(
@@ -349,8 +366,43 @@ class LogFile:
         decode: Decode,
         names: Sequence[str],
         finite: Collection[str] | None = None,
+        seen: SharedTopic | None = None,
     ) -> dict[str, Any]:
-        return _columns(self._file, self._found, topic, decode, names, finite)
+        """The named columns of all messages of the topic; all, or those in `finite`, checked."""
+        growing: dict[str, Growing] = {}
+        for batch, log_ns in self._batches(topic, decode):
+            keep = slice(None) if seen is None else seen.rows(batch, log_ns)
+            keep = batch.status >= 0 if isinstance(batch, FixBatch) else keep
+            for name in names:
+                stamps = name == "t_ns" and self._form.stamps == "log"
+                values = (log_ns if stamps else getattr(batch, name))[keep]
+                growing.setdefault(name, Growing(values)).extend(values)
+        with located(topic):
+            if not growing:
+                raise StandError("has no messages")
+            columns = {name: growing[name].whole() for name in names}
+            if seen is not None:
+                seen.check(columns)
+            _check({name: columns[name] for name in finite or names})
+        return columns
+
+    def _batches(self, topic: str, decode: Decode) -> Iterator[tuple[Any, IntArray]]:
+        """Decoded messages, chunk by chunk, and when they were written."""
+        with located(topic):
+            ids, packed = _channels(self._found, topic)
+        count = 0
+        for segment in self._messages.segments():
+            rows = np.isin(segment.channel, ids)
+            start, size = segment.start[rows], segment.size[rows]
+            if len(start):
+                with located(topic):
+                    yield (
+                        decode(segment.data, start, size, count, packed=packed),
+                        segment.log_ns[rows],
+                    )
+                count += len(start)
+            if self._progress is not None:
+                self._progress(self._messages.done())
 
 
 def read_imu(path: str | Path, topic: str | None = None) -> ImuLog:
@@ -403,12 +455,6 @@ def read_attachments(path: str | Path) -> dict[str, bytes]:
     return {record.name: record.data for record in found}
 
 
-def _metadata(file: BinaryIO) -> dict[str, dict[str, str]]:
-    contents = [content for _, content in records(file, (Opcode.METADATA,))]
-    found = [parsed(Metadata.read, content) for content in contents]
-    return {record.name: record.metadata for record in found}
-
-
 def _chosen(found: Directory, topic: str | None, kinds: Sequence[str], usual: str) -> str:
     """The topic to read, of one of the types `kinds`: the asked one, the usual, or the only one."""
     types = {channel.topic: found.type_name(channel) for channel in found.channels.values()}
@@ -426,77 +472,18 @@ def _chosen(found: Directory, topic: str | None, kinds: Sequence[str], usual: st
     return topic or (usual if usual in fitting else fitting[0])
 
 
-def _columns(
-    file: BinaryIO,
-    found: Directory,
-    topic: str,
-    decode: Decode,
-    names: Sequence[str],
-    finite: Collection[str] | None = None,
-) -> dict[str, Any]:
-    """The named columns of all messages of the topic; all, or those in `finite`, checked."""
-    growing: dict[str, _Growing] = {}
-    for batch in _batches(file, found, topic, decode):
-        for name in names:
-            values = getattr(batch, name)
-            growing.setdefault(name, _Growing(values)).extend(values)
-    with located(topic):
-        if not growing:
-            raise StandError("has no messages")
-        columns = {name: growing[name].whole() for name in names}
-        _check({name: columns[name] for name in finite or names})
-    return columns
-
-
-class _Growing:
-    """An array that grows at its end in place.
-
-    Joining a list of parts would hold the log twice: the parts' memory does not come back.
-    """
-
-    def __init__(self, like: NDArray[Any]) -> None:
-        self._values = np.empty((0, *like.shape[1:]), like.dtype)
-        self._end = 0
-
-    def extend(self, part: NDArray[Any]) -> None:
-        start, self._end = self._end, self._end + len(part)
-        if self._end > len(self._values):
-            self._resize(self._end + self._end // 8)
-        self._values[start : self._end] = part
-
-    def whole(self) -> NDArray[Any]:
-        """The array at its length, read-only."""
-        self._resize(self._end)
-        self._values.flags.writeable = False
-        return self._values
-
-    def _resize(self, rows: int) -> None:
-        # No view of the array leaves this class before `whole`, so nothing can dangle.
-        self._values.resize((rows, *self._values.shape[1:]), refcheck=False)
-
-
-def _channel_ids(found: Directory, topic: str) -> list[int]:
+def _channels(found: Directory, topic: str) -> tuple[list[int], bool]:
+    """The ids of the channels of a topic, and whether their messages are packed."""
     channels = [channel for channel in found.channels.values() if channel.topic == topic]
     for channel in channels:
-        if channel.message_encoding != "cdr":
-            raise StandError(f"message encoding {channel.message_encoding!r}, must be 'cdr'")
-    return [channel.id for channel in channels]
-
-
-def _batches(
-    file: BinaryIO, found: Directory, topic: str, decode: Decode
-) -> Iterator[tuple[Any, ...]]:
-    """Decoded messages, chunk by chunk."""
-    with located(topic):
-        channel_ids = _channel_ids(found, topic)
-    count = 0
-    for segment in segments(file, found):
-        rows = np.isin(segment.channel, channel_ids)
-        start, size = segment.start[rows], segment.size[rows]
-        if len(start):
-            with located(topic):
-                yield decode(segment.data, start, size, count)
-            count += len(start)
+        if channel.message_encoding not in _PACKED:
+            raise StandError(
+                f"message encoding {channel.message_encoding!r}, must be 'cdr' or 'ros1'"
+            )
+    kinds = {_PACKED[channel.message_encoding] for channel in channels}
+    if len(kinds) > 1:
+        raise StandError("messages in 'cdr' and in 'ros1': must be of one encoding")
+    return [channel.id for channel in channels], kinds.pop()
 
 
 def _check(columns: Mapping[str, NDArray[Any]]) -> None:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import BinaryIO, Protocol, TypeVar
 
 import numpy as np
 import zstandard
@@ -15,7 +15,7 @@ from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, DataEnd, Footer, Schema
+from mcap.records import Channel, Chunk, DataEnd, Footer, Metadata, Schema
 
 from alignment.arrays import IntArray
 from stand.errors import StandError
@@ -26,6 +26,7 @@ from stand.recording.mcap.decode import gather
 
 _HEAD = struct.Struct("<BQ")
 _FOOTER_SIZE = _HEAD.size + 20
+_ROS1 = b"#ROSBAG "  # which checks its own ends
 _CRC_SIZE = 4
 _SEGMENT_BYTES = 1 << 20
 MOST_CHUNK_BYTES = 256 << 20
@@ -43,12 +44,15 @@ class Segment:
     data : (bytes,) uint8
     channel, start, size : (n,) int64
         Of each message: its channel's id, and where its payload lies in `data`.
+    log_ns : (n,) int64
+        When it was written [ns].
     """
 
     data: Bytes
     channel: IntArray
     start: IntArray
     size: IntArray
+    log_ns: IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +125,10 @@ def parsed(read: Callable[[ReadDataStream], RecordT], content: bytes) -> RecordT
 
 
 def _check_ends(file: BinaryIO) -> None:
-    if file.read(len(MAGIC)) != MAGIC:
+    head = file.read(len(MAGIC))
+    if head == _ROS1:
+        return
+    if head != MAGIC:
         raise StandError("not an MCAP file")
     size = file.seek(0, 2)
     file.seek(max(size - len(MAGIC), 0))
@@ -194,6 +201,43 @@ def _compare(what: str, stated: int, found: int) -> None:
     """Checksums must agree; 0 means that the writer gave none."""
     if stated not in (0, found):
         raise StandError(f"damaged: checksum of {what} is {found:#010x}, must be {stated:#010x}")
+
+
+class Messages(Protocol):
+    """Messages as they lie in a file, whatever its kind."""
+
+    found: Directory
+
+    def segments(self) -> Iterator[Segment]: ...
+    def metadata(self) -> dict[str, dict[str, str]]: ...
+    def done(self) -> float: ...
+    def close(self) -> None: ...
+
+
+class McapMessages:
+    """Those of an MCAP file that is open."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._size = max(file.seek(0, 2), 1)
+        self.found = directory(file)
+
+    def segments(self) -> Iterator[Segment]:
+        """The messages, as `segments` of an open file."""
+        return segments(self._file, self.found)
+
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """The metadata records, {name: {key: value}}; of equal names the last."""
+        contents = [content for _, content in records(self._file, (Opcode.METADATA,))]
+        found = [parsed(Metadata.read, content) for content in contents]
+        return {record.name: record.metadata for record in found}
+
+    def done(self) -> float:
+        """The part read, 0 to 1."""
+        return self._file.tell() / self._size
+
+    def close(self) -> None:
+        self._file.close()
 
 
 def directory(file: BinaryIO) -> Directory:
@@ -292,11 +336,23 @@ def segment(data: bytes, found: Directory) -> Segment:
 
 def _located(data: Bytes, places: IntArray) -> Segment:
     if len(places) == 0:
-        return Segment(data, places, places, places)
+        return no_messages(data)
     smallest = MESSAGE_HEAD.itemsize - OPCODE_AND_SIZE
     if (gather(data, places + 1, "<u8") < smallest).any():
         raise StandError("damaged: a message record is too short")
     head = gather(data, places, MESSAGE_HEAD)
     start = places + MESSAGE_HEAD.itemsize
     size = head["size"].astype(np.int64) - smallest
-    return Segment(data, head["channel"].astype(np.int64), start, size)
+    return Segment(
+        data=data,
+        channel=head["channel"].astype(np.int64),
+        start=start,
+        size=size,
+        log_ns=head["log_time"].astype(np.int64),
+    )
+
+
+def no_messages(data: Bytes) -> Segment:
+    """A segment in which there are none."""
+    nothing = np.empty(0, np.int64)
+    return Segment(data=data, channel=nothing, start=nothing, size=nothing, log_ns=nothing)

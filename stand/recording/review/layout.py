@@ -24,11 +24,12 @@ class Layout(rrb.Blueprint):
     """
 
     duration_s: float
+    begin_s: float = 0.0
 
     def _log_to_stream(self, stream: rr.RecordingStream) -> None:
         super()._log_to_stream(stream)
         # Room for the legends beside the curves.
-        ends = (-0.01 * self.duration_s, 1.14 * self.duration_s)
+        ends = [self.begin_s + part * self.duration_s for part in (-0.01, 1.14)]
         edges = [rr.TimeRangeBoundary.absolute(seconds=t) for t in ends]
         whole = rr.TimeRange(start=edges[0], end=edges[1])
         stream.log(f"view/{SHARED_VIEW}/TimeAxis", rrb.TimeAxis(view_range=whole))
@@ -62,6 +63,28 @@ def blueprint(screen: Screen) -> rrb.Blueprint:
         auto_layout=False,
     )
     layout.duration_s = screen.duration_s
+    return layout
+
+
+def excerpt_blueprint(
+    channels: tuple[Channel, ...],
+    span: tuple[float, float],
+    ranges: dict[str, tuple[float, float]],
+    phases: bool,
+) -> rrb.Blueprint:
+    """The plots of samples alone, over a stretch of time."""
+    top = [rrb.StateTimelineView(origin="phase", name="Phase", time_view=LINKED)] if phases else []
+    plots = [_plot_of(c.entity, c.title, ranges.get(c.entity), None) for c in channels]
+    shares = [*([0.1 * len(plots)] if phases else []), *([1.0] * len(plots))]
+    layout = Layout(
+        rrb.Vertical(*top, *plots, row_shares=shares),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="paused"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+    layout.begin_s, layout.duration_s = span[0], span[1] - span[0]
     return layout
 
 
@@ -118,12 +141,19 @@ def _error_title(screen: Screen, angle: str) -> str:
 
 
 def _plot(screen: Screen, origin: str, title: str) -> rrb.TimeSeriesView:
+    return _plot_of(origin, title, screen.ranges.get(origin), screen.limits.get(origin))
+
+
+def _plot_of(
+    origin: str,
+    title: str,
+    span: tuple[float, float] | None,
+    limits: tuple[float, float] | None,
+) -> rrb.TimeSeriesView:
     """A plot that tells its range in the title: low plots have room for few axis labels."""
-    low, high = screen.ranges.get(origin, (0.0, 0.0))
-    limits = screen.limits.get(origin)
     return rrb.TimeSeriesView(
         origin=origin,
-        name=f"{title}, {low:.3g} to {high:.3g}" if origin in screen.ranges else title,
+        name=title if span is None else f"{title}, {span[0]:.3g} to {span[1]:.3g}",
         axis_x=LINKED,
         axis_y=rrb.ScalarAxis(range=limits) if limits else None,
         plot_legend=rrb.Corner2D.RightTop,

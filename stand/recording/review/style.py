@@ -79,6 +79,25 @@ def state_name(phase: Phase) -> str:
     return f"{phase.kind} {phase.label}"
 
 
+def states_of(phases: Sequence[Phase]) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    """Times [ns] and names of states, with an empty one after what nothing follows at once."""
+    states = [(phase.t_from_ns, state_name(phase)) for phase in phases]
+    followed = {phase.t_from_ns for phase in phases}
+    states += [(phase.t_to_ns, "") for phase in phases if phase.t_to_ns not in followed]
+    times, values = zip(*sorted(states), strict=True)
+    return times, values
+
+
+def state_style(phases: Sequence[Phase]) -> rr.StateConfiguration:
+    """Labels and colours of the states."""
+    named = {state_name(phase): phase for phase in phases}
+    return rr.StateConfiguration(
+        values=list(named),
+        labels=[phase.label for phase in named.values()],
+        colors=shaded([phase.kind for phase in named.values()]),
+    )
+
+
 def entity_part(name: str) -> str:
     return rr.escape_entity_path_part(name)
 

@@ -41,8 +41,8 @@ from stand.recording.review.style import (
     Color,
     entity_part,
     line_style,
-    shaded,
-    state_name,
+    state_style,
+    states_of,
 )
 from stand.recording.thinning import Moved, Rows, Thinned, bin_length
 from stand.samples import AXES, ImuBlock, TruthBlock
@@ -293,18 +293,9 @@ class ReviewWriter:
     def _send_phases(self, phases: Sequence[Phase]) -> None:
         if not phases:
             return
-        states = [(phase.t_from_ns, state_name(phase)) for phase in phases]
-        followed = {phase.t_from_ns for phase in phases}
-        states += [(phase.t_to_ns, "") for phase in phases if phase.t_to_ns not in followed]
-        times, values = zip(*sorted(states), strict=True)
+        times, values = states_of(phases)
         self._send("phase", np.array(times), rr.StateChange.columns(state=list(values)))
-        named = {state_name(phase): phase for phase in phases}
-        style = rr.StateConfiguration(
-            values=list(named),
-            labels=[phase.label for phase in named.values()],
-            colors=shaded([phase.kind for phase in named.values()]),
-        )
-        self._log("phase", style)
+        self._log("phase", state_style(phases))
 
     def _send_scene(self, w_ie: Array) -> None:
         scene = self._scene

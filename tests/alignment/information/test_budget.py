@@ -13,7 +13,6 @@ from alignment.information.budget import (
     budget,
     double_worst,
     levelling_worst,
-    published_figures,
     sensitivities,
 )
 from alignment.levelling import level
@@ -209,20 +208,3 @@ def test_double_gyrocompassing_headline():
     assert double_worst(radians(60), 0.002) / MINUTE == pytest.approx(4.1, abs=0.05)
     # by hand: 1' and K tan(lat) tan(5 deg)
     assert double_worst(radians(45)) == pytest.approx(MINUTE + 0.002 * tan(radians(5)), rel=1e-3)
-
-
-def test_published_figures_say_what_reproduces():
-    rows = published_figures()
-    assert [row.reproduced for row in rows] == [
-        True, False, False, True, False, False, False, True,
-    ]  # fmt: skip
-    assert [row.published for row in rows[:5]] == ["39'", "41'", "0.46'", "0.5'", "1.3'"]
-    assert rows[0].ours == "39.3' or 38.1'"
-    assert rows[4].ours == "1.6' (latitude 45 deg) to 2.0' (60 deg)"
-    assert "2.8' to 4.1'" in rows[4].because
-    assert rows[5].ours == "58 to 927 days at latitude 45 deg"
-    assert rows[7].ours == "1.05'' and 1.75'"
-    for row in rows:
-        assert row.verdict.startswith(
-            "reproduced, because " if row.reproduced else "not reproduced, because "
-        )

@@ -196,13 +196,14 @@ def test_the_reference_is_only_a_point_of_linearisation(monkeypatch):
     stretch, options = dwell(t, w, f), Options(priors=priors)
     plain = fine([stretch], site(STILL), options)[0]
     module = sys.modules["alignment.methods.fine"]  # the package has the function under that name
-    match = module.match
+    laid = module.laid
 
-    def beside(carried, where):
-        found = match(carried, where)
-        return replace(found, C_ni=Rotation.from_rotvec([0.01, -0.01, 0.1]) * found.C_ni)
+    def beside(*given):
+        found, *rest = laid(*given)
+        moved = replace(found, C_ni=Rotation.from_rotvec([0.01, -0.01, 0.1]) * found.C_ni)
+        return moved, *rest
 
-    monkeypatch.setattr(module, "match", beside)
+    monkeypatch.setattr(module, "laid", beside)
     moved = fine([stretch], site(STILL), options)[0]
     between = (moved.C_nb * plain.C_nb.inv()).as_rotvec()
     sigmas = np.sqrt(plain.covariance.diagonal())

@@ -316,6 +316,22 @@ def test_tilts_of_a_sway_are_averaged_as_they_are():
         assert off > 0.1 * radians(3) ** 2  # what their means alone would leave
 
 
+@pytest.mark.parametrize(
+    ("f1", "f2", "azimuth"),
+    [
+        # X1 raised by 8 deg at 80 deg: cos 8 cos a + tan 80 sin 8, and -sin a, over W cos lat
+        (-0.185934, -0.173648, 170.0),
+        (1.284424, -0.866025, 60.0),
+        (0.789290, 1.0, -90.0),
+        (-0.108198, 0.422618, -155.0),
+    ],
+)
+def test_azimuth_far_north_by_hand(f1, f2, azimuth):
+    found = azimuth_of_sway(f1, f2, 0.0, radians(8), radians(80))
+    off = (found - radians(azimuth) + pi) % (2 * pi) - pi
+    assert off == pytest.approx(0, abs=4e-6)  # six digits, of rates of a fifth
+
+
 def test_sigma_of_a_tilted_base_by_differencing_the_estimator():
     beta, gamma, lat = TILTED
     site = Site(lat, local_gravity=G)

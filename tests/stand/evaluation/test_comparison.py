@@ -29,7 +29,6 @@ from stand.evaluation.comparison import (
     used_time,
 )
 from stand.evaluation.heading_history import heading_error_over_time, histories
-from stand.evaluation.published import double_figures, published_figures, sway_figures
 from stand.evaluation.statistics import (
     EstimateErrors,
     Outcome,
@@ -42,7 +41,7 @@ from stand.imu import ImuSpec, load_imu
 from stand.imu.model import TERMS
 from stand.motion.polynomial import MotionKind
 from stand.procedure.procedure import load_procedure
-from stand.report.compare import PNG, picture, published_text, table, write_picture
+from stand.report.compare import PNG, picture, table, write_picture
 from stand.simulation.monte_carlo import Trials, spans, watch
 from stand.simulation.parallel import RunFailed
 from stand.simulation.settings import assembled
@@ -348,10 +347,12 @@ def test_interrupted_it_leaves_nothing_behind(tmp_path):
         time.sleep(0.2)  # the command, its resource tracker and workers
     time.sleep(1.0)
     os.killpg(process.pid, signal.SIGINT)
-    _, told = process.communicate(timeout=20)
+    _, told = process.communicate(timeout=60)
     assert process.returncode == 130
     assert told.strip() == "stand: interrupted: nothing was written"
-    time.sleep(0.5)
+    deadline = time.monotonic() + 20  # the resource tracker ends when it finds itself alone
+    while members(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.2)
     assert members(process.pid) == []
 
 
@@ -576,45 +577,6 @@ def test_picture_of_nothing_and_of_many(half_turn, tmp_path):
     assert path.read_bytes() == picture(found, own)
 
 
-# --- the papers
-
-
-def test_sway_and_double_figures():
-    law, insensitive, gyros = sway_figures()
-    assert (law.reproduced, insensitive.reproduced, gyros.reproduced) == (True, True, False)
-    times, vertical, force = double_figures()
-    assert "stim300 never" in times.ours
-    # 10 sin 5 east, 15.041 cos 50 and 10 sin 5 cos 5 north: 283.6', and 339' where they oppose
-    assert vertical.ours.startswith("284' (X1 south), 339' (north)")
-    # 1 deg/h/g times sin 5 over 9.96651 deg/h
-    assert "30'" in force.ours
-    assert pytest.approx(30, abs=0.1) == 0.0871557 / 9.96651 * 60 / DEG
-    assert not any(f.reproduced for f in (times, vertical, force))
-
-
-def test_published_text_is_as_wide_as_wanted():
-    text = published_text(published_figures(), 60)
-    assert max(map(len, text.splitlines())) <= 60
-    assert text.count("reproduced, because") == len(published_figures())
-
-
-@pytest.mark.slow
-def test_published_figures(stand_command):
-    rows = stand_command("compare", "--published", "--json").json["published"]
-    assert [set(row) for row in rows] == [
-        {"figure", "published", "ours", "reproduced", "because"}
-    ] * len(rows)
-    verdicts = {row["figure"]: row["reproduced"] for row in rows}
-    for paper, count in (("[S0]", 3), ("[S1]", 3), ("[S2]", 3), ("[S4]", 11)):
-        assert sum(figure.startswith(paper) for figure in verdicts) == count
-    same, fresh, rival = rows[:3]
-    assert "roll 0.00911, yaw 0.00673, pitch 0.0171" in same["published"]
-    assert "below 1e-09" in same["ours"]
-    assert (same["reproduced"], fresh["reproduced"], rival["reproduced"]) == (False, False, True)
-    printed, observing = rows[6:8]
-    assert (printed["reproduced"], observing["reproduced"]) == (False, True)
-
-
 # --- what it must show
 
 ROCKED = """
@@ -670,17 +632,17 @@ WHITE = tuple(term for term in TERMS if term != "white-noise")
     ],
 )
 def test_white_noise_reaches_the_floor(procedure, methods):
-    """2000 runs at 2 Hz, white noise alone: intervals of error over floor meet 1.00 to 1.10."""
+    """500 runs at 2 Hz, white noise alone: error over floor is 1.00 to 1.10, within 3.3 sigma."""
     made = load_procedure(procedure)
     options = replace(made.entry.estimate.options(), priors=Priors())
     settings = replace(
         settings_of(made, true_table=True), options=options, rate_hz=2, without=WHITE
     )
-    for t in compare(replace(settings, methods=methods), 2000).tallies:
+    for t in compare(replace(settings, methods=methods), 500).tallies:
         print(f"{t.method}: {t.ratio:.3f} ({t.ratio_low:.3f} to {t.ratio_high:.3f})")
         assert t.floor_heading < 8 * DEG
         assert t.refused == 0
-        assert t.ratio_high >= 1.0
-        assert t.ratio_low <= 1.1
-        # 2000 degrees of freedom or more: 1.96 / sqrt(2 x 2000) is 3.1 % either way, no wider
-        assert 1.0 < t.ratio_high / t.ratio_low < 1.07
+        assert t.ratio_high > 0.96  # 3.3 sigma of 500 runs rather than 1.96
+        assert t.ratio_low < 1.1 / 0.96
+        # 500 degrees of freedom or more: 1.96 / sqrt(2 x 500) is 6.2 % either way, no wider
+        assert 1.0 < t.ratio_high / t.ratio_low < 1.14

@@ -126,6 +126,21 @@ def test_one_window_has_no_scatter_and_says_so():
     assert windows_table(rows).rows[0][5] == "one window"
 
 
+def test_a_heading_that_no_window_tells_has_no_scatter():
+    """Noise of 1 mrad/s hides Earth rate: null for machines, and in words."""
+    dwell = tilted([0.0, 0.0])
+    noise = 1e-3 * np.random.default_rng(2).normal(size=(len(dwell.readings), 3))
+    r = dwell.readings
+    noisy = dwell_of(r.t, r.w_ib_b + noise, r.f_b)
+    rows, _ = scatters([noisy], HERE, Options(), ["triad"], [40.0])
+    entry = scatter_to_json(rows[0])
+    assert entry["windows"] == 2
+    assert [entry[k] for k in ("scatter_deg", "scatter_low_deg", "scatter_high_deg")] == [None] * 3
+    assert entry["variance_over_stated"] is None
+    assert windows_table(rows).rows[0][5] == "not determined"
+    assert scatter_to_json(rows[1])["scatter_deg"] is not None
+
+
 def test_a_sigma_that_says_nothing_is_no_number():
     rng = np.random.default_rng(1)
     t, w, f, _ = STILL.readings(80.0, 10)

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from alignment import Site
 from stand.errors import StandError
 from stand.imu import load_imu
-from stand.imu.priors import BASE_ARM
+from stand.imu.priors import BASE_ARM, GIMBAL_ARM
 from stand.motion.moves import joined, move_piece
 from stand.motion.polynomial import MotionKind
 from stand.physics.mjcf import contents_of, describe, load_model
@@ -30,7 +30,7 @@ from stand.simulation.monte_carlo import Trials
 from stand.simulation.settings import Settings, assembled
 from stand.simulation.simulation import Simulation
 from stand.table.joints import JOINTS
-from stand.table.kinematics import base_arm
+from stand.table.kinematics import base_arm, gimbal_arm
 from stand.table.table import load_table
 
 # From hinge to hinge and to the instrument: no two axes cross.
@@ -301,6 +301,15 @@ def test_the_lever_arm_of_its_base(model):
     """Heights above the roll axis: 0.04 + 0.06 + 0.90 - 0.05 + 0.08 + 0.13 = 1.16 m."""
     assert base_arm(describe(model)) == pytest.approx(1.16, abs=1e-12)
     assert base_arm(describe(load_model())) == pytest.approx(BASE_ARM, abs=1e-12)
+
+
+def test_the_lever_arm_of_its_gimbals(model):
+    """Across the middle axis, which points east: 0.01 + 0.11 = 0.12 m and 0.08 + 0.13 = 0.21 m."""
+    by_hand = np.sqrt((0.12**2 + 0.21**2) / 2)
+    assert gimbal_arm(describe(model)) == pytest.approx(by_hand, abs=1e-12)
+    shipped = np.sqrt((0.06**2 + 0.05**2) / 2)  # docs: (0.04, 0.06, 0.05) m from the crossing
+    assert gimbal_arm(describe(load_model())) == pytest.approx(shipped, abs=1e-12)
+    assert pytest.approx(shipped, abs=1e-6) == GIMBAL_ARM
 
 
 def test_a_rocking_base_tells_estimators_of_its_lever_arm(own, settings):

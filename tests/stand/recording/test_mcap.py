@@ -21,6 +21,8 @@ from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 
 from stand.errors import StandError
+from stand.recording.entrance import read_imu as read_any
+from stand.recording.log_form import LogForm
 from stand.recording.mcap import (
     EPOCH_NS,
     DriveWriter,
@@ -42,7 +44,7 @@ from stand.recording.mcap.decode import (
     decode_imu,
     decode_joints,
     decode_velocities,
-    frame_id,
+    frame_ids,
 )
 from stand.samples import ImuBlock, TruthBlock
 from stand.table.joints import JOINTS, Body, Joint, StandModel
@@ -579,7 +581,8 @@ def test_any_mixture_of_messages_is_decoded(drawn):
     np.testing.assert_array_equal(batch.w_ib_b, [m[4][:3] for m in drawn])
     np.testing.assert_array_equal(batch.f_b, [m[4][3:6] for m in drawn])
     np.testing.assert_array_equal(batch.q, [m[4][6:] for m in drawn])
-    assert [frame_id(raw, at) for at in starts] == [m[2] for m in drawn]
+    found, which = frame_ids(raw, np.array(starts))
+    assert [found[k] for k in which] == [m[2] for m in drawn]
 
 
 # --- JointState by an independent writer: rosbags, and big endian by hand
@@ -709,12 +712,16 @@ def test_foreign_files_of_every_kind(tmp_path, options):
     payloads = [
         by_hand(k * MS + 1, (k, 1, 2), (3, 4, k), frames[k % 5], "<>"[k % 2]) for k in range(5000)
     ]
-    log = read_imu(foreign(tmp_path / "log.mcap", {"/a/imu": payloads}, **options))
-    k = np.arange(5000)
-    assert (log.topic, log.frame_id, log.metadata) == ("/a/imu", "a", {})
-    np.testing.assert_array_equal(log.t_ns, k * MS + 1)
-    np.testing.assert_array_equal(log.w_ib_b, np.stack([k, 0 * k + 1, 0 * k + 2], axis=1))
-    np.testing.assert_array_equal(log.f_b, np.stack([0 * k + 3, 0 * k + 4, k], axis=1))
+    path = foreign(tmp_path / "log.mcap", {"/a/imu": payloads}, **options)
+    with pytest.raises(StandError, match=r"/a/imu: messages of a, front/imu, .*: choose one"):
+        read_imu(path)
+    for first, frame in enumerate(frames):  # several on a topic are several units
+        log = read_any(path, form=LogForm(frame=frame))
+        k = np.arange(first, 5000, 5)
+        assert (log.topic, log.frame_id, log.metadata) == ("/a/imu", frame, {})
+        np.testing.assert_array_equal(log.t_ns, k * MS + 1)
+        np.testing.assert_array_equal(log.w_ib_b, np.stack([k, 0 * k + 1, 0 * k + 2], axis=1))
+        np.testing.assert_array_equal(log.f_b, np.stack([0 * k + 3, 0 * k + 4, k], axis=1))
 
 
 def test_choice_among_topics(tmp_path):
@@ -754,8 +761,8 @@ def xcdr2():
         ({"/imu": []}, {}, r"/imu: has no messages$"),
         (
             {"/imu": numbered(1)},
-            {"encoding": "ros1"},
-            r"/imu: message encoding 'ros1', must be 'cdr'$",
+            {"encoding": "protobuf"},
+            r"/imu: message encoding 'protobuf', must be 'cdr' or 'ros1'$",
         ),
         (
             {"/imu": xcdr2()},

@@ -9,7 +9,6 @@ from procedures import document
 from alignment import ESTIMATORS
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR
 from stand import toml_files as catalogue
-from stand.evaluation.score import Truths
 from stand.imu import load_imu, without
 from stand.imu.model import TERMS
 from stand.motion.polynomial import MotionKind
@@ -259,7 +258,7 @@ def test_one_run_without_noise_comes_to_the_bias(method, key):
     table, site = table_of(procedure), procedure.entry.site.site()
     case = assembled(procedure, unit, table, site, 20)
     dwells, attitudes = Trials(case).readings(0)
-    truths = {d.label: Truths(C) for d, C in zip(dwells, attitudes, strict=True)}
+    truths = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
     estimates = ESTIMATORS[method].estimate(dwells, site, case.options)
     came_to = {
         k: error

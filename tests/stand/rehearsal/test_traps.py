@@ -16,6 +16,7 @@ from stand.motion.planner import plan
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import procedure_from, table_of
 from stand.rehearsal.rehearse import prepared, rehearse
+from stand.rehearsal.result import Judgement, Verdict
 from stand.rehearsal.rocking import over_time
 from stand.rehearsal.traps import averaging_time, procedure_doubts
 from stand.rehearsal.warmth import warmed
@@ -111,6 +112,44 @@ def test_a_pole_is_named_where_a_degree_per_hour_is_left():
         text = HALF_TURN.replace("48.5", f"{latitude}").replace('"triad"', '"two-position"')
         procedure = procedure_from(catalogue.Source("case", "case.toml", text))
         assert ("pole" in [f.kind for f in told(procedure)]) == named
+
+
+def heading(required, coverage, verdict):
+    return Judgement(
+        quantity="heading",
+        method="triad",
+        label="rest",
+        required=np.radians(required),
+        coverage=coverage,
+        sigma=np.radians(1.0),
+        guard=0.1,
+        verdict=verdict,
+        reason="",
+    )
+
+
+def test_the_bias_that_limits_is_held_against_what_is_required():
+    """Required 6 deg with coverage 2: a bias may make 3 deg, 0.52185 deg/h; what passes is well."""
+    unit = load_imu("stim300")
+    procedure = case(["triad"], DWELL.format("rest", 20))
+    for factor, trapped in ((1.01, True), (0.99, False)):
+        bias = factor * 9.96651 * np.radians(3.0) * DEG_PER_HOUR
+        biased = replace(unit, gyro=replace(unit.gyro, bias=bias, instability=0.0))
+        for verdict in (Verdict.FAIL, Verdict.INDETERMINATE):
+            assert bool(told(procedure, biased, [heading(6, 2, verdict)])) == trapped
+        assert told(procedure, biased, [heading(6, 2, Verdict.PASS)]) == []
+
+
+def test_at_a_pole_what_is_required_is_told():
+    text = HALF_TURN.replace("48.5", "-89.0").replace('"triad"', '"two-position"')
+    procedure = procedure_from(catalogue.Source("case", "case.toml", text))
+    (free,) = told(procedure)
+    # 15.041067 cos 89
+    assert free.text == (
+        "latitude -89 deg: the horizontal Earth rate is 0.263 deg/h, too little to find north by"
+    )
+    (bound,) = told(procedure, judgements=[heading(0.25, 2, Verdict.FAIL)])
+    assert bound.text == free.text + " (heading is required to 0.25 deg)"
 
 
 # --- records for Allan terms

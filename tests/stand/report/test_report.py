@@ -124,9 +124,17 @@ def test_a_table_of_errors_with_its_footers():
         ("sigma (n-1)", "", "", "", "", "0", "1.41", "0"),
         ("RMS", "", "", "", "", "0", "2.24", "0"),
         ("RMS nominal", "", "", "", "", "0", "4.47", "0"),
-        ("published", "", "", "", "", "0.214", "0.223", "0.385"),
     )
     assert table.notes == (ESTIMATORS["rk4"].note,)
+
+
+def test_published_deviations_stand_beside_the_papers_own_positions_alone():
+    names = [f"{axis}1 {way}" for axis in "XYZ" for way in ("up", "down")]
+    (table,) = score_tables([scored(name, 1.0) for name in names])
+    assert table.footers[-1] == ("published [S0]", "", "", "", "", "0.214", "0.223", "0.385")
+    for others in (names[:5], [*names, "Y1 leaning"]):
+        (table,) = score_tables([scored(name, 1.0) for name in others])
+        assert not any(row[0].startswith("published") for row in table.footers)
 
 
 def test_one_position_has_no_deviations():
@@ -250,7 +258,7 @@ def test_markdown_is_well_formed():
     width = len(table.columns)
     assert lines[1] == "|---" + "|---:" * (width - 1) + "|"
     shown = [cells(line) for line in lines if line is not lines[1]]
-    assert [len(row) for row in shown] == [width] * (1 + 2 + 4)
+    assert [len(row) for row in shown] == [width] * (1 + 2 + 3)
     assert shown[0] == list(table.columns)
     assert [row[0] for row in shown[1:]] == [
         "A \\| B",
@@ -258,7 +266,6 @@ def test_markdown_is_well_formed():
         "*sigma (n-1)*",
         "*RMS*",
         "*RMS nominal*",
-        "*published*",
     ]
     assert shown[2][6] == "-20.00"
     assert shown[3][1] == ""

@@ -9,9 +9,11 @@ from alignment import Priors
 from stand.errors import StandError
 from stand.evaluation import comparison, published
 from stand.imu import TERMS, load_imu
+from stand.motion.polynomial import MotionKind
+from stand.physics.truth import Sampling
 from stand.procedure.procedure import load_procedure
 from stand.rehearsal import advice
-from stand.simulation.settings import assembled, settings, stated_priors, with_procedure
+from stand.simulation.settings import Settings, assembled, settings, stated_priors, with_procedure
 from stand.table.joints import JOINTS
 from stand.table.table import load_table, without_errors
 from stand.toml_files import ids
@@ -72,8 +74,11 @@ def test_every_unit_and_table_of_the_catalogue_is_told_as_its_sheet_says(procedu
         for table in TABLES.values():
             made = settings(loaded, unit, table)
             p = made.options.priors
-            # 0.73 m: the unit's height above the crossing of the base's axes
-            assert p.lever_arm == (0.73 if loaded.entry.background else 0.0)
+            # 0.73 m: the unit's height above the crossing of the base's axes; (0.06, 0.05) m: its
+            # place across the pitch axis, of the gimbal axes the farthest: 0.0552 m each way
+            turns = {"rate", "sweep"} & {step.kind for step in loaded.entry.step}
+            arm = hypot(0.73 * bool(loaded.entry.background), 0.05523 * bool(turns))
+            assert p.lever_arm == pytest.approx(arm, rel=1e-4)
             assert (p.gyro_walk, p.accel_walk) == (unit.gyro.noise, unit.accel.noise)
             geometry = table.entry.geometry
             tilt, azimuth = geometry.base_tilt_arc_s, geometry.base_azimuth_arc_s
@@ -167,3 +172,16 @@ def test_a_wrong_argument_costs_one_line(given, line):
         settings("six-position", **given)
     assert str(raised.value).startswith(line)
     assert "\n" not in str(raised.value)
+
+
+def test_bare_settings_are_of_the_plainest_run():
+    made = assembled(PROCEDURES["static"], IMUS["stim300"], TABLES["mid-class"])
+    bare = Settings(
+        procedure=made.procedure, imu=made.imu, table=made.table, site=made.site,
+        options=made.options,
+    )  # fmt: skip
+    for one in (bare, made):
+        assert (one.seed, one.true_table, one.without, one.methods) == (0, False, (), None)
+        assert (one.sampling, one.motion) == (Sampling.MEAN, MotionKind.IDEAL)
+        assert (one.revision, one.allan_terms) == ("", ())
+    assert bare.rate_hz == 200

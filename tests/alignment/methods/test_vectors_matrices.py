@@ -1,0 +1,175 @@
+"""Covariances of vector matching against differences of it, and long intervals against short."""
+
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from test_vectors import RATE, VectorOptions, record
+
+from alignment import ImuReadings, Priors
+from alignment.errors import AlignmentError
+from alignment.methods.vectors import observing
+from alignment.methods.vectors.channel import (
+    POS,
+    POS_DRIFT,
+    PSI,
+    STATES,
+    VEL,
+    VEL_DRIFT,
+    State,
+    carried,
+    steps,
+)
+from alignment.navigation import integrals
+from alignment.readings import Fixes
+
+# --- the observing form
+
+SECONDS = 5
+SIGMA_R, SIGMA_V = 5.0, 0.05
+PRIORS = Priors(gyro_bias=3e-4, accel_bias=0.02, gyro_walk=4e-4)
+OPTIONS = VectorOptions(priors=PRIORS, step=1.0, largest_sigma=0.5)
+
+
+@pytest.fixture(scope="module")
+def perfect():
+    return record("fast", np.random.default_rng(0), noise=0, last=float(SECONDS))
+
+
+def turned(run, readings=None, fixes=None):
+    """The attitude at the last fix."""
+    found = observing(readings or run.readings, fixes or run.fixes, run.start, OPTIONS)
+    return found.C_nb[-1]
+
+
+def moved(fixes, k, velocity, place):
+    v, r = fixes.velocity.copy(), fixes.position.copy()
+    v[k] += velocity
+    r[k] += place
+    return Fixes(fixes.t, r, v, SIGMA_R, SIGMA_V)
+
+
+def responses(run):
+    """Rotations about n per sigma of every source of error, by differencing; one row each."""
+    base, r, fixes = turned(run), run.readings, run.fixes
+
+    def per_sigma(found, part):
+        return (found * base.inv()).as_rotvec() / part
+
+    part = 0.01  # of a sigma: the response is straight
+    rows = {"fixes": [], "constant": [], "walk": []}
+    for axis in np.eye(3):
+        for k in range(len(fixes.t)):
+            for v, p in ((SIGMA_V, 0.0), (0.0, SIGMA_R)):
+                there = moved(fixes, k, part * v * axis, part * p * axis)
+                rows["fixes"].append(per_sigma(turned(run, fixes=there), part))
+        for w, f in ((PRIORS.gyro_bias, 0.0), (0.0, PRIORS.accel_bias)):
+            biased = ImuReadings(r.t, r.w_ib_b + part * w * axis, r.f_b + part * f * axis)
+            rows["constant"].append(per_sigma(turned(run, biased), part))
+        for k in range(SECONDS):  # a walk's turn in the middle of a second: half before, half after
+            w = r.w_ib_b.copy()
+            at = k * RATE + RATE // 2
+            w[at - 1 : at + 1] += part * PRIORS.gyro_walk * axis * RATE / 2
+            rows["walk"].append(per_sigma(turned(run, ImuReadings(r.t, w, r.f_b)), part))
+    return {name: np.array(found) for name, found in rows.items()}
+
+
+def test_covariance_of_the_observing_form_is_the_sum_of_its_responses(perfect):
+    """Each source counts, none by less than a hundredth of what is compared."""
+    rows = responses(perfect)
+    found = observing(perfect.readings, perfect.fixes, perfect.start, OPTIONS)
+    assert found.corrected[-1]
+    want = sum(J.T @ J for J in rows.values())
+    scale = np.sqrt(np.outer(want.diagonal(), want.diagonal()))
+    # the weights move with the readings: a part in a hundred of a response to a part of a sigma
+    np.testing.assert_allclose(found.covariance[-1] / scale, want / scale, atol=0.01)
+    for name, J in rows.items():
+        assert np.trace(J.T @ J / scale) > 0.03, name
+
+
+def test_the_observing_form_takes_so_many_fixes(perfect, monkeypatch):
+    module = sys.modules[observing.__module__]
+    count = len(perfect.fixes.t)
+    monkeypatch.setattr(module, "MOST", count)
+    turned(perfect)
+    monkeypatch.setattr(module, "MOST", count - 1)
+    with pytest.raises(AlignmentError) as caught:
+        turned(perfect)
+    assert str(caught.value) == (
+        f"{count} fixes: the observing form takes {count - 1} at most: take fewer"
+    )
+
+
+# --- the inertial channel
+
+
+def at_rest(P=None):
+    zero = np.zeros(3)
+    C = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
+    r = np.array([6.4e6, 0.0, 0.0])
+    P = np.zeros((STATES, STATES)) if P is None else P
+    return State(C, zero, r, zero, accel=zero, r_drift=zero, v_drift=zero, P=P)
+
+
+def propagated(times, state, fixes, priors):
+    """Through an even force, without turning, over the stretches between `times`."""
+    n = round(times[-1] * 10)
+    t = np.arange(1, n + 1) / 10
+    readings = ImuReadings(t, np.zeros((n, 3)), np.tile([2.0, -9.0, 4.0], (n, 1)))
+    stretches = steps(SimpleNamespace(t=times, sensed=integrals(readings, np.asarray(times))))
+    for k in range(len(times) - 1):
+        state = carried(state, stretches, k, times[k], fixes, priors)
+    return state
+
+
+def drifting(position=0.0, velocity=0.0):
+    return SimpleNamespace(position_drift=position, velocity_drift=velocity, drift_time=3.0)
+
+
+@pytest.mark.parametrize("name", ["gyro_walk", "accel_walk", "gyro_bias", "accel_bias"])
+def test_a_long_stretch_is_its_short_ones(name):
+    priors = replace(Priors(), **{name: 1e-3})
+    P = np.zeros((STATES, STATES))
+    for sensor, first in (("gyro", 9), ("accel", 12)):
+        own = slice(first, first + 3)
+        P[own, own] = getattr(priors, f"{sensor}_bias") ** 2 * np.eye(3)
+    once = propagated([0.0, 2.0], at_rest(P), drifting(), priors).P
+    often = propagated(np.linspace(0, 2, 11), at_rest(P), drifting(), priors).P
+    size = np.sqrt(once.diagonal())
+    size[size == 0] = 1.0
+    np.testing.assert_allclose(often / np.outer(size, size), once / np.outer(size, size), atol=1e-9)
+    np.testing.assert_allclose(once, once.T, atol=1e-20)
+
+
+def test_what_walks_come_to_in_a_stretch_by_hand():
+    """Angle walk N: N^2 T of attitude; through a force f across: f^2 N^2 T^3/3 and /20 of T^5.
+
+    Velocity walk A: A^2 T, A^2 T^3/3, and A^2 T^2/2 between them.
+    """
+    T, N, A = 2.0, 1e-3, 1e-2
+    P = propagated([0.0, T], at_rest(), drifting(), Priors(gyro_walk=N)).P
+    f = at_rest().C @ [2.0, -9.0, 4.0]
+    across = f @ f * np.eye(3) - np.outer(f, f)
+    np.testing.assert_allclose(P[PSI, PSI], N**2 * T * np.eye(3), rtol=1e-12)
+    np.testing.assert_allclose(P[VEL, VEL], N**2 * T**3 / 3 * across, rtol=1e-9)
+    np.testing.assert_allclose(P[POS, POS], N**2 * T**5 / 20 * across, rtol=1e-9)
+    P = propagated([0.0, T], at_rest(), drifting(), Priors(accel_walk=A)).P
+    np.testing.assert_allclose(P[VEL, VEL], A**2 * T * np.eye(3), rtol=1e-12)
+    np.testing.assert_allclose(P[POS, POS], A**2 * T**3 / 3 * np.eye(3), rtol=1e-12)
+    np.testing.assert_allclose(P[POS, VEL], A**2 * T**2 / 2 * np.eye(3), rtol=1e-12)
+    assert not P[PSI, PSI].any()
+
+
+def test_satellite_drifts_keep_their_size_and_fade():
+    """Of a place's drift of 4 m and a velocity's of 0.3 m/s; exp(-2/3) is left after 2 s of 3 s."""
+    P = np.zeros((STATES, STATES))
+    P[POS_DRIFT, POS_DRIFT], P[VEL_DRIFT, VEL_DRIFT] = 16 * np.eye(3), 0.09 * np.eye(3)
+    start = replace(at_rest(P), r_drift=np.array([1.0, 2, 3]), v_drift=np.array([0.1, 0.2, -0.3]))
+    after = propagated([0.0, 2.0], start, drifting(4.0, 0.3), Priors())
+    np.testing.assert_allclose(after.P[POS_DRIFT, POS_DRIFT], 16 * np.eye(3), rtol=1e-12)
+    np.testing.assert_allclose(after.P[VEL_DRIFT, VEL_DRIFT], 0.09 * np.eye(3), rtol=1e-12)
+    np.testing.assert_allclose(after.r_drift, 0.5134171 * start.r_drift, rtol=1e-6)
+    np.testing.assert_allclose(after.v_drift, 0.5134171 * start.v_drift, rtol=1e-6)

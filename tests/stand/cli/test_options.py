@@ -1,0 +1,289 @@
+"""What each option does, told by a number or a word it changes, and its exit code.
+
+Those that other tests pass are found by reading the tests; the others are here. A new option
+without a test is named by the last test of this file.
+"""
+
+import ast
+import functools
+from math import cos, radians, sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+
+from stand.cli.app import app
+from stand.recording.mcap import read_imu, read_joints, write_imu_log
+
+TESTS = Path(__file__).parents[2]
+ACCEL = 9.80665
+REST = """
+title = "Rest"
+[site]
+latitude_deg = 48.5
+[estimate]
+methods = ["triad"]
+[[step]]
+kind = "dwell"
+label = "up"
+duration_s = 3
+"""
+SHORT_MOVE = """
+[[step]]
+kind = "move"
+label = "round"
+joints_deg = { outer = 10 }
+[[step]]
+kind = "dwell"
+label = "X1 up"
+duration_s = 3
+"""
+
+
+SWAY = """
+[[background]]
+kind = "sway"
+axes.base_yaw = { rms_deg = 0.1, frequency_hz = 1.0, damping = 0.2 }
+"""
+
+
+@pytest.fixture
+def here(stand_command, tmp_path, monkeypatch):
+    """Commands in an empty folder but for `rest.toml` and `moved.toml`; exit code 0 is owed."""
+    monkeypatch.chdir(tmp_path)
+    Path("rest.toml").write_text(REST, encoding="utf-8")
+    Path("moved.toml").write_text(REST + SHORT_MOVE, encoding="utf-8")
+
+    def call(*arguments, code=0):
+        outcome = stand_command(*arguments)
+        assert outcome.code == code, outcome.err
+        return outcome
+
+    return call
+
+
+# --- run
+
+
+def recorded(here, *options, procedure="rest.toml"):
+    """What `run` prints and the samples it leaves, of an ideal unit on a true table."""
+    outcome = here("run", procedure, "--rate", 20, "--out", "run", "--force", "--json", *options)
+    return outcome.json, read_imu(Path("run/run.mcap"))
+
+
+IDEAL = ("--imu", "ideal", "--true-table")
+
+
+def test_run_at_a_latitude_and_a_height(here):
+    """Earth rate's vertical part by hand, W sin 30; gravity less by 3.086e-6 per metre."""
+    _, low = recorded(here, *IDEAL, "--latitude", 30)
+    told, high = recorded(here, *IDEAL, "--latitude", 30, "--height", 1000)
+    assert (told["latitude_deg"], told["height_m"]) == pytest.approx((30.0, 1000.0), rel=1e-12)
+    np.testing.assert_allclose(high.w_ib_b[:, 1], 7.292115e-5 / 2, rtol=1e-9)
+    # free air gradient to a part in 300 over the Earth, and its second order of 1e-4
+    fallen = low.f_b[:, 1].mean() - high.f_b[:, 1].mean()
+    assert fallen == pytest.approx(3.086e-3, rel=5e-3)
+
+
+def test_run_with_terms_off(here):
+    """Without white noise a low-grade unit at rest repeats itself to its steps."""
+    off = "white-noise,bias-instability,random-walk,ramp,quantisation"
+    told, still = recorded(here, "--imu", "stim300", "--without", off)
+    _, noisy = recorded(here, "--imu", "stim300")
+    assert told["without"] == sorted(told["without"], key=told["without"].index)
+    assert set(told["without"]) == set(off.split(","))
+    assert np.ptp(still.w_ib_b, axis=0).max() < 1e-15
+    assert np.ptp(noisy.w_ib_b, axis=0).min() > 1e-6
+
+
+def test_run_on_a_true_table(here):
+    """An ideal unit reads level on it, and not on one whose class may lean."""
+    true, level = recorded(here, *IDEAL, "--table", "mid-class")
+    drawn, leaning = recorded(here, "--imu", "ideal", "--table", "mid-class")
+    assert (true["true_table"], drawn["true_table"]) == (True, False)
+    assert np.abs(level.f_b[:, [0, 2]]).max() < 1e-12
+    assert np.abs(leaning.f_b[:, [0, 2]]).max() > 1e-6 * ACCEL
+
+
+def test_run_by_servos(here):
+    """The joints then are simulated: not on the plan to the last bit, but close to it."""
+    planned, _ = recorded(here, *IDEAL, procedure="moved.toml")
+    told, _ = recorded(here, *IDEAL, "--motion", "servo", procedure="moved.toml")
+    assert (planned["motion"], told["motion"]) == ("ideal", "servo")
+    assert [s["label"] for s in told["steps"]] == ["up", "round", "X1 up"]
+    assert planned["steps"] == []
+    joints = read_joints(Path("run/run.mcap"))
+    outer = np.degrees(joints.angles[-1, joints.names.index("outer")])
+    assert outer == pytest.approx(10, abs=0.01)
+    assert outer != 10.0
+
+
+def test_run_by_another_order_of_turns(here):
+    """Y1 up, then X1 up: 'regular' is never singular; the published is the other way round."""
+    steep = SHORT_MOVE.replace("joints_deg = { outer = 10 }", "attitude_deg = { pitch = 90 }")
+    Path("steep.toml").write_text(REST + steep, encoding="utf-8")
+    found = {}
+    for rule in ("regular", "published"):
+        told, _ = recorded(here, *IDEAL, "--sequences", rule, procedure="steep.toml")
+        found[rule] = [e["sequence"] for e in told["estimates"]]
+        aligned = here("align", "run", "--sequences", rule, "--json").json["estimates"]
+        assert [e["sequence"] for e in aligned] == found[rule]
+    regular = ["yaw-pitch-roll", "yaw-roll-pitch"]
+    assert found == {"regular": regular, "published": regular[::-1]}
+
+
+def test_run_draws_by_its_seed(here):
+    first, again, other = (
+        recorded(here, "--imu", "stim300", "--seed", seed)[1].w_ib_b for seed in (4, 4, 5)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first - other).min(axis=0).max() > 0
+
+
+# --- align
+
+
+def test_align_at_a_height(here):
+    """A level log at 30 deg: tilt is known to a bias over gravity, which falls with height."""
+    W, lat = 7.292115e-5, radians(30)
+    n = 200
+    w = np.tile([W * cos(lat), W * sin(lat), 0.0], (n, 1))
+    f = np.tile([0.0, 9.7932, 0.0], (n, 1))
+    t_ns = np.arange(1, n + 1) * 100_000_000
+    write_imu_log(Path("log.mcap"), t_ns=t_ns, w_ib_b=w, f_b=f, metadata={})
+    said = ("--method", "inertial", "--imu", "stim300", "--latitude", 30, "--json")
+    low, high = (
+        here("align", "log.mcap", *said, "--height", h).json["estimates"][0]["sigma_pitch_deg"]
+        for h in (0, 10_000)
+    )
+    # the accelerometer's bias over g; free air, to its second order
+    assert high / low == pytest.approx(1 / (1 - 10_000 * 3.086e-6 / 9.7932), rel=2e-5)
+
+
+def test_align_in_windows(here):
+    """Three windows of 1 s and two of 1.5 s of a rest of 3 s; what hides in noise is null."""
+    recorded(here, "--imu", "stim300")
+    rows = here("align", "run", "--windows", "1,1.5", "--json").json["windows"]
+    assert {(row["seconds"], row["windows"]) for row in rows} == {(1.0, 3), (1.5, 2)}
+    pitch = next(row for row in rows if row["quantity"] == "pitch")
+    assert pitch["scatter_low_deg"] < pitch["scatter_deg"] < pitch["scatter_high_deg"]
+    assert rows[0]["scatter_deg"] is None
+    here("align", "run", "--windows", "1,0", code=2)
+    here("align", "run", "--windows", "1,x", code=2)
+    here("align", "run", "--windows", "10", code=2)
+
+
+def test_allan_of_a_topic(here):
+    recorded(here, "--imu", "stim300")
+    told = here("allan", "run", "--topic", "/imu/dat", code=2).err
+    assert "unknown sensor_msgs/msg/Imu topic '/imu/dat': did you mean /imu/data" in told
+
+
+# --- compare, export
+
+
+def test_compare_by_servos_at_a_height_from_a_seed(here):
+    said = ("--runs", 2, "--rate", 20, "--methods", "triad", "--json")
+    plain = here("compare", "rest.toml", *said).json
+    servo = here("compare", "rest.toml", *said, "--motion", "servo").json
+    assert (plain["motion"], servo["motion"]) == ("ideal", "servo")
+    other = here("compare", "rest.toml", *said, "--seed", 7).json
+    assert (plain["seed"], other["seed"]) == (0, 7)
+    assert plain["methods"][0]["rms_tilt_deg"] != other["methods"][0]["rms_tilt_deg"]
+    # white noise over g: g falls by 3.086e-6 per metre
+    high = here("compare", "rest.toml", *said, "--height", 5000).json["methods"][0]
+    ratio = high["floor_tilt_deg"] / plain["methods"][0]["floor_tilt_deg"]
+    assert ratio == pytest.approx(1 + 5000 * 3.086e-6 / 9.80936, rel=1e-5)
+    assert "latitude_deg" in plain
+    north = here("compare", "rest.toml", *said, "--latitude", 60).json
+    assert north["latitude_deg"] == pytest.approx(60)
+
+
+def test_export_of_a_drawn_sway(here):
+    """Same seed, same file; another seed, another sway; another table, another motion."""
+    Path("sway.toml").write_text(
+        REST.replace("duration_s = 3", "duration_s = 6") + SWAY, encoding="utf-8"
+    )
+    texts = []
+    for seed in (1, 1, 2):
+        here("export", "sway.toml", "--out", "x.csv", "--seed", seed, "--force")
+        texts.append(Path("x.csv").read_bytes())
+    assert texts[0] == texts[1] != texts[2]
+    here("export", "sway.toml", "--out", "x.csv", code=2)
+    for table in ("laboratory", "precision"):
+        here("export", "moved.toml", "--out", f"{table}.csv", "--table", table)
+    assert Path("laboratory.csv").read_bytes() != Path("precision.csv").read_bytes()
+
+
+# --- import
+
+
+def imported(here, *options):
+    here("import", "log.bin", "--out", "x.mcap", "--force", *options)
+    return read_imu(Path("x.mcap"))
+
+
+def test_import_of_counts_after_a_header(here):
+    """Ten bytes, then rows of t in ms, rates of 0.5 deg/h and forces of 2 mg a count."""
+    rows = np.array([[0, 4, 0, 0, 0, 500, 0], [20, 0, 6, 0, 500, 0, 0], [40, 0, 0, 8, 0, 0, 500]])
+    Path("log.bin").write_bytes(b"0123456789" + rows.astype("<i4").tobytes())
+    log = imported(
+        here, "--skip-bytes", 10, "--format", "<i4", "--columns", "t,gx,gy,gz,ax,ay,az",
+        "--time-unit", "ms", "--gyro-unit", "deg/h", "--gyro-scale", 0.5,
+        "--accel-unit", "mg", "--accel-scale", 2,
+    )  # fmt: skip
+    np.testing.assert_array_equal(np.diff(log.t_ns), 20_000_000)
+    # 2, 3 and 4 deg/h; one g
+    np.testing.assert_allclose(log.w_ib_b, np.diag([2, 3, 4]) * 4.84813681109536e-6, rtol=1e-12)
+    order = np.eye(3)[[1, 0, 2]]
+    np.testing.assert_allclose(log.f_b, order * ACCEL, rtol=1e-12)
+    for wrong in (("--time-unit", "min"), ("--format", "txt"), ("--skip-bytes", -1)):
+        here("import", "log.bin", "--out", "x.mcap", "--force", "--columns", "t,gx,gy,gz,ax,ay,az",
+             "--gyro-unit", "deg/h", "--accel-unit", "mg", *wrong, code=2)  # fmt: skip
+
+
+# --- every option
+
+
+def commands():
+    return typer.main.get_command(app).commands.items()
+
+
+OPTIONS = [
+    (name, option.opts[0])
+    for name, command in commands()
+    for option in command.params
+    if option.opts[0].startswith("--")
+]
+
+
+@functools.cache
+def passed() -> frozenset[tuple[str, str]]:
+    """Commands and options that stand as words in one and the same test or its helpers."""
+    found: set[tuple[str, str]] = set()
+    names = {name for name, _ in OPTIONS}
+    for path in TESTS.rglob("*.py"):
+        for part in ast.parse(path.read_text(encoding="utf-8")).body:
+            words = {
+                word
+                for node in ast.walk(part)
+                if isinstance(node, ast.Constant) and isinstance(node.value, str)
+                for word in node.value.replace("=", " ").split()
+            }
+            for name in names & words:
+                found |= {(name, word) for word in words if word.startswith("--")}
+    return frozenset(found)
+
+
+# by a helper of its file, whose command stands elsewhere
+BY_A_HELPER = {("run", "--without")}
+
+
+@pytest.mark.parametrize(("command", "option"), OPTIONS)
+def test_every_option_is_passed_by_a_test(command, option):
+    assert (command, option) in passed() | BY_A_HELPER
+
+
+def test_an_option_that_nobody_passes_would_be_found():
+    assert ("export", "--" + "windows") not in passed()

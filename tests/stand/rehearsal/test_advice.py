@@ -1,0 +1,318 @@
+"""Which changes advice tries, how far it goes and what it says: every variant by hand.
+
+The rehearsals themselves are told what to say, for it is the search that is tested.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_rehearsal import asked, case
+
+from stand.rehearsal import advice
+from stand.rehearsal.advice import with_advice
+from stand.rehearsal.result import Duration, Judgement, Rehearsal, StepDuration, Verdict
+
+REQUIRED = 'title = "A case"\ntable = "mid-class"\n[require]\nheading_deg = 1.0\n'
+SITE = "[site]\nlatitude_deg = 48.5\n"
+DWELL = '[[step]]\nkind = "dwell"\nlabel = "{}"\nduration_s = {}\n'
+MOVE = '[[step]]\nkind = "move"\nlabel = "{}"\n{}\n'
+TURN = '[[step]]\nkind = "rate"\nlabel = "round"\naxis = "outer"\n{}\n'
+
+
+def procedure(methods, *steps, head=REQUIRED):
+    quoted = ", ".join(f'"{m}"' for m in methods)
+    return case(head + SITE + f"[estimate]\nmethods = [{quoted}]\n" + "".join(steps))
+
+
+def seconds(entry):
+    """Of rest and of turns."""
+    rests = sum(s.duration_s for s in entry.step if s.kind == "dwell")
+    rates = [s for s in entry.step if s.kind == "rate"]
+    turns = sum(360 * s.turns / abs(s.rate_deg_s) * (1 + (s.directions == "both")) for s in rates)
+    return rests + turns
+
+
+def judged(quantity, sigma, verdict):
+    return Judgement(
+        quantity=quantity,
+        method="triad",
+        label="rest",
+        required=np.radians(1.0),
+        coverage=2.0,
+        sigma=None if sigma is None else np.radians(sigma),
+        guard=0.1,
+        verdict=verdict,
+    )
+
+
+@pytest.fixture
+def told(monkeypatch):
+    """`with_advice` of a procedure, where a function of its entry says what comes of it.
+
+    It answers the sigma of heading [deg] and whether that passes, or several such by quantity.
+    Gives the advice, and all entries that were looked at.
+    """
+
+    def call(made, says):
+        seen = []
+
+        def rehearse(settings):
+            entry = settings.procedure.entry
+            seen.append(entry)
+            found = says(entry)
+            found = found if isinstance(found, dict) else {"heading": found}
+            total = seconds(entry)
+            return Rehearsal(
+                inputs=None,
+                feasibility=(SimpleNamespace(feasible=True),),
+                duration=Duration((StepDuration(1, "dwell", "", 0.0, total, 0.0, 0.0, total),)),
+                predictions=(),
+                observability=(),
+                judgements=tuple(
+                    judged(name, sigma, Verdict.PASS if well else Verdict.FAIL)
+                    for name, (sigma, well) in found.items()
+                ),
+                advice=(),
+                findings=(),
+            )
+
+        monkeypatch.setattr(advice, "rehearse", rehearse)
+        return with_advice(asked(made)).advice, seen[1:]  # the first is of the procedure itself
+
+    return call
+
+
+def never(entry):
+    """Nothing helps, and a longer stretch gains nothing."""
+    return 5.0, False
+
+
+def as_they_are(seen):
+    """Of every variant its own length: the longer one that is tried then is left out."""
+    return seen[::2]
+
+
+# --- variants
+
+
+def test_a_turn_goes_both_ways_slower_and_twice(told):
+    turn = TURN.format("rate_deg_s = 20\nturns = 3")
+    _, seen = told(procedure(["carousel"], turn), never)
+    tried = [(s.directions, s.rate_deg_s, s.turns) for (s,) in (e.step for e in seen)]
+    own = ("one", 20, 3), ("both", 20, 3), ("one", 10, 3), ("one", 20, 6)
+    longer = ("one", 20, 6), ("both", 20, 6), ("one", 10, 6), ("one", 20, 12)
+    assert tried == [one for pair in zip(own, longer, strict=True) for one in pair]
+
+
+def test_what_goes_both_ways_already_is_not_turned_round(told):
+    turn = TURN.format('rate_deg_s = 20\nturns = 3\ndirections = "both"')
+    _, seen = told(procedure(["carousel"], turn), never)
+    assert [(s.rate_deg_s, s.turns) for (s,) in (e.step for e in as_they_are(seen))] == [
+        (20, 3), (10, 3), (20, 6),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("lengths", "window", "tried"),
+    [
+        ((40, 30), "", 15.0),  # half of the shortest
+        ((40, 20), "", None),  # no longer than the 10 s there are
+        ((40, 21), "", 10.5),
+        ((40, 30), "offset_window_s = 15\n", None),
+        ((40, 30), "offset_window_s = 14\n", 15.0),
+    ],
+)
+def test_offsets_over_half_of_the_shortest_dwell(told, lengths, window, tried):
+    steps = DWELL.format("a", lengths[0]), DWELL.format("b", lengths[1])
+    text = REQUIRED + SITE + f'[estimate]\nmethods = ["six-position"]\n{window}' + "".join(steps)
+    _, seen = told(case(text), never)
+    first = seen[0].estimate.offset_window_s
+    windows = [e.estimate.offset_window_s for e in as_they_are(seen) if len(e.step) == 2]
+    assert windows == [first] + ([] if tried is None else [tried])
+
+
+def test_only_methods_that_need_offsets_get_a_longer_window(told):
+    _, seen = told(procedure(["triad"], DWELL.format("a", 40)), never)
+    assert {e.estimate.offset_window_s for e in seen} == {10.0}
+
+
+def test_a_position_is_added_half_a_turn_on(told):
+    steps = DWELL.format("a", 40), MOVE.format("go", "joints_deg = { outer = 30 }")
+    _, seen = told(procedure(["triad"], *steps, DWELL.format("b", 20)), never)
+    (added,) = (e for e in as_they_are(seen) if len(e.step) == 5)
+    move, dwell = added.step[3:]
+    assert (move.label, move.joints_deg) == ("to b turned 2", {"outer": 210.0})
+    assert (dwell.label, dwell.duration_s) == ("b turned 2", 20.0)
+    assert added.estimate.methods == ("triad", "multi-position")
+
+
+def test_a_position_is_added_after_the_last_dwell_and_with_a_label_of_its_own(told):
+    steps = [DWELL.format(name, 40) for name in ("a", "a turned 2", "a turned 2 turned 2")]
+    tail = MOVE.format("back", "joints_deg = { outer = 0 }")
+    last = DWELL.format("a", 40).replace('"a"', '"a turned 3"')
+    _, seen = told(procedure(["multi-position"], *steps, last, tail), never)
+    (added,) = (e for e in as_they_are(seen) if len(e.step) == 7)
+    assert [s.label for s in added.step[3:]] == [
+        "a turned 3", "to a turned 3 turned 2", "a turned 3 turned 2", "back",
+    ]  # fmt: skip
+    assert added.step[4].joints_deg == {"outer": 180.0}
+    assert added.estimate.methods == ("multi-position",)
+    first = DWELL.format("a turned 2", 40) + DWELL.format("a", 40)
+    _, seen = told(procedure(["triad"], first), never)
+    (added,) = (e for e in as_they_are(seen) if len(e.step) == 4)
+    assert added.step[3].label == "a turned 3"
+
+
+def test_the_method_that_is_asked_for_stays_the_only_one(told):
+    head = REQUIRED + 'method = "triad"\n'
+    _, seen = told(procedure(["triad"], DWELL.format("a", 40), head=head), never)
+    assert {e.estimate.methods for e in seen} == {("triad",)}
+    assert max(len(e.step) for e in seen) == 3
+
+
+def test_no_position_is_added_where_nobody_knows_where_outer_stands(told):
+    attitude = MOVE.format("up", "attitude_deg = { pitch = 90 }")
+    _, seen = told(procedure(["triad"], attitude, DWELL.format("b", 20)), never)
+    assert {len(e.step) for e in seen} == {2}
+    rocking = '[[background]]\nkind = "sine"\naxes = { base_roll = { amplitude_deg = 1, '
+    rocking += "frequency_hz = 0.5 } }\n"
+    _, seen = told(procedure(["inertial"], DWELL.format("b", 60), rocking), never)
+    assert {len(e.step) for e in seen} == {1}
+    # after the last dwell it may stand anywhere
+    _, seen = told(procedure(["triad"], DWELL.format("b", 20), attitude), never)
+    assert 4 in {len(e.step) for e in seen}
+
+
+def test_another_azimuth_where_it_matters(told):
+    steps = DWELL.format("a", 40), MOVE.format("to azimuth 90", "joints_deg = { outer = 30 }")
+    _, seen = told(procedure(["single-gyro"], *steps, DWELL.format("b", 20)), never)
+    turned = [e for e in as_they_are(seen) if e.step[0].kind == "move"]
+    assert [(e.step[0].label, e.step[0].joints_deg, e.step[2].joints_deg) for e in turned] == [
+        ("to azimuth 45", {"outer": 45.0}, {"outer": 75.0}),
+        ("to azimuth 90 first", {"outer": 90.0}, {"outer": 120.0}),
+        ("to azimuth 135", {"outer": 135.0}, {"outer": 165.0}),
+    ]
+    _, seen = told(procedure(["triad"], *steps, DWELL.format("b", 20)), never)
+    assert all(e.step[0].kind == "dwell" for e in seen)
+    attitude = MOVE.format("up", "attitude_deg = { pitch = 90 }")
+    _, seen = told(procedure(["single-gyro"], DWELL.format("a", 40), attitude), never)
+    assert all(e.step[0].kind == "dwell" for e in seen)
+
+
+# --- how long
+
+
+def test_the_least_lengthening_is_found_by_doubling_and_halving(told):
+    """530 s are needed of 100: doubled to 800, then 600, 500 and 550; whole seconds."""
+
+    def says(entry):
+        rest = seconds(entry)
+        return (50 / rest**0.5, len(entry.step) == 1 and rest >= 530)
+
+    (first, *_), seen = told(procedure(["triad"], DWELL.format("a", 100)), says)
+    tried = [seconds(e) for e in seen if len(e.step) == 1]
+    assert tried == [100, 200, 400, 800, 600, 500, 550]
+    assert [(c.where, c.before, c.after) for c in first.changes] == [
+        ('step 1 "a", duration_s', "100", "550")
+    ]
+    assert first.duration == 550
+    assert first.sigma == pytest.approx(np.radians(50 / 550**0.5))
+    assert first.text == (
+        'step 1 "a", duration_s: 550 instead of 100: heading then has a sigma of 2.13 deg by triad,'
+        " in 550 s"
+    )
+    assert "duration_s = 550" in first.toml
+
+
+def test_lengths_and_turns_are_whole_and_windows_grow_along(told):
+    """33 s and 1 turn by 1.5: 50 s (49.5) and 2 turns; a window beyond 10 s by as much."""
+
+    def says(entry):
+        return 5 / seconds(entry), seconds(entry) >= 50 + 2 * 18
+
+    steps = DWELL.format("a", 33), TURN.format("rate_deg_s = 20\nturns = 1")
+    text = REQUIRED + SITE + '[estimate]\nmethods = ["six-position"]\noffset_window_s = {}\n'
+    for window, grown in ((12, 15.0), (10, 10.0), (4, 4.0)):
+        made = case(text.format(window) + "".join(steps))
+        _, seen = told(made, says)
+        own = [e for e in seen if [s.kind for s in e.step] == ["dwell", "rate"]]
+        own = [e for e in own if (e.step[1].directions, e.step[1].rate_deg_s) == ("one", 20)]
+        longer = next(e for e in own if e.step[0].duration_s == 42)  # 33 x 1.25 = 41.25
+        assert longer.step[1].turns == 2
+        assert longer.estimate.offset_window_s == grown
+
+
+def test_it_is_given_up_at_sixty_four_times_and_where_nothing_is_gained(told):
+    one = procedure(["triad"], DWELL.format("a", 10))
+    for exponent, last in ((-0.5, 640), (-0.02, 640), (-0.01, 20)):  # 0.986 and 0.993 a doubling
+
+        def says(entry, exponent=exponent):
+            return 50 * seconds(entry) ** exponent, False
+
+        (nothing,), seen = told(one, says)
+        assert max(seconds(e) for e in seen if len(e.step) == 1) == last
+        assert not nothing.helps
+        assert nothing.sigma is nothing.duration is None
+        longest = max(seconds(e) for e in seen)
+        assert f"none of {len(seen)} procedures tried, up to 64 times as long" in nothing.text
+        assert f"({longest:.0f} s), reaches 1 deg with coverage 2: " in nothing.text
+
+
+def test_what_has_no_number_yet_may_get_one(told):
+    """Where nothing is determined a longer stretch is tried all the same."""
+
+    def says(entry):
+        rest = seconds(entry)
+        return (None if rest < 160 else 0.2), len(entry.step) == 1 and rest >= 160
+
+    (first, *_), _ = told(procedure(["triad"], DWELL.format("a", 10)), says)
+    assert first.duration == 160
+
+
+def test_of_all_that_pass_the_shortest_three_come_first(told):
+    """Nothing beyond three times the shortest found is tried, nor anything beyond a week."""
+    made = procedure(["single-gyro"], DWELL.format("a", 100))
+
+    def says(entry):
+        azimuth = entry.step[0].joints_deg.get("outer") if entry.step[0].kind == "move" else None
+        positions = sum(s.kind == "dwell" for s in entry.step)
+        needed = {45.0: 180, 90.0: 130, 135.0: 390}.get(azimuth, 210 * positions)
+        return 90 / seconds(entry), seconds(entry) >= needed
+
+    found, seen = told(made, says)
+    # 200 halved to 150, 125 and 138 s; to 150, 175 and 188; 400 to 300, 250 and 225
+    assert [one.duration for one in found] == [138, 188, 225]
+    assert all(a.helps for a in found)
+    # 135 deg take 400 s, below three times 138; two positions 800, beyond three times 225
+    assert max(seconds(e) for e in seen if e.step[0].kind == "move") == 400
+    text = procedure(["triad"], DWELL.format("a", 86_400 * 3))
+    (nothing,), _ = told(text, lambda e: (90 / seconds(e), False))
+    assert f"as long ({86_400 * 6} s), reaches" in nothing.text
+
+
+def test_several_quantities_together_or_each_by_itself(told):
+    made = procedure(["triad"], DWELL.format("a", 100), head=REQUIRED + "pitch_deg = 1.0\n")
+
+    def together(entry):
+        rest = seconds(entry)
+        return {"heading": (90 / rest, rest >= 200), "pitch": (9 / rest, rest >= 300)}
+
+    found, _ = told(made, together)
+    assert {one.quantity for one in found} == {"heading", "pitch"}
+    assert min(one.duration for one in found) == 300
+
+    def apart(entry):  # what helps one harms the other
+        rest = seconds(entry)
+        return {"heading": (90 / rest, rest >= 200), "pitch": (rest / 100, False)}
+
+    found, _ = told(made, apart)
+    assert [(one.quantity, one.helps) for one in found if one.quantity == "pitch"] == [
+        ("pitch", False)
+    ]
+    assert min(one.duration for one in found if one.helps) == 200
+
+
+def test_what_passes_needs_no_advice(told):
+    found, seen = told(procedure(["triad"], DWELL.format("a", 100)), lambda e: (0.1, True))
+    assert (found, seen) == ((), [])

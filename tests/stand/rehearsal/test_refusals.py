@@ -1,0 +1,203 @@
+"""What forbids a number, and lengths that do not do: each just above its limit and just below."""
+
+from dataclasses import replace
+from math import log, pi, radians, sqrt
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_traps import DWELL, case
+
+from alignment.errors import AlignmentError
+from alignment.information import InstrumentErrors, TriadErrors
+from stand.imu import load_imu
+from stand.rehearsal.feasibility import feasibility
+from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse
+from stand.rehearsal.rehearse import prepared
+from stand.rehearsal.traps import allan_lengths, averaging_time, from_margins
+from stand.simulation.settings import assembled
+from stand.table.table import load_table
+
+SECONDS = 20
+G = 9.8093587
+
+
+def rest(imu="hg9900", rate_hz=20, seconds=SECONDS):
+    """A scene of one rest on a table of the middle class."""
+    unit = load_imu(imu) if isinstance(imu, str) else imu
+    procedure = case(["triad"], DWELL.format("rest", seconds))
+    return prepared(assembled(procedure, unit, load_table("mid-class"), rate_hz=rate_hz))
+
+
+def refused(call, *arguments):
+    try:
+        call(*arguments)
+    except AlignmentError as error:
+        return str(error)
+    return ""
+
+
+# --- noise that looks like motion
+
+
+def noisy(gyro=0.0, accel=0.0):
+    return InstrumentErrors(TriadErrors(noise=gyro), TriadErrors(noise=accel))
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_noise_is_taken_for_motion_where_it_mostly_would_be(turning):
+    """Of 20 means of 1 s one is beyond the limit in half of the records: each in ln 2/20 of them.
+
+    Two axes: exp(-x/2) is that at x = 6.7245, so at a sigma of 0.1 deg/s over 2.5931 and of 0.5 deg
+    over 2.5931; three axes at x = 8.6287 (of chi-square with three degrees of freedom).
+    """
+    scene = rest()
+    steps = scene.plan.stretches
+    x = -2 * log(log(2) / SECONDS) if turning else 8.6287
+    assert -2 * log(log(2) / SECONDS) == pytest.approx(6.7245, abs=1e-4)
+    rate = radians(0.1) / sqrt(x)
+    tilt = radians(0.5) / sqrt(6.7245)
+    for name, size in (("gyro", rate), ("accel", tilt * scene.site.gravity)):
+        for factor, expected in ((1.01, True), (0.99, False)):
+            found = refused(check_quiet, steps, scene, noisy(**{name: factor * size}), turning)
+            assert bool(found) == expected, (name, factor)
+    both = noisy(1.01 * rate, tilt * scene.site.gravity)
+    assert refused(check_quiet, steps, scene, both, turning).startswith(
+        "would take noise for motion: means of 1 s scatter by "
+        f"{0.101 / sqrt(x):.2g} deg/s and 0.19 deg of tilt (1 sigma), and 0.1 deg/s and 0.5 deg"
+    )
+
+
+def test_rounding_counts_as_noise_of_the_means():
+    """A step of q without noise is q/sqrt(12) anew in each sample: over 20 of them in a mean."""
+    still = load_imu("hg9900")
+    limit = radians(0.1) / sqrt(8.6287) * sqrt(12 * 20)
+    for factor, expected in ((1.02, True), (0.98, False)):
+        gyro = replace(still.gyro, resolution=factor * limit, noise=limit)
+        scene = rest(replace(still, gyro=gyro))
+        found = refused(check_quiet, scene.plan.stretches, scene, noisy(), False)
+        assert bool(found) == expected, factor
+
+
+# --- verticals that look like another position
+
+
+def leaning(sigma, known=(0.0, 0.0)):
+    return SimpleNamespace(
+        true=SimpleNamespace(parameters=(None, None)),
+        feigned_tilt=lambda: sigma * np.eye(2),
+        known_tilt=lambda: np.array(known),
+    )
+
+
+def test_a_vertical_that_most_units_miss_is_refused():
+    """Two tilts of sigma leave 5 deg in half of the units at 5 deg/sqrt(2 ln 2); 1000 are drawn,
+    which tell a half to 1.6 %: 8 % more or less of sigma makes 5 % of it."""
+    median = radians(5) / sqrt(2 * log(2))
+    assert refused(check_vertical, [leaning(1.08 * median)]).startswith("would refuse 5")
+    assert not refused(check_vertical, [leaning(0.92 * median)])
+    assert not refused(check_vertical, [])
+    # what is known of the table is the same in all units
+    assert refused(check_vertical, [leaning(1e-6, (0.0, radians(5.01)))]).startswith(
+        "would refuse 100 % of such units: accelerometers' errors tilt the vertical by 3.5 deg"
+    )
+    assert not refused(check_vertical, [leaning(1e-6, (radians(4.99), 0.0))])
+    # one unit goes through all positions: the worst of them counts
+    assert refused(check_vertical, [leaning(1e-6), leaning(1.08 * median)])
+
+
+# --- attitudes carried too far, and rounding that nothing blurs
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_gravity_may_be_carried_off_by_ten_degrees(axis):
+    """About north or east; about the vertical it is not gravity that turns."""
+    P = np.zeros((3, 3))
+    P[axis, axis] = radians(6.0) ** 2
+    for rest_of_it, expected in ((8.01, axis < 2), (7.99, False)):
+        Q = np.zeros((3, 3))
+        Q[axis, axis] = radians(rest_of_it) ** 2  # 6 and 8 make 10
+        found = refused(check_carried, "rocks", {"gyro noise": P, "motion": Q})
+        assert bool(found) == expected, rest_of_it
+        if found:
+            assert found.startswith("rocks: such gyros carry the attitude so far off that gravity")
+            assert "tilt by 10 deg (1 sigma)" in found
+
+
+def test_rates_are_coarse_where_noise_does_not_blur_a_step():
+    """``2 exp(-(2 pi s)^2)`` is 0.07^2 at noise of s = 0.39022 steps."""
+    still = load_imu("hg9900")
+    for factor, expected in ((0.99, True), (1.01, False)):
+        step = 1e-4
+        noise = factor * 0.39022 * step / sqrt(20)  # of one sample at 20 Hz
+        gyro = replace(still.gyro, resolution=step, noise=noise, bandwidth=np.inf)
+        told = coarse(rest(replace(still, gyro=gyro)))
+        assert bool(told) == expected, factor
+        if told:
+            assert f"rounded to {step * 180 / pi:.3g} deg/s" in told
+            assert "0.0022 deg/s at 20 Hz" in told
+
+
+# --- lengths
+
+
+def margins(scene, quantity):
+    (step,) = feasibility(scene)
+    return [m for m in step.margins if m.quantity == quantity]
+
+
+def test_a_stretch_has_three_samples():
+    """1 s at 3 Hz has three; at 2 Hz it would take 1.5 s."""
+    (kept,) = margins(rest(rate_hz=3, seconds=1), "sampling")
+    assert (kept.value, kept.limit, kept.ratio, kept.kept) == (1.0, 1.0, 1.0, True)
+    scene = rest(rate_hz=2, seconds=1)
+    (short,) = margins(scene, "sampling")
+    assert (short.value, short.ratio, short.kept) == (1.5, 1.5, False)
+    texts = [f.text for f in from_margins(feasibility(scene))]
+    assert 'step 1 "rest": lasts 1 s, needs 1.5 s: is too short for its sample rate' in texts
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+def test_a_rest_outlasts_a_low_pass(sensor):
+    """1.13 over the bandwidth: 20 s at 0.0565 Hz."""
+    still = load_imu("hg9900")
+    for bandwidth, kept in ((0.0566, True), (0.0564, False)):
+        slow = replace(getattr(still, sensor), bandwidth=bandwidth)
+        (found,) = margins(rest(replace(still, **{sensor: slow})), "filter")
+        assert found.kept == kept
+        assert found.value == pytest.approx(1.13 / bandwidth)
+
+
+def test_a_sensor_has_its_range():
+    """Level at 48.5 deg: 9.80936 m/s^2 are 1.000276 g, and Earth turns by 11.26509 deg/h."""
+    still = load_imu("hg9900")
+    g0, hour = 9.80665, radians(1 / 3600)
+    for sensor, quantity, size, per in (
+        ("accel", "sensor force", 1.000276, g0),
+        ("gyro", "sensor rate", 11.26509, hour),
+    ):
+        for factor, kept in ((1.00001, True), (0.99999, False)):
+            narrow = replace(getattr(still, sensor), range=factor * size * per)
+            scene = rest(replace(still, **{sensor: narrow}))
+            (found,) = margins(scene, quantity)
+            assert found.kept == kept, (sensor, factor)
+            assert found.axis.endswith("Y1")
+            assert (found.first_violation is None) == kept
+            texts = [f.text for f in from_margins(feasibility(scene))]
+            assert any("Y1 would feel" in text for text in texts) != kept
+
+
+def test_a_record_is_ten_times_as_long_as_a_term_needs():
+    """White noise of N meets 0.664 B at (N/0.664 B)^2 = 2 s."""
+    scene = rest()
+    for factor, told in ((1.001, True), (0.999, False)):
+        gyro = replace(scene.imu.gyro, noise=0.664 * sqrt(2) * factor, instability=1.0)
+        accel = replace(scene.imu.accel, instability=0.0)
+        unit = replace(scene.imu, gyro=gyro, accel=accel)
+        assert averaging_time(gyro, "B") == pytest.approx(2 * factor**2, rel=1e-3)
+        found = list(allan_lengths(scene.plan, unit, ["N", "B", "Q"]))
+        assert [f.kind for f in found] == ["record length"] * told
+        if told:
+            assert found[0].step == "rest"
+            assert found[0].text.startswith("Allan term B of the gyros shows from 20")
+            assert found[0].text.endswith("of rest on, the longest lasts 20 s")
