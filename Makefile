@@ -1,4 +1,4 @@
-.PHONY: demo test lint bench proof mutants clean
+.PHONY: demo test lint bench proof mutants fuzz clean
 
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -30,6 +30,9 @@ mutants: $(READY)
 survive: $(READY)
 	STAND_DISK_SWEEP=1 STAND_KILLS=50 STAND_KERNELS=all $(PY) -m pytest -q tests/stand/test_full_disk.py \
 		tests/stand/test_recovered.py tests/test_any_processor.py
+
+fuzz: $(READY)
+	$(PY) tests/benchmarks/fuzz.py
 
 $(READY): pyproject.toml
 	python3 -m venv $(VENV)

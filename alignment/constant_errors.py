@@ -14,6 +14,7 @@ from alignment.arrays import Array
 from alignment.cross import cross_matrix
 from alignment.earth import EARTH_RATE
 from alignment.options import Priors
+from alignment.skew import Axes, back_from, spread
 
 # what is told of each sensor beside its bias: fields of `Priors` and of `information.Triad`
 ERRORS_OF = {
@@ -71,6 +72,17 @@ BY_AXIS: dict[str, Callable[[Array, Array], Array]] = {
 }
 
 
+def _of_triad(name: str, x: Array, f_b: Array, axes: Axes | None) -> Array:
+    """Columns (..., 3, k) in b of one term, of a triad along b or along `axes`.
+
+    The case's rotation turns what is felt; all else is of the sensors, along their own axes.
+    """
+    if axes is None or name == "misalignment":
+        return BY_AXIS[name](x, f_b)
+    felt = x if name == "non_orthogonality" else x @ np.array(axes).T
+    return np.asarray(back_from(axes) @ BY_AXIS[name](felt, f_b))
+
+
 def constant_columns(w_b: Array, f_b: Array, priors: Priors) -> Array:
     """What readings (..., 6) take from constant errors but biases, per standard deviation.
 
@@ -90,7 +102,7 @@ def constant_columns(w_b: Array, f_b: Array, priors: Priors) -> Array:
         for name in ERRORS_OF[sensor]:
             sigma = getattr(priors, f"{sensor}_{name}")
             if sigma > 0:
-                own = BY_AXIS[name](x, f_b)
+                own = _of_triad(name, x, f_b, getattr(priors, f"{sensor}_axes"))
                 part = np.zeros((*w_b.shape[:-1], 6, own.shape[-1]))
                 part[..., at : at + 3, :] = sigma * own
                 parts.append(part)
@@ -107,8 +119,15 @@ def constant_covariance(means: Array, priors: Priors) -> Array:
     rotation reads ``x x m``: nothing along x, the same across it whatever the attitude.
     """
     A = constant_columns(means[..., :3], means[..., 3:], priors)
-    bias = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
-    return np.asarray(A @ np.swapaxes(A, -1, -2) + np.diag(bias**2))
+    bias = np.zeros((6, 6))
+    bias[:3, :3] = _biases(priors.gyro_bias, priors.gyro_axes)
+    bias[3:, 3:] = _biases(priors.accel_bias, priors.accel_axes)
+    return np.asarray(A @ np.swapaxes(A, -1, -2) + bias)
+
+
+def _biases(sigma: float, axes: Axes | None) -> Array:
+    """Covariance (3, 3) in b of biases of the sensors."""
+    return sigma**2 * (np.eye(3) if axes is None else spread(axes))
 
 
 def in_one_attitude(priors: Priors, gravity: float) -> Priors:

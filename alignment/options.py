@@ -1,8 +1,11 @@
 """Choices of the methods, apart from the readings and the site."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from alignment.angles import SequenceRule
+from alignment.skew import Axes
+
+_NOISE = ("gyro_walk", "accel_walk")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +50,9 @@ class Priors:
         Of each gyro to each component of specific force [rad/s per m/s^2], and to its square.
     accel_quadratic, accel_cubic : float
         Of each axis [1/(m/s^2)], [1/(m/s^2)^2].
+    gyro_axes, accel_axes : three unit vectors in b, or None
+        Along which a triad's sensors feel where it is skewed by design; their readings come as
+        components in b, so equal errors of the sensors are neither equal nor independent there.
     """
 
     gyro_bias: float = 0.0
@@ -75,6 +81,14 @@ class Priors:
     gyro_g2_sensitivity: float = 0.0
     accel_quadratic: float = 0.0
     accel_cubic: float = 0.0
+    gyro_axes: Axes | None = None
+    accel_axes: Axes | None = None
+
+    @property
+    def noise_only(self) -> bool:
+        """Whether nothing but noise is known of the unit's errors: so every sigma is of noise."""
+        names = (f.name for f in fields(self) if f.name.startswith(("gyro_", "accel_")))
+        return not any(getattr(self, name) for name in names if name not in _NOISE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """What an IMU said, and while it stood where: the input of every estimator."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ class ImuReadings:
     w_ib_b, f_b : (n, 3)
         Angular rate [rad/s] and specific force [m/s^2], in b: means over the interval that
         ends at `t` and began at the stamp before (or instants, where an instrument gives those).
+    ranges : (float, float)
+        Full scale that the data sheet states of gyros [rad/s] and accelerometers [m/s^2]; infinite
+        where nobody does.
 
     Raises
     ------
@@ -33,6 +37,7 @@ class ImuReadings:
     t: Array
     w_ib_b: Array
     f_b: Array
+    ranges: tuple[float, float] = (inf, inf)
 
     def __post_init__(self) -> None:
         n = len(self.t)
@@ -70,7 +75,7 @@ class ImuReadings:
             first = 0
         last = max(first, np.searchsorted(self.t, t_to + EDGE))
         part = slice(int(first), int(last))
-        return ImuReadings(self.t[part], self.w_ib_b[part], self.f_b[part])
+        return replace(self, t=self.t[part], w_ib_b=self.w_ib_b[part], f_b=self.f_b[part])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

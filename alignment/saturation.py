@@ -6,9 +6,6 @@ left and reached in full strides, by noise or by motion, where a channel that re
 moves starts from standstill, in steps of its numbers.
 """
 
-from collections.abc import Sequence
-from math import inf
-
 import numpy as np
 
 from alignment.arrays import Array
@@ -33,15 +30,14 @@ STRIDE = 0.25  # of the median step between samples: less to or from the extreme
 ROUNDED = 1.5  # steps of the numbers that third differences must exceed: rounding makes one, ...
 TWICE = 3.0  # ... rounding twice two, which matters where a plateau is there a few times only
 FEW = 4
+NEAR_RANGE = 0.01  # relative, within which a value may be rounded from full scale
 AT_RANGE = 1e-6  # relative, that a value at full scale may be off the stated range
 # One-sided clipping of 1 % of white noise shifts a mean by 0.003 of the noise's sigma, as much as
 # the noise itself leaves of it in 90 000 samples.
 LARGEST_SHARE = 0.01
 
 
-def saturation_doubt(
-    label: str, readings: ImuReadings, ranges: Sequence[float] = (inf, inf)
-) -> tuple[str, ...]:
+def saturation_doubt(label: str, readings: ImuReadings) -> tuple[str, ...]:
     """A flag for each channel that is clipped now and then.
 
     Parameters
@@ -49,8 +45,7 @@ def saturation_doubt(
     label : str
         What to call the stretch in a refusal.
     readings : ImuReadings
-    ranges : (2,)
-        What the data sheet states for gyros [rad/s] and accelerometers [m/s^2], if it does.
+        With the full scale that the data sheet states, if it does.
 
     Raises
     ------
@@ -63,7 +58,7 @@ def saturation_doubt(
     """
     flags = []
     triads = (readings.w_ib_b, readings.f_b)
-    for first, triad, stated in zip((0, 3), triads, ranges, strict=True):
+    for first, triad, stated in zip((0, 3), triads, readings.ranges, strict=True):
         for axis in range(triad.shape[1]):
             count = _at_full_scale(triad[:, axis], stated)
             if not count:
@@ -80,7 +75,11 @@ def saturation_doubt(
 def _at_full_scale(channel: Array, stated: float) -> int:
     """How many samples of a channel (n,) are clipped."""
     if np.isfinite(stated):
-        return int(np.count_nonzero(np.abs(channel) >= (1 - AT_RANGE) * stated))
+        size = np.abs(channel)
+        if size.max() < (1 - NEAR_RANGE) * stated:
+            return 0
+        # what is clipped and then rounded may be half a step short of it
+        return int(np.count_nonzero(size >= (1 - AT_RANGE) * stated - step_of(channel) / 2))
     total = 0
     for end, away in ((channel.max(), 1.0), (channel.min(), -1.0)):
         # full scale lies away from zero

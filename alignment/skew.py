@@ -51,6 +51,23 @@ def spread(axes: ArrayLike) -> Array:
     return np.asarray(back @ back.T)
 
 
+def back_from(axes: ArrayLike | None) -> Array:
+    """Matrix (3, 3) that takes readings along `axes` to components in b; None: along b."""
+    return np.eye(3) if axes is None else np.linalg.inv(unit_axes(axes))
+
+
+def correlated(variances: Array, axes: ArrayLike | None) -> Array:
+    """Covariance (3, 3) of components in b whose variances (3,) come of like, independent sensors.
+
+    Diagonal for a triad along b.
+    """
+    if axes is None:
+        return np.diag(variances)
+    own = spread(axes)
+    sizes = np.sqrt(np.asarray(variances) / own.diagonal())
+    return np.asarray(own * sizes[:, None] * sizes)
+
+
 def by_planes(theta: float) -> Axes:
     """[S1] (1): X1, Y1, and a third axis `theta` [rad] from X1 toward Z1."""
     return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (float(np.cos(theta)), 0.0, float(np.sin(theta)))

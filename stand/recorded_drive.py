@@ -25,7 +25,7 @@ from stand.report.vectors import picture
 from stand.samples import Sensed, TruthBlock
 from stand.table.kinematics import C_NW
 from stand.vehicle.path import Path as Driven
-from stand.vehicle.scenario import fixes_of, joined, programmed, readings_of, sense_blocks
+from stand.vehicle.scenario import fixes_of, joined, readings_of, sense_blocks, started
 from stand.versions import versions
 
 PICTURE = "errors.png"
@@ -115,7 +115,7 @@ def _fixes(settings: DriveSettings) -> Fixes:
 
 
 def _start(settings: DriveSettings) -> Rotation:
-    return programmed(settings.drive.path, START_SIGMA, _stream(settings.seed, _START))
+    return started(settings.drive, START_SIGMA, _stream(settings.seed, _START))
 
 
 def _simulated(settings: DriveSettings, file: DriveWriter, progress: Progress) -> _Driven:

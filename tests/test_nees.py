@@ -26,17 +26,18 @@ TURNING = {"carousel", "random-sway", "scorsby", "rate-sweep"}
 LONGEST_S = 300.0  # of a generated rest
 
 
-# what did not keep its promise when this was written, by the method that did not
+RUNS_OF = {"six-position-published": 8, "scorsby": 1, "random-sway": 1, "rate-sweep": 1}
+# what does not keep its promise yet, by what is at fault
 OPEN = {
-    "rate-sweep": "inertial and fine on a table that turns fast",
-    "random-sway": "two-gyro on a base that rocks",
-    "six-position-published": "fine states too much for a ring laser",
-    "static": "fine loses its covariance to rounding in an hour",
+    "six-position-published": "two-position of icm42688p: two of eight runs state a heading that "
+    "is not determined, and a tilt that is off by up to 77 sigmas",
+    "static": "fine of stim300 in an hour: heading is known to 23 deg, whose second order turns "
+    "with the Earth into 0.5 deg of tilt; 0.06 deg is stated",
 }
 
 
 def marked(cases):
-    """The cases, those of `OPEN` as what may fail."""
+    """The cases, those of `OPEN` as what must fail."""
     return [
         pytest.param(case, marks=pytest.mark.xfail(reason=OPEN[case], strict=True))
         if case in OPEN
@@ -53,14 +54,23 @@ def short(procedure, imu):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", marked(ids("procedures")))
 def test_sigmas_of_the_catalogue_are_kept(name):
-    runs = 1 if name in {"scorsby", "random-sway", "rate-sweep"} else RUNS
+    runs = RUNS_OF.get(name, RUNS)
     found = [p for imu in IMUS for p in promises(short(load_procedure(name), imu), runs)]
     assert any(p.values for p in found)
     assert broken(found) == []
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", marked(range(0, COUNT, 5)))
+def test_fine_states_no_more_than_it_knows_of_a_ring_laser():
+    """Its first four runs are all near the truth at 'Z1 up', as one set in 77 000 is by chance;
+    60 runs have a mean of 1.11 there."""
+    found = promises(short(load_procedure("six-position-published"), "ring-laser"), 16, ["fine"])
+    assert len(found) == 6
+    assert broken(found) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, COUNT, 5))
 def test_sigmas_of_generated_procedures_are_kept(first):
     made = [generated(number, LONGEST_S) for number in range(first, first + 5)]
     found = [p for g in made for p in promises(short(g.procedure, g.imu), RUNS)]

@@ -59,8 +59,7 @@ def analysed(name, hours, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-def test_every_preset_comes_back(seed):
+def test_every_preset_comes_back():
     """Per term over all presets, sensors, axes: as many intervals hold the truth as 95 % allows.
 
     A stated term is either shown, with its interval, or said to need a longer record; a term that
@@ -69,7 +68,7 @@ def test_every_preset_comes_back(seed):
     hits, shown, needs, invented = Counter(), Counter(), Counter(), Counter()
     for name in PRESETS:
         spec = load_imu(name)
-        for (sensor, _), found in analysed(name, 12.0, seed).items():
+        for (sensor, _), found in analysed(name, 12.0, 1).items():
             stated: TriadSpec = getattr(spec, sensor)
             for term in found.found:
                 truth = getattr(stated, FIELDS.get(term.term, "ramp"))

@@ -1,9 +1,10 @@
 """From readings at rest to noise terms, or to how long a record must be to show them."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from alignment.allan.covariance import degrees_of_freedom
@@ -19,17 +20,17 @@ from alignment.allan.fit import (
     solve,
     worse_with,
 )
-from alignment.allan.stretches import Interruption, interruptions, longest
+from alignment.allan.peculiar import AXES, peculiar, scatter
+from alignment.allan.stretches import Interruption, between, interruptions
 from alignment.allan.terms import KEYS, design, index, value, variance, weight
 from alignment.arrays import Array, set_owned
-from alignment.errors import TooShort
+from alignment.errors import NotAtRest, TooShort
 from alignment.noise import check_rest
 from alignment.readings import ImuReadings
 from alignment.sampling import bursts, evened, repeats, sigma_below, step_of
 from alignment.saturation import saturation_doubt
 
 SENSORS = ("gyro", "accel")
-AXES = ("x", "y", "z")
 
 SEEN = 10.83  # chi-square of absence (p = 0.001) from which a term is reported
 EXPECTED = 25.0  # chi-square expected of a record long enough: nearly all such records exceed SEEN
@@ -40,8 +41,7 @@ LONGEST_ADVICE = 87_600 * 3600.0  # s: ten years; beyond that no record is long 
 RESOLVED = 0.1  # of the variance of the noise that rounding may leave unknown
 COARSEST = 0.5  # steps of the readings: noise of so much would have been seen
 ALIKE_RATE = 0.01  # relative difference of the rates of stretches that are taken together
-BLOCK = 64  # samples whose scatter is read about their own mean
-SHAKEN = 25.0  # times the median variance in such a block: no chance, but a knock or a vibration
+MOST_PIECES = 64  # of a rest that gaps cut: what more would tell is not worth its time
 
 _Q, _N = index("Q"), index("N")
 
@@ -126,6 +126,11 @@ class Channel:
         set_owned(self, **{name: (a, (k,), float) for name, a in arrays.items()})
         set_owned(self, values=(self.values, (len(KEYS),), float))
 
+    @property
+    def constant(self) -> bool:
+        """Whether every reading is the same: dead, or all of its noise below a step."""
+        return not self.deviation.any()
+
     def fitted(self, tau: Array) -> Array:
         """The fitted deviation at tau [s]."""
         white = self.values[_N] ** 2 + self.rounding**2
@@ -155,8 +160,8 @@ class RestRecord:
 class Analysis:
     """Six channels, and which parts of the record they are from.
 
-    `stretches` were used together: the longest one between `interruptions` of each rest. `notes`
-    say what the stamps and the readings are like, in words.
+    `stretches` were used together: those between `interruptions` of each rest. `notes` say what the
+    stamps and the readings are like, in words.
     """
 
     channels: tuple[Channel, ...]
@@ -195,24 +200,21 @@ def analyse(
     sheet: Sheet | None = None,
     terms: Iterable[str] = (),
     bandwidths: Mapping[str, float] | None = None,
-    ranges: Sequence[float] = (np.inf, np.inf),
 ) -> Analysis:
     """Noise terms of a unit at rest.
 
     Parameters
     ----------
     readings : ImuReadings, or several
-        At rest, each by itself; stamps may jitter or come in bursts. Of each rest the longest
-        stretch without gaps or changes of rate is taken, and all of these together: what is slower
-        than one of them, or differs between them, is not seen.
+        At rest, each by itself; stamps may jitter or come in bursts. All stretches without gaps or
+        changes of rate are taken together: what is slower than one of them, or differs between
+        them, is not seen.
     sheet : mapping (sensor, term) -> value in SI, optional
         What the data sheet states; only used to say how long a record must be to show it.
     terms : iterable of {'Q', 'N', 'B', 'K', 'R'}
         Terms that must be shown by at least one channel.
     bandwidths : mapping sensor -> Hz, optional
         Where they are known the fit starts beyond them; else where it sees one.
-    ranges : (2,)
-        Of gyros [rad/s] and accelerometers [m/s^2], where they are known.
 
     Raises
     ------
@@ -237,20 +239,19 @@ def analyse(
     rests = [readings] if isinstance(readings, ImuReadings) else list(readings)
     parts, events, notes = _stretches(rests)
     for number, (_, part) in enumerate(parts, 1):
-        label = "record" if len(parts) == 1 else f"rest {number}"
-        check_rest(part, label)
-        notes += saturation_doubt(label, part, ranges)
+        label = "record" if len(parts) == 1 else f"stretch {number}"
+        notes += saturation_doubt(label, part)
     stretches = tuple(_stretch(part, step) for step, part in parts)
     channels: list[Channel] = []
     for sensor in SENSORS:
         triads = [p.w_ib_b if sensor == "gyro" else p.f_b for _, p in parts]
         step, triads, told = _new_ones(sensor, triads, [s.interval for s in stretches])
-        notes += told
+        notes += told + peculiar(sensor, [part for _, part in parts], stretches[0].interval)
         known = (bandwidths or {}).get(sensor, np.inf)
         for k, axis in enumerate(AXES):
             signals = [np.ascontiguousarray(triad[:, k]) for triad in triads]
             channels.append(channel(sensor, axis, signals, step, sheet, known))
-    result = Analysis(tuple(channels), stretches, tuple(events), tuple(notes + _shaken(parts)))
+    result = Analysis(tuple(channels), stretches, tuple(events), tuple(notes))
     for term in asked:
         _refuse_unless_shown(term, result.channels, result.duration)
     return result
@@ -260,11 +261,11 @@ Part = tuple[float, ImuReadings]  # a stretch with the interval of its samples [
 
 
 def _stretches(rests: Sequence[ImuReadings]) -> tuple[list[Part], list[Interruption], list[str]]:
-    """The longest stretch of each rest, of those of one rate; where all are cut; what to say."""
+    """The stretches of each rest, of those of one rate; where all are cut; what to say."""
     parts: list[Part] = []
     events: list[Interruption] = []
     notes: list[str] = []
-    for rest in rests:
+    for number, rest in enumerate(rests, 1):
         burst = bursts(rest.t)
         if burst is not None:
             notes.append(
@@ -273,22 +274,52 @@ def _stretches(rests: Sequence[ImuReadings]) -> tuple[list[Part], list[Interrupt
             )
         t = rest.t if burst is None else evened(rest.t)
         found = interruptions(t)
-        part = longest(t, found)
-        n = part.stop - part.start
-        step = float(t[part.stop - 1] - t[part.start]) / max(1, n - 1)
-        if found and n < FEWEST:
-            gaps = sum(event.kind == "gap" for event in found)
-            raise TooShort(
-                f"{gaps} gaps, one in {len(t) / max(1, gaps):.3g} samples: the longest stretch "
-                f"without one has {n} samples ({n * step:.3g} s), an Allan variance needs at "
-                f"least {FEWEST}"
-            )
-        parts.append((step, ImuReadings(t[part], rest.w_ib_b[part], rest.f_b[part])))
+        label = "record" if len(rests) == 1 else f"rest {number}"
+        own, told = _at_rest(_pieces(rest, t, found), label)
+        parts += own
+        notes += told
         events += found
     best = max(parts, key=lambda p: len(p[1]))
     usual = best[0]
     alike = [p for p in parts if abs(p[0] - usual) <= ALIKE_RATE * usual and len(p[1]) >= FEWEST]
     return alike or [best], events, notes
+
+
+def _pieces(rest: ImuReadings, t: Array, events: list[Interruption]) -> list[Part]:
+    """The stretches between `events` that are long enough, the longest one first."""
+    found = sorted(between(t, events), key=lambda piece: piece.start - piece.stop)
+    most = found[0].stop - found[0].start
+    if events and most < FEWEST:
+        gaps = sum(event.kind == "gap" for event in events)
+        step = float(t[found[0].stop - 1] - t[found[0].start]) / max(1, most - 1)
+        raise TooShort(
+            f"{gaps} gaps, one in {len(t) / max(1, gaps):.3g} samples: the longest stretch "
+            f"without one has {most} samples ({most * step:.3g} s), an Allan variance needs at "
+            f"least {FEWEST}"
+        )
+    enough = [p for p in found[:MOST_PIECES] if p.stop - p.start >= FEWEST] or found[:1]
+    return [_piece(rest, t, piece) for piece in enough]
+
+
+def _piece(rest: ImuReadings, t: Array, piece: slice) -> Part:
+    n = piece.stop - piece.start
+    step = float(t[piece.stop - 1] - t[piece.start]) / max(1, n - 1)
+    return step, replace(rest, t=t[piece], w_ib_b=rest.w_ib_b[piece], f_b=rest.f_b[piece])
+
+
+def _at_rest(pieces: list[Part], label: str) -> tuple[list[Part], list[str]]:
+    """Those at rest, in order of time; raises if the longest, the first, is not."""
+    check_rest(pieces[0][1], label)
+    still, moved = pieces[:1], []
+    for piece in pieces[1:]:
+        try:
+            check_rest(piece[1], label)
+        except NotAtRest:
+            moved.append(f"{piece[1].t[0]:.6g} to {piece[1].t[-1]:.6g} s")
+        else:
+            still.append(piece)
+    still.sort(key=lambda piece: piece[1].t[0])
+    return still, [f"left out, not at rest: {', '.join(sorted(moved))}"] if moved else []
 
 
 def _stretch(part: ImuReadings, step: float) -> RestRecord:
@@ -319,33 +350,6 @@ def _new_ones(
     )
 
 
-def _shaken(parts: Sequence[Part]) -> list[str]:
-    """Where the scatter of readings is far above what it usually is."""
-    notes = []
-    for sensor in SENSORS:
-        for _, part in parts:
-            values = part.w_ib_b if sensor == "gyro" else part.f_b
-            scatter = _scatter(values)
-            usual = np.median(scatter, axis=0)
-            beyond = scatter > SHAKEN * np.where(usual > 0, usual, np.inf)
-            if beyond.any():
-                first = int(np.flatnonzero(beyond.any(axis=1))[0])
-                share = 100 * np.mean(beyond.any(axis=1))
-                notes.append(
-                    f"{sensor}: scatter far above the usual near {part.t[first * BLOCK]:.6g} s, "
-                    f"in {share:.2g} % of the time: a knock or a vibration is in the terms"
-                )
-    return notes
-
-
-def _scatter(values: Array) -> Array:
-    """Variances (b, k) of values (n, k) about the means of successive blocks."""
-    blocks = len(values) // BLOCK
-    if blocks == 0:
-        return values.var(axis=0, ddof=1)[None]
-    return values[: blocks * BLOCK].reshape(blocks, BLOCK, -1).var(axis=1, ddof=1)
-
-
 def channel(
     sensor: str,
     axis: str,
@@ -368,22 +372,20 @@ def channel(
     if curve.silent:
         return _silent(sensor, axis, curve)
     stated = {key: (sheet or {}).get((sensor, key), 0.0) for key in KEYS}
-    fitted = fit(curve, bandwidth)
-    rounding = _rounding(signals, fitted)
-    if rounding.memory > 1:
-        fitted = fit(curve, min(bandwidth, MEMORY / (rounding.memory * step)))
+    fitted, rounding = _fitted(curve, signals, bandwidth)
     weights = np.maximum(fitted.weights, 0.0)
     low, high = _bounds(curve, fitted.weights)
     if not rounding.resolved:
         return _unresolved(sensor, axis, curve, low, high, rounding)
     weights[_N] = max(0.0, weights[_N] - rounding.least)
     found, missing = [], []
+    there = np.array([weights[k] > 0 and shown(fitted, k) for k in range(len(KEYS))])
     for k, key in enumerate(KEYS):
         ends = rounding.taken(interval(fitted, k)) if k == _N else interval(fitted, k)
-        if weights[k] > 0 and shown(fitted, k):
+        if there[k]:
             found.append(FoundTerm(key, *(value(w, k, step) for w in (weights[k], *ends))))
         else:
-            missing.append(_missing(curve, fitted, k, ends[1], stated[key]))
+            missing.append(_missing(curve, fitted, k, ends[1], stated[key], there))
     smoothing = 2 * max(0.0, -fitted.weights[_Q]) / max(fitted.weights[_N], 1e-300) * step
     return Channel(
         sensor,
@@ -405,7 +407,7 @@ def channel(
 
 
 @dataclass(frozen=True, slots=True)
-class _Rounding:
+class Rounding:
     """What rounding to `step` adds to the weight of N: from `least` - `doubt` to `most` + `doubt`.
 
     Nothing where its errors do not add up, as of increments: `memory` is how many samples they
@@ -425,27 +427,40 @@ class _Rounding:
         return max(0.0, low - self.most - self.doubt), max(0.0, high - self.least + self.doubt)
 
 
-def _rounding(signals: Sequence[Array], fitted: Fit) -> _Rounding:
+def fitted_signal(signals: Sequence[Array], step: float, bandwidth: float) -> tuple[Fit, Rounding]:
+    """The fit behind `channel`, and what rounding adds to its weight of N."""
+    return _fitted(deviation(signals, step), signals, bandwidth)
+
+
+def _fitted(curve: Deviation, signals: Sequence[Array], bandwidth: float) -> tuple[Fit, Rounding]:
+    fitted = fit(curve, bandwidth)
+    rounding = _rounding(signals, fitted)
+    if rounding.memory > 1:
+        fitted = fit(curve, min(bandwidth, MEMORY / (rounding.memory * curve.interval)))
+    return fitted, rounding
+
+
+def _rounding(signals: Sequence[Array], fitted: Fit) -> Rounding:
     """How coarse the readings are for their noise."""
     step = step_of(np.concatenate(signals))
     if step == 0.0:
-        return _Rounding(0.0)
+        return Rounding(0.0)
     added = step**2 / 12
     low, high = interval(fitted, _Q)
     if low <= 2 * added and high >= added / 2 and shown(fitted, _Q):
         # Increments, whose rounding is a Q of just that size: it correlates over m samples as
         # exp(-2 pi^2 m sigma^2/step^2), 0.003 being too little to matter.
         memory = 0.3 * step**2 / max(float(fitted.weights[_N]), 0.001 * step**2)
-        return _Rounding(step, memory=memory)
-    scatter = float(np.mean(np.concatenate([_scatter(signal[:, None]) for signal in signals])))
-    left, doubt = sigma_below(step, scatter)
+        return Rounding(step, memory=memory)
+    spread = float(np.mean(np.concatenate([scatter(signal[:, None]) for signal in signals])))
+    left, doubt = sigma_below(step, spread)
     if doubt > RESOLVED * left:
-        return _Rounding(step, resolved=False)
-    return _Rounding(step, 0.0 if low <= added <= high else added, added, doubt)
+        return Rounding(step, resolved=False)
+    return Rounding(step, 0.0 if low <= added <= high else added, added, doubt)
 
 
 def _unresolved(
-    sensor: str, axis: str, curve: Deviation, low: Array, high: Array, rounding: _Rounding
+    sensor: str, axis: str, curve: Deviation, low: Array, high: Array, rounding: Rounding
 ) -> Channel:
     """No term can be told; each is below what would lift the readings over their step."""
     size, span = rounding.step, max(curve.lengths) * curve.interval
@@ -505,7 +520,10 @@ def _silent(sensor: str, axis: str, curve: Deviation) -> Channel:
     )
 
 
-def _missing(curve: Deviation, fitted: Fit, term: int, upper: float, stated: float) -> MissingTerm:
+def _missing(
+    curve: Deviation, fitted: Fit, term: int, upper: float, stated: float, there: NDArray[np.bool_]
+) -> MissingTerm:
+    """What is said of a term that is not shown, beside white noise and those that are `there`."""
     step = curve.interval
     largest = upper if np.isfinite(upper) else float(np.max(curve.variance))
     if term == _Q and -fitted.weights[_Q] > largest:  # a low-pass may hide as much as it takes
@@ -514,6 +532,8 @@ def _missing(curve: Deviation, fitted: Fit, term: int, upper: float, stated: flo
     assumed = min(weight(stated, term, step), largest) if stated > 0 else largest
     asked, own = holding(fitted.problem, fitted.solution, term)
     others = asked.physical(solve(asked, term, assumed, near=np.maximum(own, 0.0)))
+    # what chance alone makes of a walk would hide the term at any length
+    others[~there & ~np.isin(np.arange(len(KEYS)), (term, _N))] = 0.0
     return MissingTerm(
         KEYS[term],
         value(largest, term, step),

@@ -1,4 +1,4 @@
-"""Whether stamps are equidistant: gaps, changes of rate, and the longest stretch without them."""
+"""Whether stamps are equidistant: gaps, changes of rate, and the stretches between them."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -51,12 +51,10 @@ def interruptions(t: Array) -> list[Interruption]:
     return sorted(found, key=lambda event: event.sample)
 
 
-def longest(t: Array, events: list[Interruption]) -> slice:
-    """The samples of the longest stretch [s] without interruption."""
+def between(t: Array, events: list[Interruption]) -> list[slice]:
+    """The samples of the stretches without interruption, in order of time."""
     edges = [0, *(event.sample for event in events), len(t)]
-    lasting = [t[b - 1] - t[a] for a, b in pairwise(edges)]
-    k = int(np.argmax(lasting))
-    return slice(edges[k], edges[k + 1])
+    return [slice(a, b) for a, b in pairwise(edges) if b > a]
 
 
 def _is_gap(steps: Array, k: int, usual: float) -> bool:

@@ -32,7 +32,7 @@ from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT, gap_doubt
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
-from alignment.units import ARC_MINUTE, DEG_PER_HOUR
+from alignment.units import DEG, DEG_PER_HOUR
 
 METHOD = "carousel"
 
@@ -206,7 +206,7 @@ def whole_turns(dwell: Dwell) -> tuple[ImuReadings, Array]:
             "needed"
         )
     last = int(np.argmin(np.abs(turned - 2 * np.pi * turns)))
-    cut = ImuReadings(part.t[:last], part.w_ib_b[:last], part.f_b[:last])
+    cut = replace(part, t=part.t[:last], w_ib_b=part.w_ib_b[:last], f_b=part.f_b[:last])
     return cut, angle[: last + 1]
 
 
@@ -425,8 +425,7 @@ def _doubts(
     rate = max(abs(s.rate) for s in group)
     if not _both_ways([s.rate for s in group]):
         flags = (
-            "one direction only: a lag of 1 ms would shift heading by "
-            f"{rate * 1e-3 / ARC_MINUTE:.2g}'",
+            f"one direction only: a lag of 1 ms would shift heading by {rate * 1e-3 / DEG:.2g} deg",
         )
     else:
         flags = (f"lag of {1e3 * lag:.3g} ms beyond the interval's mean removed",)
@@ -437,6 +436,6 @@ def _doubts(
     if shift > np.sqrt(fit.covariance[2, 2]):
         flags += (
             f"rate ripple of {ripple / DEG_PER_HOUR:.3g} deg/h once per turn: heading "
-            f"{shift / ARC_MINUTE:.2g}' per mrad of misalignment",
+            f"{shift / DEG:.2g} deg per mrad of misalignment",
         )
     return flags

@@ -97,6 +97,8 @@ class Arm:
     ----------
     place : (3,) m
         In b; nothing where no prior says that there is an arm.
+    swings : (m, 3, 3) m/s per m
+        Block means of velocity in n that it makes.
     weights : (m, 3, 3)
         How it follows the block means of velocity error, in n [m per m/s].
     left : (3, 3) m
@@ -104,6 +106,7 @@ class Arm:
     """
 
     place: Array
+    swings: Array
     weights: Array
     left: Array
 
@@ -320,15 +323,19 @@ def _line(carried: Carried) -> Array:
     return np.asarray((middle / carried.spans.sum() - 0.5)[:, None, None])
 
 
-def swings(carried: Carried, C_ni: Array) -> Array:
+def swings(carried: Carried, C_ni: Array, site: Site) -> Array:
     """Mean velocity of each block in n (m, 3, 3), per metre of lever arm along each axis of b.
 
-    A place r in b moves by ``C(t2) r - C(t1) r`` in a block, whatever turned it meanwhile.
+    A place r in b moves by ``C(t2) r - C(t1) r`` in a block, whatever turned it meanwhile; what
+    it moves with the Earth is in gravity already.
     """
-    return np.asarray(C_ni @ np.diff(matrices(carried.q), axis=0) / carried.spans[:, None, None])
+    spans = carried.spans[:, None, None]
+    moved = C_ni @ np.diff(matrices(carried.q), axis=0)
+    with_earth = cross_matrix(site.w_ie_n) @ drive(carried, C_ni)
+    return np.asarray((moved - with_earth) / spans)
 
 
-def arm_of(carried: Carried, matched: Match, noise: Noise, priors: Priors) -> Arm:
+def arm_of(carried: Carried, matched: Match, noise: Noise, priors: Priors, site: Site) -> Arm:
     """The lever arm by its prior and by how the velocity curve follows the attitude.
 
     Notes
@@ -340,9 +347,10 @@ def arm_of(carried: Carried, matched: Match, noise: Noise, priors: Priors) -> Ar
     """
     m, sigma = len(carried.spans), priors.lever_arm
     if not sigma > 0:
-        return Arm(np.zeros(3), np.zeros((m, 3, 3)), np.zeros((3, 3)))
+        none = np.zeros((m, 3, 3))
+        return Arm(np.zeros(3), none, none, np.zeros((3, 3)))
     C_ni, root = matched.C_ni.as_matrix(), np.sqrt(carried.spans)[:, None]
-    felt = swings(carried, C_ni)
+    felt = swings(carried, C_ni, site)
     smooth, _ = np.linalg.qr(_legendre(carried)[:, :_ARM_ORDERS] * root)
     beyond = felt.reshape(m, 9) * root
     beyond = (beyond - smooth @ (smooth.T @ beyond)) * root
@@ -353,7 +361,7 @@ def arm_of(carried: Carried, matched: Match, noise: Noise, priors: Priors) -> Ar
     gain = sigma**2 * N.T @ np.linalg.pinv(sigma**2 * N @ N.T + P, hermitian=True)
     weights = gain @ weights
     place = np.einsum("mki,mi->k", weights, matched.residual)
-    return Arm(place, weights, sigma * (np.eye(3) - gain @ N))
+    return Arm(place, felt, weights, sigma * (np.eye(3) - gain @ N))
 
 
 def laid(
@@ -362,7 +370,7 @@ def laid(
     """The match of the curves, the noise and the arm that it is by."""
     matched = match(carried, site)
     noise = stated_noise(readings, carried, matched, priors)
-    arm = arm_of(carried, matched, noise, priors)
+    arm = arm_of(carried, matched, noise, priors, site)
     if priors.lever_arm > 0:
         matched = match(carried, site, arm.place)
     return matched, noise, arm
@@ -374,10 +382,10 @@ def attitude_weights(carried: Carried, matched: Match) -> Array:
     return np.asarray(-fit_matrix(carried.spans, reference) @ cross_matrix(reference * spans))
 
 
-def less_arm(weights: Array, carried: Carried, C_ni: Array, arm: Arm) -> tuple[Array, Array]:
+def less_arm(weights: Array, arm: Arm) -> tuple[Array, Array]:
     """Functionals (m, k, 3) of a curve that the arm's swing is taken from; what is left of it
     (k, 3), per unit cause."""
-    J = np.einsum("mki,mij->kj", weights, swings(carried, C_ni))
+    J = np.einsum("mki,mij->kj", weights, arm.swings)
     return weights - J @ arm.weights, J @ arm.left
 
 
@@ -435,7 +443,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     found = []
     for end in ends:
         part = carried.until(int(end))
-        arm = arm_of(part, match(part, site), noise, priors)
+        arm = arm_of(part, match(part, site), noise, priors, site)
         matched = match(part, site, arm.place)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
         P, _ = covariances(part, matched, noise, priors, arm)
@@ -512,7 +520,7 @@ def covariances(
     weights = np.empty((m, 12, 3))
     weights[:, :3] = attitude_weights(carried, matched)
     weights[:, 3:] = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 9, 3)
-    weights, left = less_arm(weights, carried, C_ni, arm)
+    weights, left = less_arm(weights, arm)
     gyro, accel = sensitivity(weights, C_ni, carried)
     gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
     P = functional_covariance(gyro, accel, C_ni, carried, noise, priors) + left @ left.T

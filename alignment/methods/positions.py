@@ -32,7 +32,7 @@ from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from alignment.options import Options, Priors
 from alignment.readings import Dwell
 from alignment.saturation import CHANNELS, saturation_doubt
-from alignment.units import ARC_MINUTE
+from alignment.units import DEG
 
 TWO_POSITION = "two-position"
 MULTI_POSITION = "multi-position"
@@ -279,7 +279,7 @@ def _verdict(
     axis = Rotation.from_matrix(relative[1]).as_rotvec()
     axis = axis / np.linalg.norm(axis)
     half, quarter = (heading(_turns(axis, angle)) for angle in (np.pi, np.pi / 2))
-    return (f"{pays(several, one)}; 180 deg: {_minutes(half)}, 90 deg: {_minutes(quarter)}",)
+    return (f"{pays(several, one)}; 180 deg: {_degrees(half)}, 90 deg: {_degrees(quarter)}",)
 
 
 def _turns(axis_b: Array, angle: float) -> Array:
@@ -287,16 +287,16 @@ def _turns(axis_b: Array, angle: float) -> Array:
     return Rotation.from_rotvec(np.outer([0.0, angle], axis_b)).as_matrix()
 
 
-def _minutes(angle: float) -> str:
-    return f"{angle / ARC_MINUTE:.3g}'"
+def _degrees(angle: float) -> str:
+    return f"{angle / DEG:.3g} deg"
 
 
 def pays(several: float, one: float) -> str:
     """In words; sigmas of heading [rad] with and without turns."""
     verdict = "pay" if several < one else "do not pay"
     return (
-        f"turns {verdict}: heading sigma {_minutes(several)} "
-        f"against {_minutes(one)} of one position in the same time"
+        f"turns {verdict}: heading sigma {_degrees(several)} "
+        f"against {_degrees(one)} of one position in the same time"
     )
 
 

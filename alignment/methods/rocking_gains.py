@@ -47,7 +47,7 @@ def inertial_functional(readings: ImuReadings, site: Site, options: Options) -> 
     carried = carry(readings, block_of(readings))
     matched, _, arm = laid(readings, carried, site, options.priors)
     C_ni = matched.C_ni.as_matrix()
-    weights, left = less_arm(attitude_weights(carried, matched), carried, C_ni, arm)
+    weights, left = less_arm(attitude_weights(carried, matched), arm)
     gyro, accel = sensitivity(weights, C_ni, carried)
     gyro = gyro + np.eye(3)  # the attitude carried to the end has all of the gyros' error
     turned = drive(carried, C_ni, EVERY)

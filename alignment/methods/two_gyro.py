@@ -5,7 +5,7 @@ leaves the sway's own angular rate out; the covariance here does not.
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,11 +23,12 @@ from alignment.levelling import level
 from alignment.methods.inertial import LEAST_SPECTRUM, white_levels
 from alignment.methods.position_fit import ROUNDING, local_vectors
 from alignment.noise import drift_of, gap_doubt, integral_variance, low_density
-from alignment.options import Options
+from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
+from alignment.skew import correlated
 from alignment.strapdown import carry
-from alignment.units import ARC_MINUTE, STANDARD_GRAVITY
+from alignment.units import DEG, STANDARD_GRAVITY
 
 METHOD = "two-gyro"
 
@@ -228,7 +229,7 @@ def two_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     -------
     list of AttitudeEstimate
         ``C_nb`` of the mean attitude. Its covariance holds the sway's own rate; a flag gives the
-        published bound, which does not.
+        published bound, which does not. `sway`: [S1] (16), the fields of `Sway` and that bound.
 
     Raises
     ------
@@ -284,6 +285,7 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
         + saturation_doubt(dwell.label, readings)
         + heading_doubt(covariance)
         + _doubts(readings, sway, latitude),
+        sway=asdict(sway) | {"bound": sway_bound(sway, latitude)},
     )
 
 
@@ -352,7 +354,20 @@ def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
             quiet_density(readings.f_b, readings.interval) / T + drift_of(readings.f_b) ** 2,
         ]
     )
-    return np.diag(variances + ROUNDING**2) + constant_covariance(means, options.priors)
+    noise = np.diag(variances + ROUNDING**2) + _between_axes(readings, options.priors) / T
+    return noise + constant_covariance(means, options.priors)
+
+
+def _between_axes(readings: ImuReadings, priors: Priors) -> Array:
+    """What white noise (6, 6) [u^2/Hz] of triads skewed by design shares between components."""
+    shared = np.zeros((6, 6))
+    triads = ((readings.w_ib_b, priors.gyro_axes), (readings.f_b, priors.accel_axes))
+    for k, (values, axes) in enumerate(triads):
+        if axes is not None:
+            density = quiet_density(values, readings.interval)
+            own = slice(3 * k, 3 * k + 3)
+            shared[own, own] = correlated(density, axes) - np.diag(density)
+    return shared
 
 
 def _check_sway(label: str, readings: ImuReadings, sway: Sway) -> None:
@@ -372,5 +387,5 @@ def _check_sway(label: str, readings: ImuReadings, sway: Sway) -> None:
 
 def _doubts(readings: ImuReadings, sway: Sway, latitude: float) -> tuple[str, ...]:
     bound = sway_bound(sway, latitude)
-    flags = (f"published bound of a sample, sway's own rate left out: {bound / ARC_MINUTE:.2g}'",)
+    flags = (f"published bound of a sample, sway's own rate left out: {bound / DEG:.2g} deg",)
     return flags + drift_doubt(np.zeros(3), drift_of(readings.f_b))

@@ -165,6 +165,9 @@ def align(
     for line in refusal_lines(found.refusals):
         out.print(line, style="bold yellow", markup=False)
     out.print(ANGLE_NOTE, style="dim")
+    for log in (log for log in logs if not log.simulated):
+        told = "; ".join([f"{log.topic}, {len(log.imu)} samples", *log.imu.notes])
+        out.print(f"{log.path}: read {told}", style="dim", markup=False)
 
 
 @takes_log_form
@@ -193,7 +196,7 @@ def import_log(
     if out is None:
         if form.columns is not None:
             raise StandError("missing --out X.mcap: the recording to write")
-        _show_inspection(file, as_json)
+        _show_inspection(file, topic, as_json)
         return
     tell_left_behind(out)
     with quick_imports():
@@ -204,12 +207,12 @@ def import_log(
     _show_import(out, log, as_json)
 
 
-def _show_inspection(file: Path, as_json: bool) -> None:
+def _show_inspection(file: Path, topic: str | None, as_json: bool) -> None:
     from dataclasses import asdict
 
     from stand.recording.inspection import inspect
 
-    found = inspect(file)
+    found = inspect(file, topic)
     if as_json:
         print_json(asdict(found))
         return

@@ -7,26 +7,53 @@ from typing import Annotated
 
 import typer
 
-from stand.cli.options import ForceOption, JsonOption, quick_imports
+from stand.cli.options import ForceOption, JsonOption, LatitudeOption, quick_imports
 from stand.cli.progress import print_json, working
 
 
 def report(
-    recording: Annotated[Path, typer.Argument(help="Folder of stand run, or its run.mcap.")],
+    recording: Annotated[
+        Path, typer.Argument(help="Folder of stand run, its run.mcap, or any log.")
+    ],
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="The page to write; default: report.html in the folder."),
+        typer.Option(
+            metavar="FILE", help="The page to write; default: report.html beside the run."
+        ),
+    ] = None,
+    latitude: LatitudeOption = None,
+    imu: Annotated[
+        str | None,
+        typer.Option(metavar="ID", help="Of a log: its unit (stand list imus) or a TOML file."),
+    ] = None,
+    topic: Annotated[
+        str | None, typer.Option(help="Of a log: which IMU topic, where there are several.")
+    ] = None,
+    stretches: Annotated[
+        Path | None,
+        typer.Option(metavar="X.toml", help="Of a log: its stretches, see stand stretches."),
     ] = None,
     force: ForceOption = False,
 ) -> None:
-    """One page of a recorded run: results, errors over time, motion, sources. Needs no network.
+    """One page of a recorded run, or of any log. Needs no network.
 
-    Example: stand report recordings/six-position_stim300_seed0 --out report.html
+    A run: results, channels, errors over time, motion, sources. A log: channels, rests, attitude,
+    noise. Example: stand report recordings/six-position_stim300_seed0 --out report.html
+
+    Of a log of one's own: stand report own.mcap --latitude 48.5 --imu stim300
     """
-    from stand.report.run_page import write_run_page
+    with quick_imports():
+        from stand import api
+        from stand.report.log_page import write_log_page
+        from stand.report.run_page import write_run_page
 
     with working("drawing", False):
-        page = write_run_page(recording, out, force=force)
+        log = api.read(recording, topic=topic, stretches=stretches)
+        if log.simulated and stretches is None:
+            page = write_run_page(recording, out, latitude_deg=latitude, force=force)
+        else:
+            options = {"imu": imu, "latitude_deg": latitude, "force": force}
+            page = write_log_page(log, out, **options)
     print(page)
 
 

@@ -109,6 +109,7 @@ def _show_run(result: RunResult, reviewed: bool) -> None:
     from stand.recording.reviewing import MISSING
     from stand.report.console import console, show
     from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
+    from stand.report.judged import judged
 
     out = console()
     s = result.settings
@@ -117,6 +118,13 @@ def _show_run(result: RunResult, reviewed: bool) -> None:
         f"{result.samples} samples at {s.rate_hz} Hz ({s.sampling.value}), "
         f"{s.motion.value} motion of {escape(s.table.title)}\n"
     )
+    verdict = judged(result.scores, result.refusals, s.procedure.entry.require, s.imu, s.revision)
+    if result.scores:
+        style = {"good": "bold green", "bad": "bold red", "open": "bold yellow"}
+        out.print(verdict.word, style=style.get(verdict.grade, "bold"))
+        for line in verdict.lines:
+            out.print(line, markup=False)
+        out.print()
     if result.records:
         show(out, [motion_table(result.records)])
     show(out, score_tables(result.scores, s.imu))

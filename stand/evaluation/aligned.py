@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from alignment import ESTIMATORS, AttitudeEstimate, Options, Priors, Site
+from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
 from alignment.angles import SequenceRule
 from alignment.units import DEG
 from stand.errors import StandError, unknown
@@ -63,7 +63,7 @@ class Alignment:
     @property
     def noise_only(self) -> bool:
         """Whether every sigma is of noise alone: no data sheet says more of the unit."""
-        return self.imu is None and self.options.priors == Priors()
+        return self.options.priors.noise_only
 
     @property
     def estimates(self) -> tuple[AttitudeEstimate, ...]:
@@ -116,7 +116,8 @@ def align(
     if sequences is not None:
         options = replace(options, rule=one_of("sequences", sequences, SequenceRule))
     methods = (method,) if method else first.methods
-    dwells = [dwell for log in logs for dwell in log.dwells]
+    sheet = imu or sheet_beside(first.imu.metadata)
+    dwells = [_of_unit(dwell, sheet) for log in logs for dwell in log.dwells]
     truths = [truth for log in logs for truth in log.truths]
     _check_labels([dwell.label for dwell in dwells])
     _check_methods(first.path, methods, site)
@@ -138,8 +139,15 @@ def align(
         scores=tuple(_with_doubts(s, doubts) for s in scores),
         refusals=tuple(refusals),
         windows=tuple(rows),
-        imu=imu or sheet_beside(first.imu.metadata),
+        imu=sheet,
     )
+
+
+def _of_unit(dwell: Dwell, imu: ImuSpec | None) -> Dwell:
+    """The dwell, its readings with the unit's full scale."""
+    if imu is None:
+        return dwell
+    return replace(dwell, readings=replace(dwell.readings, ranges=imu.ranges))
 
 
 def _doubts(
@@ -219,6 +227,15 @@ def alignment_json(found: Alignment) -> dict[str, Any]:
     return asked | {
         "recordings": [log.path for log in found.logs],
         "topic": found.logs[0].topic,
+        "read": [
+            {
+                "recording": log.path,
+                "topic": log.topic,
+                "samples": len(log.imu),
+                "notes": list(log.imu.notes),
+            }
+            for log in found.logs
+        ],
         "latitude_deg": None if latitude is None else latitude / DEG,
         "estimates": [score_to_json(s, found.noise_only) for s in found.scores],
         "spreads": [spread_to_json(s) for s in spreads(found.scores)],

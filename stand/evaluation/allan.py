@@ -121,10 +121,9 @@ def analyse(
     spec = load_imu(imu) if imu else _recorded_imu(path, log)
     sheet = sheet_of(spec) if spec else {}
     known = {"gyro": spec.gyro.bandwidth, "accel": spec.accel.bandwidth} if spec else {}
-    ranges = (spec.gyro.full_scale, spec.accel.full_scale) if spec else (inf, inf)
-    rests, notes = _rests(path, log, t_from, t_to)
+    rests, notes = _rests(path, log, t_from, t_to, spec.ranges if spec else (inf, inf))
     try:
-        result = analyse_readings(rests, sheet, terms, known, ranges)
+        result = analyse_readings(rests, sheet, terms, known)
     except NotAtRest as error:
         raise NotAtRest(f"{path}: {error}; {_advice(rests)}") from error
     except AlignmentError as error:
@@ -159,7 +158,11 @@ def _recorded_imu(path: Path, log: ImuLog) -> ImuSpec | None:
 
 
 def _rests(
-    path: Path, log: ImuLog, t_from: float | None, t_to: float | None
+    path: Path,
+    log: ImuLog,
+    t_from: float | None,
+    t_to: float | None,
+    ranges: tuple[float, float],
 ) -> tuple[list[ImuReadings], list[str]]:
     """The samples to use, rest by rest, and what to say of the choice."""
     with located(path):
@@ -167,7 +170,7 @@ def _rests(
         origin = epoch_of(log.metadata) if ours else int(log.t_ns[0])
     t = (log.t_ns - origin) * 1e-9
     t.flags.writeable = False
-    readings = ImuReadings(t, log.w_ib_b, log.f_b)
+    readings = ImuReadings(t, log.w_ib_b, log.f_b, ranges)
     if t_from is None and t_to is None:
         dwells = _dwells(path, log)
         if dwells:
@@ -258,11 +261,10 @@ def _notes(result: Analysis, known: Mapping[str, float]) -> list[str]:
             f"rate changes at {event.t:.6g} s from {1 / event.before:.6g} "
             f"to {1 / event.after:.6g} Hz"
         )
-    if result.interruptions and len(result.stretches) == 1:
-        notes.append(
-            f"used: the longest stretch without interruption, {result.t_from:.6g} to "
-            f"{result.t_to:.6g} s"
-        )
+    if result.interruptions:
+        spans = [f"{s.t_from:.6g} to {s.t_to:.6g} s" for s in result.stretches]
+        more = f" and {len(spans) - 3} more" if len(spans) > 3 else ""
+        notes.append(f"used together, without what lies between: {', '.join(spans[:3])}{more}")
     return notes + [note for c in result.channels for note in _misfits(c, known)]
 
 
@@ -287,6 +289,8 @@ def _misfits(channel: Channel, known: Mapping[str, float]) -> list[str]:
     name = f"{channel.sensor} {channel.axis}"
     step = channel.step / STEPS[channel.sensor].si
     size = f"{step:.3g} {STEPS[channel.sensor].name}"
+    if channel.constant:
+        return [f"{name}: every reading is the same: dead, or its noise below a step"]
     if not channel.resolved:
         return [f"{name}: below resolution: its noise is lost in steps of {size}, N cannot be told"]
     notes = []
@@ -313,7 +317,7 @@ def to_json(report: AllanReport) -> dict[str, Any]:
     """The report for machines, in the units of `UNITS`; times in s, `needs_h` in hours.
 
     `needs_h` is None where no length would do at this rate; `upper` is the largest value that the
-    record allows (95 %).
+    record allows (95 %), None of a channel whose readings are all the same.
     """
     result = report.analysis
     events = result.interruptions
@@ -375,7 +379,7 @@ def _missing(report: AllanReport, channel: Channel) -> list[dict[str, Any]]:
             "axis": channel.axis,
             "term": missing.term,
             "needs_h": needs_hours(missing),
-            "upper": missing.upper / unit.si,
+            "upper": None if channel.constant else missing.upper / unit.si,
             "unit": unit.name,
             "below_resolution": not channel.resolved,
         }

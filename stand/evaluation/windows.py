@@ -28,13 +28,10 @@ LIMITS = {
     "yaw": ANGLE_LIMIT,
     "latitude": LATITUDE_LIMIT,
 }  # sigmas that say nothing
+BELOW = "scatter below sigma: what is common to all windows, or a unit better than its sheet"
 BASE_MOVES = "the base moves, and so does what is estimated"
 NOISE_ONLY = "noise only"
-_TOLD = tuple(
-    f"{sensor}_{name}"
-    for sensor in ("gyro", "accel")
-    for name in ("bias", "instability", "random_walk", "ramp")
-)
+BEYOND = "scatter beyond sigma: what changes from window to window shows in none of them"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,9 +199,9 @@ def _summed(
     groups: dict[tuple[str, str], list[AttitudeEstimate]] = {}
     for e in estimates:
         groups.setdefault((e.label, e.window), []).append(e)
-    sheet = any(getattr(priors, name) > 0 for name in _TOLD)
     for (label, window), members in groups.items():
-        remarks = ([] if sheet else [NOISE_ONLY]) + ([BASE_MOVES] if label in moving else [])
+        remarks = [NOISE_ONLY] if priors.noise_only else []
+        remarks += [BASE_MOVES] if label in moving else []
         for quantity, values, sigmas in _quantities(members):
             n = len(values)
             scatter = _spread(values)
@@ -218,6 +215,10 @@ def _summed(
             if sigma is not None and sigma > LIMITS.get(quantity, np.inf):
                 told.append(f"not determined: sigma {sigma / DEG:.0f} deg")
                 sigma = None
+            if sigma is not None and low > sigma and label not in moving:
+                told.append(BEYOND)
+            if sigma is not None and high < sigma and label not in moving and not priors.noise_only:
+                told.append(BELOW)
             yield Scatter(
                 method=method,
                 window=window,

@@ -175,6 +175,7 @@ def _missing(sensor: _Sensor) -> Iterator[PresetFinding]:
         ("bias", "every unit is the same"),
         ("noise", "samples have no noise"),
         ("instability", "no drift is simulated or predicted, so long rests look too good"),
+        ("scale", "readings are taken for true to size"),
         ("misalignment", "axes are taken for square and true to the case"),
     ]
     if "g_sensitivity" in sensor.key_of:

@@ -10,6 +10,9 @@ Signal path of one triad, x true in b (rates, or forces at each accelerometer's 
     y = clip(y, range), flagged
     y = rounded                               per sample, or as accumulated increments
 
+A triad that is skewed by design (`TriadSpec.axes`, rows A) feels ``A x`` for x, and reports the
+components ``A^-1 y``: bias, noise, range and rounding are of its sensors, along their own axes.
+
 A low-pass acts on what is continuous: on the truth between the samples, as far as it is known
 (`Sensed`), each term worked out of it at the ends of the samples as of their means, and on the
 white noise. Drifts are held over a sample, as without it. Terms that are not linear are taken of a
@@ -29,6 +32,7 @@ from numpy.typing import NDArray
 
 from alignment.arrays import Array, set_owned
 from alignment.cross import cross_matrix
+from alignment.skew import components
 from stand.errors import unknown
 from stand.imu.filter import LowPass, noise_variance
 from stand.imu.preset import ClockSpec, ImuSpec, TriadSpec
@@ -136,7 +140,10 @@ def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
 
     yz_zx_xy = drawn("non_orthogonality")
     # a case turned by some angles reads components x - angles x x
-    axes = np.eye(3) - cross_matrix(drawn("misalignment")) + _symmetric(yz_zx_xy) / 2
+    axes = np.eye(3) - cross_matrix(drawn("misalignment"))
+    if spec.axes is not None:
+        axes = np.array(spec.axes) @ axes
+    axes = axes + _symmetric(yz_zx_xy) / 2
     signs = np.stack([s.standard_normal() for s in streams(seed, sensor, "ramp")])
     return UnitErrors(
         matrix=(1 + drawn("scale"))[:, None] * axes,
@@ -254,7 +261,8 @@ class Triad:
         if max(y.max(), -y.min()) > limit:
             flags = np.abs(y) > limit
             np.clip(y, -limit, limit, out=y)
-        return self._rounded(y), flags
+        y = self._rounded(y)
+        return y if self.spec.axes is None else components(y.T, self.spec.axes).T, flags
 
     def _filtered(self, y: Array, ends: Array | None) -> Array:
         """What comes out of the low-pass, with all noise, of (3, n) and what it is at the ends."""

@@ -15,6 +15,8 @@ import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from alignment.arrays import Array, set_owned
+from alignment.errors import AlignmentError
+from alignment.skew import Axes, by_planes, unit_axes
 from alignment.units import (
     ARC_SECOND,
     DEG,
@@ -94,6 +96,30 @@ class Places(catalogue.Entry):
     """Where the X1, Y1 and Z1 accelerometers sit: x, y, z in b, from the IMU's point."""
 
     value: tuple[Place, Place, Place]
+    kind: Kind
+    source: Source
+
+
+class SensitiveAxes(catalogue.Entry):
+    """Along what three sensors of a triad feel, in b: skewed by design, any length."""
+
+    value: tuple[Place, Place, Place]
+    kind: Kind
+    source: Source
+
+    @model_validator(mode="after")
+    def _span(self) -> "SensitiveAxes":
+        try:
+            unit_axes(self.value)
+        except AlignmentError as error:
+            raise ValueError(str(error)) from error
+        return self
+
+
+class PlaneAngle(catalogue.Entry):
+    """Angle theta between the planes of X1's and the third gyro's resonators."""
+
+    value: Annotated[float, Field(ge=5, le=175)]
     kind: Kind
     source: Source
 
@@ -194,6 +220,24 @@ class SensorEntry(catalogue.Entry):
             raise ValueError("scale_nonlinearity_ppm: is a part of the range, which is missing")
         return self
 
+    @model_validator(mode="after")
+    def _one_way_to_be_skewed(self) -> "SensorEntry":
+        axes = getattr(self, "axes", None)
+        for other in ("plane_angle_deg", "places_mm"):
+            if axes is not None and getattr(self, other, None) is not None:
+                raise ValueError(f"axes and {other}: not both")
+        return self
+
+    def sensitive_axes(self) -> Axes | None:
+        """Unit vectors along which the triad feels, in b; None of a square one along b."""
+        angle, axes = getattr(self, "plane_angle_deg", None), getattr(self, "axes", None)
+        if angle is not None:
+            return by_planes(angle.value * DEG)
+        if axes is None:
+            return None
+        x, y, z = unit_axes(axes.value).tolist()
+        return tuple(x), tuple(y), tuple(z)
+
     def stated(self) -> dict[str, Stated]:
         """The values that are stated, by key."""
         return {key: value for key, value in self if isinstance(value, Stated)}
@@ -206,9 +250,19 @@ def _entry(name: str, doc: str, keys: Mapping[str, Key], **more: Any) -> type[Se
     return create_model(name, __base__=SensorEntry, __doc__=doc, **fields, **more)
 
 
-GyroEntry = _entry("GyroEntry", "Gyro triad.", GYRO_KEYS)
+GyroEntry = _entry(
+    "GyroEntry",
+    "Gyro triad.",
+    GYRO_KEYS,
+    axes=(SensitiveAxes | None, None),
+    plane_angle_deg=(PlaneAngle | None, None),
+)
 AccelEntry = _entry(
-    "AccelEntry", "Accelerometer triad.", ACCEL_KEYS, places_mm=(Places | None, None)
+    "AccelEntry",
+    "Accelerometer triad.",
+    ACCEL_KEYS,
+    axes=(SensitiveAxes | None, None),
+    places_mm=(Places | None, None),
 )
 
 
@@ -262,6 +316,7 @@ class TriadSpec:
     [u s], zero where not stated. `full_scale` [u] is the stated range, even with saturation off.
     Constants are standard deviations. Those named in `bounded` were stated as a maximum: they are
     drawn evenly within that bound, and their standard deviation is 1/sqrt(3) of it (GUM 4.3.7).
+    `axes`: unit vectors along which the sensors feel, in b, where they are skewed by design.
     """
 
     bias: float = 0.0
@@ -285,6 +340,7 @@ class TriadSpec:
     increment_lsb: float = 0.0
     full_scale: float = inf
     bounded: frozenset[str] = frozenset()
+    axes: Axes | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -323,6 +379,11 @@ class ImuSpec:
     def __post_init__(self) -> None:
         set_owned(self, places=(self.places, (3, 3), float))
 
+    @property
+    def ranges(self) -> tuple[float, float]:
+        """Where gyros [rad/s] and accelerometers [m/s^2] saturate; infinite where not stated."""
+        return self.gyro.range, self.accel.range
+
 
 def load_imu(name: str) -> ImuSpec:
     """A preset by catalogue id or path; `StandError` where it is not right."""
@@ -357,7 +418,12 @@ def _triad(entry: SensorEntry, keys: Mapping[str, Key]) -> TriadSpec:
     stated = {keys[key].field: (s, s.value * keys[key].unit) for key, s in entry.stated().items()}
     bounded = {f for f, (s, _) in stated.items() if s.kind == "maximum" and f in CONSTANTS}
     values = {f: v / sqrt(3) if f in bounded else v for f, (_, v) in stated.items()}
-    return TriadSpec(**values, full_scale=values.get("range", inf), bounded=frozenset(bounded))
+    return TriadSpec(
+        **values,
+        full_scale=values.get("range", inf),
+        bounded=frozenset(bounded),
+        axes=entry.sensitive_axes(),
+    )
 
 
 def unstated(spec: ImuSpec) -> tuple[str, ...]:

@@ -52,6 +52,8 @@ def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
         seat=seat,
         nominal=nominal,
         lever_arm=arm,
+        gyro_axes=imu.gyro.axes,
+        accel_axes=imu.accel.axes,
     )
 
 

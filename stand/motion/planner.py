@@ -10,6 +10,7 @@ from alignment.angles import C_nb_from_angles
 from alignment.arrays import Array
 from alignment.units import DEG
 from stand.errors import StandError
+from stand.motion.missing_axes import refuse_missing, same_vertical
 from stand.motion.moves import (
     Piece,
     joined,
@@ -65,10 +66,11 @@ def plan(procedure: Procedure, model: StandModel, table: Table, seed: int = 0) -
     Raises
     ------
     StandError
-        A target outside the table's travel, a move limit above the table's, a profile or
-        spectrum file that is not right, a gimbal lock. Whether the whole motion keeps the
-        table's limits is for `stand.motion.limits` to say.
+        An axis that the table has not, a target outside its travel, a move limit above the
+        table's, a profile or spectrum file that is not right, a gimbal lock. Whether the whole
+        motion keeps the table's limits is for `stand.motion.limits` to say.
     """
+    refuse_missing(procedure, table)
     track = _Track(procedure, model, table, seed)
     for number, step in enumerate(procedure.entry.step):
         _ADD[type(step)](track, number, step)
@@ -303,6 +305,7 @@ def _target(
         outside = table.outside(target)
         if outside:
             i = outside[0]
+            assert JOINTS[i] not in table.missing  # refused before
             raise procedure.fault(
                 index, f"joints_deg, {JOINTS[i]}", step.joints_deg.get(JOINTS[i]), _travel(table, i)
             )
@@ -317,10 +320,24 @@ def _target(
     ]
     reachable = [c for c in candidates if not table.outside(c)]
     if not reachable:
+        i = _least_outside(candidates, table)
+        if JOINTS[i] in table.missing:
+            value = f"{np.degrees(_wanted(candidates, i)):.3f} deg on axis {JOINTS[i]}"
+            other = same_vertical(C_nb, joints, wanted.sequence, model, table)
+            raise procedure.fault(index, "attitude_deg", value, table.without(JOINTS[i]) + other)
         i = table.outside(candidates[0])[0]
         value = f"{np.degrees(candidates[0][i]):.3f} deg on axis {JOINTS[i]}"
         raise procedure.fault(index, "attitude_deg", value, _travel(table, i))
     return min(reachable, key=lambda c: float(np.abs(c - joints).max()))
+
+
+def _least_outside(candidates: list[Array], table: Table) -> int:
+    """An axis that cannot follow, of the attitude's set of angles that asks the least of others."""
+    return min((table.outside(c) for c in candidates), key=len)[0]
+
+
+def _wanted(candidates: list[Array], axis: int) -> float:
+    return min((float(c[axis]) for c in candidates), key=abs)
 
 
 def _nearest_turn(gimbals: Array, present: Array, table: Table) -> Array:

@@ -121,15 +121,22 @@ def _described(turning: "Turning | None") -> dict | None:
 
 
 def describe_estimate(options: Options, methods: Sequence[str]) -> dict[str, str]:
-    """The metadata record of what was to be estimated."""
-    return {
-        "methods": ",".join(methods),
-        "offset_window_s": repr(options.offset_window),
-        "sequences": options.rule.value,
-    } | {
-        f"prior_{name}_{unit}": repr(getattr(options.priors, name))
-        for name, unit in PRIOR_UNITS.items()
-    }
+    """The metadata record of what was to be estimated; axes of triads that are skewed by design."""
+    priors = options.priors
+    axes = {"gyro_axes": priors.gyro_axes, "accel_axes": priors.accel_axes}
+    skewed = {name: json.dumps(rows) for name, rows in axes.items() if rows is not None}
+    return (
+        skewed
+        | {
+            "methods": ",".join(methods),
+            "offset_window_s": repr(options.offset_window),
+            "sequences": options.rule.value,
+        }
+        | {
+            f"prior_{name}_{unit}": repr(getattr(priors, name))
+            for name, unit in PRIOR_UNITS.items()
+        }
+    )
 
 
 def describe_drive(
@@ -187,6 +194,7 @@ def _unit(numbers: tuple[float, ...]) -> tuple[float, ...]:
 _Part = Annotated[float, Field(ge=-2, le=2)]  # of what has length 1, which is checked then
 Quaternion = Annotated[tuple[_Part, _Part, _Part, _Part], AfterValidator(_unit)]
 UnitVector = Annotated[tuple[_Part, _Part, _Part], AfterValidator(_unit)]
+SkewedAxes = tuple[UnitVector, UnitVector, UnitVector]
 
 
 class RunRecord(_Record):
@@ -265,6 +273,8 @@ class EstimateRecord(_Record):
     methods: str = DEFAULT_METHOD
     offset_window_s: Annotated[float, Field(gt=0, le=_LATEST)] = Options().offset_window
     sequences: SequenceRule = SequenceRule.REGULAR
+    gyro_axes: Json[SkewedAxes] | None = None
+    accel_axes: Json[SkewedAxes] | None = None
 
 
 class Sigmas(RootModel[dict[str, Sigma]]):
@@ -379,7 +389,10 @@ def settings_of(metadata: Metadata) -> tuple[Site, Options, tuple[str, ...]]:
     estimate = _read(metadata, "estimate", EstimateRecord)
     keys = {name: f"prior_{name}_{unit}" for name, unit in PRIOR_UNITS.items()}
     there = metadata.get("estimate", {})
-    priors = Priors(**_sigmas(dict.fromkeys(keys.values(), "0") | dict(there), "estimate", keys))
+    sigmas = _sigmas(dict.fromkeys(keys.values(), "0") | dict(there), "estimate", keys)
+    priors = replace(
+        Priors(), **sigmas, gyro_axes=estimate.gyro_axes, accel_axes=estimate.accel_axes
+    )
     options = Options(estimate.offset_window_s, estimate.sequences, priors)
     return site, options, tuple(estimate.methods.split(","))
 

@@ -41,12 +41,23 @@ def predict(scene: Scene, methods: Sequence[str]) -> Predicted:
     unit = unit_of(scene.imu)
     for method in methods:
         try:
+            _check_square(scene)
             found, seen = _method(method, scene, unit)
         except AlignmentError as error:
             found, seen = [_refused(method, str(error))], []
         predictions += found
         observed += seen
     return predictions, observed
+
+
+def _check_square(scene: Scene) -> None:
+    """Predictions take like errors of a triad's components for independent: not so if skewed."""
+    for name, triad in (("gyros", scene.imu.gyro), ("accelerometers", scene.imu.accel)):
+        if triad.axes is not None:
+            raise AlignmentError(
+                f"no prediction is made: the {name} of {scene.imu.id} are skewed by design; "
+                "see --verify"
+            )
 
 
 def _refused(method: str, reason: str) -> Prediction:

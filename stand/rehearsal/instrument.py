@@ -6,8 +6,6 @@ leans it the same way in every position, so much of it cancels and some of it do
 """
 
 from dataclasses import dataclass
-from itertools import product
-from math import sqrt
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,22 +14,18 @@ from alignment.arrays import Array, IntArray, set_owned
 from alignment.information import GaussMarkov, InstrumentErrors, TriadErrors
 from alignment.information.model import NODES
 from stand.imu import ImuSpec
-from stand.imu.filter import LAG, noise_variance
+from stand.imu.filter import LAG
 from stand.imu.preset import TriadSpec
 from stand.imu.processes import plateau
 from stand.rehearsal.known_errors import Size, StatedErrors
 from stand.table.joints import JOINTS, StandModel
 
-_NOTHING = 1e-15  # of a step squared: waves below it are none
-_WAVES = 200  # harmonics of a staircase: those beyond hold 0.3 % of what rounding does
-_MIXED = 16  # of which pairs are looked at: those beyond hold 4 % of it
-_BLURRED = 60.0  # exp(-30) of a wave is none
 # the axis toward which each one leans, as `stand.physics.geometry` builds it
 _TOWARD = {"base_pitch": 0, "base_yaw": 1, "outer": 1, "middle": 3, "inner": 4}
 
 
 def unit_of(imu: ImuSpec) -> InstrumentErrors:
-    """The instrument's errors as standard deviations, but for `roundings_of` its samples."""
+    """The instrument's errors as standard deviations, but for the rounding of its samples."""
     delay = LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
     return InstrumentErrors(
         _triad(imu.gyro, imu), _triad(imu.accel, imu), float(delay + imu.clock.latency)
@@ -55,99 +49,6 @@ def _triad(spec: TriadSpec, imu: ImuSpec) -> TriadErrors:
         drift=tuple(GaussMarkov(height, corner) for corner in imu.corners) if height else (),
         random_walk=spec.random_walk,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Rounding:
-    """Samples rounded to a `step`, by what noise of `dither` (standard deviation) leaves of it.
-
-    Notes
-    -----
-    Rounding of x takes away ``sum_n (-1)^n q/(pi n) sin(2 pi n x / q)``. The mean over normal noise
-    of sigma multiplies each wave by ``exp(-2 (pi n sigma / q)^2)``: what is left depends on where
-    in a step x lies, and no time averages it out. All else is noise anew in each sample, the rest
-    of ``q^2/12``. Where nobody knows in which part of a step x lies, as with a bias of many steps,
-    two readings that are apart by d share ``cos(2 pi n d / q)`` of each wave, and as d is known to
-    s only, that times ``exp(-2 (pi n s / q)^2)``. Where it is known better than to a third of a
-    step, waves of different n go together as well. Source: B. Widrow and I. Kollar, Quantization
-    Noise (2008), ch. 9.
-    """
-
-    step: float
-    dither: float
-
-    def _waves(self) -> tuple[Array, Array]:
-        """Wave numbers (n,) per unit of a reading, and mean squares of each wave that is left."""
-        n = np.arange(1, _WAVES + 1)
-        turns = 2 * np.pi * n / self.step
-        return turns, 2 / turns**2 * np.exp(-((turns * self.dither) ** 2))
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation of what is anew in each sample."""
-        if not self.step:
-            return 0.0
-        return float(np.sqrt(max(self.step**2 / 12 - self._waves()[1].sum(), 0.0)))
-
-    @property
-    def steepness(self) -> float:
-        """Root mean square of the scale factor error that is left for less than a step."""
-        if not self.step:
-            return 0.0
-        turns, squares = self._waves()
-        return float(np.sqrt(np.sum(squares * turns**2)))
-
-    def shared(self, apart: Array, doubt: Array) -> Array:
-        """Covariance (...) of what is left in two readings that are `apart`, known to `doubt`."""
-        result = np.zeros_like(apart)
-        if self.step:
-            for turn, square in zip(*self._waves(), strict=True):
-                if square < _NOTHING * self.step**2:
-                    break
-                result += square * np.cos(turn * apart) * np.exp(-((turn * doubt) ** 2) / 2)
-        return result
-
-    def moments(self, x: Array, known: Array) -> Array:
-        """Mean products (k, k) of what is left in readings planned at `x` (k,).
-
-        `known` (k, k): covariance of what they will be. Of normal y = x_i and z = x_j
-
-        ``E sin(a y) sin(b z) = (cos(a x_i - b x_j) exp(-Var(a y - b z) / 2)
-        - cos(a x_i + b x_j) exp(-Var(a y + b z) / 2)) / 2``,
-
-        summed over all pairs of waves. The first with a = b is what `shared` has.
-        """
-        size = known.diagonal()
-        squared = np.maximum(size[:, None] + size - 2 * known, 0.0)
-        result = self.shared(x[:, None] - x, np.sqrt(squared))
-        if not self.step:
-            return result
-        turns, squares = self._waves()
-        heights = np.sqrt(2 * squares) * (-1.0) ** np.arange(1, _WAVES + 1)
-        strong = np.flatnonzero(squares[:_MIXED] > _NOTHING * self.step**2)
-        for n, m, sign in product(strong, strong, (1, -1)):
-            if n == m and sign > 0:
-                continue
-            a, b = turns[n], sign * turns[m]
-            blurred = a**2 * size[:, None] + b**2 * size - 2 * a * b * known
-            if blurred.min() < _BLURRED:
-                wave = np.cos(a * x[:, None] - b * x) * np.exp(-blurred / 2)
-                result += sign * heights[n] * heights[m] / 2 * wave
-        return result
-
-
-def roundings_of(imu: ImuSpec, rate_hz: int) -> tuple[Rounding, Rounding]:
-    """Of gyros and of accelerometers; increments carry their remainders on, and lose nothing."""
-    gyro, accel = (
-        Rounding(0.0 if imu.increments else spec.resolution, _sample_noise(spec, rate_hz))
-        for spec in (imu.gyro, imu.accel)
-    )
-    return gyro, accel
-
-
-def _sample_noise(spec: TriadSpec, rate_hz: int) -> float:
-    """Standard deviation of one sample's white noise behind the low-pass."""
-    return spec.noise * sqrt(rate_hz * noise_variance(spec.bandwidth, rate_hz))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

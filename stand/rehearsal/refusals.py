@@ -15,16 +15,16 @@ from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT
 from alignment.nominal import WRONG_POSITION
 from alignment.units import DEG
 from stand.motion.plan import PlannedStep
-from stand.rehearsal.instrument import roundings_of
 from stand.rehearsal.predictions import Parts
 from stand.rehearsal.response import Response
+from stand.rehearsal.rounding import roundings_of
 from stand.rehearsal.scene import Scene
-from stand.rehearsal.verification import AGREES
+from stand.rehearsal.verification import AGREES, MOSTLY
 
 # root mean square scale error by rounding, above which heading is none of first order: fits that
 # know the size of Earth rate are 20 % worse at 0.18 (and it goes with the square)
 STEEPEST = 0.07
-UNITS, MOSTLY = 1000, 0.5  # of which a method must answer for the other half
+UNITS = 1000  # of which a method must answer for the half
 
 
 def check_quiet(

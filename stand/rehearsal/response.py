@@ -8,13 +8,14 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray
 from alignment.gains import Answer
-from alignment.information import InstrumentErrors, Setting, information
+from alignment.information import InstrumentErrors, Setting, Stretch, information
 from alignment.information.model import coefficient_weights, sensor_inputs
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.following import left_off
-from stand.rehearsal.instrument import leanings, roundings_of
+from stand.rehearsal.instrument import leanings
 from stand.rehearsal.predictions import Parts, name_of, prediction
 from stand.rehearsal.result import Prediction
+from stand.rehearsal.rounding import roundings_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.warmth import warmed
 from stand.simulation.collector import ticks_of
@@ -26,10 +27,12 @@ _NORTH = Rotation.identity()
 class ReadingErrors:
     """What errors of unit and table do to the coefficients of some stretches.
 
-    `true` has the unit's. Of the table's l errors: `sources`, `sigmas` (l,) of those drawn, values
-    (l,) of those `known`, `readings` (m, l), and the turn (s, 3, l) in b that each gives the
-    attitude of every stretch where it is judged: at its end, of a turning one taken back to encoder
-    angle zero. `noises` by name: covariances (m, m) of the coefficients.
+    `true` has the unit's, and `J` (m, p) what they do. Of the table's l errors: `sources`, `sigmas`
+    (l,) of those drawn, values (l,) of those `known`, `readings` (m, l), and the turn (s, 3, l) in
+    b that each gives the attitude of every stretch where it is judged: at its end, of a turning one
+    taken back to encoder angle zero. `noises` by name: covariances (m, m) of the coefficients.
+
+    Coefficients are of rounded readings: a coarse step hides what moves the truth within it.
     """
 
     def __init__(
@@ -73,27 +76,31 @@ class ReadingErrors:
         perfect = [p @ np.concatenate([w, f], axis=1) for w, f, _, p in seen]
         for sensor, own in zip(SENSORS, warmed(stretches, perfect, scene), strict=True):
             self.noises[f"{sensor} temperature"] = own
-        self.noises |= self._rounded(seen, scene)
+        slopes, rounded = self._rounded(seen, scene)
+        self.J, self.readings = slopes @ self.true.J, slopes @ self.readings
+        self.noises = {name: slopes @ N @ slopes.T for name, N in self.noises.items()} | rounded
 
-    def _rounded(self, seen: Sequence[tuple[Array, ...]], scene: Scene) -> dict[str, Array]:
-        """Covariances (m, m) of the coefficients by rounding of each triad's samples."""
+    def _rounded(
+        self, seen: Sequence[tuple[Array, ...]], scene: Scene
+    ) -> tuple[Array, dict[str, Array]]:
+        """What rounded coefficients make of true ones (m, m); covariances of what else it does."""
         doubt = self._doubt()
+        slopes = np.eye(len(doubt))
         nodes = np.concatenate([np.concatenate([w, f], axis=1) for w, f, *_ in seen])
         project: Array = np.asarray(block_diag(*(p for *_, p in seen)))
         waves: Array = np.asarray(block_diag(*(_waves(p) for *_, p in seen)))
-        anew = np.concatenate(
-            [coefficient_weights(s) / (s.span.length * scene.rate_hz) for s in self.true.stretches]
-        )
+        spans = zip(self.true.stretches, seen, strict=True)
+        fresh: Array = np.asarray(block_diag(*(_fresh(s, len(w), scene) for s, (w, *_) in spans)))
         found = {}
         for k, one in enumerate(roundings_of(scene.imu, scene.rate_hz)):
             total = np.zeros_like(doubt)
             for channel in range(3 * k, 3 * k + 3):
-                x, own = nodes[:, channel], slice(channel, None, 6)
-                known = waves @ doubt[own, own] @ waves.T
-                left = one.moments(x, known)
-                total[own, own] = project @ left @ project.T + np.diag(anew) * one.noise**2
+                own = slice(channel, None, 6)
+                left = one.left(nodes[:, channel], waves @ doubt[own, own] @ waves.T)
+                slopes[own, own] = project @ (left.slope[:, None] * waves)
+                total[own, own] = project @ left.moments @ project.T + np.diag(fresh @ left.fresh)
             found[f"{SENSORS[k]} rounding"] = total
-        return found
+        return slopes, found
 
     def _doubt(self) -> Array:
         """Covariance (m, m) of what the coefficients really are, about what is planned."""
@@ -137,7 +144,7 @@ class Response:
         assert self.answer.window_gain is not None
         prior = self.true.prior
         stated = np.where(np.isfinite(prior), prior, 0.0)
-        return np.asarray(self.answer.window_gain[:2] @ self.true.J * stated)
+        return np.asarray(self.answer.window_gain[:2] @ self.errors.J * stated)
 
     def share_of_heading(self, label: str) -> float:
         """Part (0 to 1) of a bias's variance that goes with the error of heading."""
@@ -176,7 +183,7 @@ class Response:
         for name, N in self.errors.noises.items():
             add(name, gain @ N @ gain.T)
         prior = self.true.prior
-        left = (gain @ self.true.J - row) * np.where(np.isfinite(prior), prior, 0.0)
+        left = (gain @ self.errors.J - row) * np.where(np.isfinite(prior), prior, 0.0)
         table = (gain @ self.errors.readings - judged) * self.errors.sigmas
         sources = (*(p.source for p in self.true.parameters), *self.errors.sources)
         for source, v in zip(sources, np.concatenate([left, table], axis=1).T, strict=True):
@@ -189,6 +196,12 @@ def _waves(project: Array) -> Array:
     """Values (k, h) of 1, cosine and sine at the k angles that `project` (h, k) looks at."""
     h, k = project.shape
     return project.T * k / np.array([1.0, 2.0, 2.0])[:h]
+
+
+def _fresh(stretch: Stretch, nodes: int, scene: Scene) -> Array:
+    """Variances of the coefficients (h, k) by those of one sample at each of k nodes."""
+    samples = stretch.span.length * scene.rate_hz
+    return np.repeat(coefficient_weights(stretch)[:, None] / (nodes * samples), nodes, axis=1)
 
 
 def _taken_back(step: PlannedStep, axis_b: Array, joints: Array) -> Array:

@@ -16,8 +16,8 @@ from alignment.information import GaussMarkov, InstrumentErrors
 from stand.imu.recursion import Recursion
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
-from stand.rehearsal.instrument import roundings_of
 from stand.rehearsal.predictions import Parts, name_of
+from stand.rehearsal.rounding import roundings_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.warmth import above_reference, triad_of
 

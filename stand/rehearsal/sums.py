@@ -74,9 +74,19 @@ class Sums:
     def sigma(self, key: Key) -> tuple[int, tuple[float, float, float]]:
         """How many runs gave a number; root mean square of the errors with its 95 % interval.
 
-        Chi-square. Normal errors of mean m and variance v have as many degrees of freedom as there
-        are runs, times ``(m^2 + v)^2 / (v^2 + 2 m^2 v)``: the same bias in every run is soon known.
-        Where there are `FEW` runs or more, no more than their fourth moment says.
+        Chi-square, of `freedom`.
+        """
+        n, _, squares, *_ = self._of[key]
+        freedom, sigma = self.freedom(key), float(np.sqrt(squares / n))
+        low, high = np.sqrt(freedom / chdtri(freedom, [TAIL, 1 - TAIL]))
+        return int(n), (sigma, float(sigma * low), float(sigma * high))
+
+    def freedom(self, key: Key) -> float:
+        """Degrees of freedom of the sum of squares.
+
+        Normal errors of mean m and variance v have as many as there are runs, times
+        ``(m^2 + v)^2 / (v^2 + 2 m^2 v)``: the same bias in every run is soon known. Where there are
+        `FEW` runs or more, no more than their fourth moment says.
         """
         n, total, squares, fourths, _ = self._of[key]
         mean = squares / n
@@ -85,5 +95,4 @@ class Sums:
         spread = fourths / n - mean**2
         if n >= FEW and spread > 0:
             freedom = min(freedom, 2 * n * mean**2 / spread)
-        sigma, (low, high) = np.sqrt(mean), np.sqrt(freedom / chdtri(freedom, [TAIL, 1 - TAIL]))
-        return int(n), (float(sigma), float(sigma * low), float(sigma * high))
+        return float(freedom)

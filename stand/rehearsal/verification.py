@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass
 
-from scipy.special import ndtri
+import numpy as np
+from scipy.special import bdtrc, chdtri, ndtri
 
 from stand.evaluation.statistics import TAIL
 
 AGREES = (0.9, 1.1)  # predicted over achieved sigma: what the guard band of 10 % stands for
+MOSTLY = 0.5  # part of the units that a method must answer for, if it is predicted
 _NOTHING = 5e-5  # of a deg, deg/h or mg
 
 
@@ -28,6 +30,8 @@ class Achieved:
     among : int
         How many quantities are compared at once. One in twenty intervals misses what it is of;
         to contradict a prediction, its own is widened until all of them hold in 95 %.
+    freedom : float or None
+        Of the chi-square that the interval is of; None: the logarithm is taken for normal.
     """
 
     method: str
@@ -42,6 +46,7 @@ class Achieved:
     low: float
     high: float
     among: int = 1
+    freedom: float | None = None
 
     @property
     def ratio(self) -> tuple[float, float, float] | None:
@@ -60,6 +65,10 @@ class Achieved:
         """The ends of the ratio's interval, so wide that all of `among` hold at once in 95 %."""
         if self.ratio is None:
             return None
+        if self.freedom is not None:
+            tail = TAIL / self.among
+            low, high = np.sqrt(chdtri(self.freedom, [1 - tail, tail]) / self.freedom)
+            return self.ratio[0] * float(low), self.ratio[0] * float(high)
         wider = float(ndtri(TAIL / self.among) / ndtri(TAIL))
         ratio, low, high = self.ratio
         return ratio * (low / ratio) ** wider, ratio * (high / ratio) ** wider
@@ -81,11 +90,15 @@ def _meets(low: float, high: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """A method that gave no answer in `runs` of the runs, and the first reason."""
+    """A method that gave no answer in `runs` of the runs, and the first reason.
+
+    `predicted`: whether the rehearsal has a number for it.
+    """
 
     method: str
     runs: int
     reason: str
+    predicted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +125,21 @@ class Verification:
     def disagreeing(self) -> tuple[Achieved, ...]:
         """Those whose prediction the runs contradict."""
         return tuple(a for a in self.achieved if a.agrees is False)
+
+    @property
+    def silent(self) -> tuple[Refused, ...]:
+        """Methods that are predicted and mostly gave no answer: more often than chance has it.
+
+        Where a method would refuse `MOSTLY`, the rehearsal is to say so in place of a number.
+        """
+        return tuple(
+            r for r in self.refused if r.predicted and bdtrc(r.runs - 1, self.done, MOSTLY) < TAIL
+        )
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether nothing holds that rests on the predictions."""
+        return bool(self.disagreeing or self.silent)
 
     @property
     def missing_alone(self) -> tuple[Achieved, ...]:

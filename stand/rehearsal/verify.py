@@ -20,7 +20,7 @@ from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.evaluation.score import ANGLES, suited
+from stand.evaluation.score import ANGLES, Truths, suited
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
 from stand.rehearsal.sums import Key, RunErrors, Sums
 from stand.rehearsal.verification import Achieved, Verification
@@ -76,6 +76,10 @@ def with_verification(
     result = replace(result, verification=verification)
     for a in verification.disagreeing:
         result = _warned(result, "prediction", _contradicted(a), a.label)
+    for r in verification.silent:
+        often = f"{r.runs} of {verification.done} runs"
+        text = f"{r.method} was predicted, and gave no answer in {often}"
+        result = _warned(result, "prediction", text)
     return result
 
 
@@ -149,6 +153,7 @@ def verification_of(
     """What the summed runs, from `seed` on, come to beside a rehearsal's predictions."""
     achieved = list(_achieved(result, sums))
     among = sum(a.ratio is not None for a in achieved)
+    told = {p.method for p in result.predictions if p.determined}
     together = tuple(replace(a, among=max(1, among)) for a in achieved)
     return Verification(
         requested=requested,
@@ -156,7 +161,7 @@ def verification_of(
         seed=seed,
         seconds=seconds,
         achieved=together,
-        refused=sums.refused(),
+        refused=tuple(replace(r, predicted=r.method in told) for r in sums.refused()),
     )
 
 
@@ -187,6 +192,7 @@ def _came_to(sums: Sums, key: Key, unit: str, per: float, predicted: float | Non
         sigma=sigma,
         low=low,
         high=high,
+        freedom=sums.freedom(key),
     )
 
 
@@ -203,7 +209,10 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
         dwells, attitudes = trials.readings(seed)
     except StandError as error:  # a sway drawn anew may be beyond the table
         return RunErrors({}, dict.fromkeys(methods, f"seed {seed}: {error}"))
-    truths = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
+    truths = {
+        d.label: Truths(C, mean=mean)
+        for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
+    }
     biases = trials.biases(seed)
     found, untold, refusals = {}, set(), {}
     for method in methods:
@@ -216,7 +225,9 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
         for e in estimates:
             if e.label in truths:
                 untold |= {(e.method, e.window, e.label, name) for name in e.undetermined}
-                for key, error in errors_of(e, truths[e.label], biases).items():
+                truth = truths[e.label].of(method)
+                assert truth is not None  # it is a run of ours
+                for key, error in errors_of(e, truth, biases).items():
                     found.setdefault(key, error)  # biases by the first of several fits
     return RunErrors(found, refusals, frozenset(untold))
 

@@ -92,6 +92,8 @@ def _cell(channel: Channel, term: str) -> str:
     si = UNITS[channel.sensor, term].si
     if isinstance(outcome, FoundTerm):
         return in_percent(outcome.value / si, outcome.low / si, outcome.high / si)
+    if channel.constant:
+        return "constant"
     if not channel.resolved:
         return f"< {outcome.upper / si:.2g}, below resolution"
     hours = needs_hours(outcome)
@@ -152,6 +154,7 @@ def verdict(report: AllanReport, sensor: str, term: str) -> str:
     words: dict[str, list[str]] = {}
     for c in channels:
         word = _judged(_outcome(c, term), stated) if c.resolved else "below resolution"
+        word = "constant" if c.constant else word
         words.setdefault(word, []).append(c.axis)
     if len(words) == 1:
         return next(iter(words))
@@ -356,6 +359,8 @@ def _page_cell(channel: Channel, term: str) -> dict[str, str]:
             outcome.value / si, outcome.low / si, outcome.high / si
         ).partition(" ")
         return {"kind": "found", "main": value, "more": bounds.strip("()")}
+    if channel.constant:
+        return {"kind": "missing", "main": "constant", "more": ""}
     upper = outcome.upper / si
     more = needs_text(outcome) if channel.resolved else "below resolution"
     return {"kind": "missing", "main": f"< {upper:.2g}", "more": more}

@@ -64,6 +64,19 @@ def sigma_text(value: float, noise_only: bool = False) -> str:
     return f"± {value:.0f}" if value >= 9.5 else f"± {value:.1g}"
 
 
+def with_sigma(value: float, sigma: float | None, noise_only: bool = False) -> str:
+    """A signed number with its standard deviation, to one digit more than that has.
+
+    Where there is no sigma, or so small a one that digits would tell of rounding: as `number`.
+    """
+    if np.isnan(value):
+        return UNDETERMINED
+    if sigma is None or not 1e-9 < sigma < 1e9:
+        return f"{number(value)} {'' if sigma is None else sigma_text(sigma, noise_only)}".rstrip()
+    digit = int(np.floor(np.log10(sigma * (1 + 0.5 / 9.5))))  # of the one that is shown
+    return f"{value:+.{max(0, 1 - digit)}f} {sigma_text(sigma, noise_only)}"
+
+
 def angle(value: float) -> str:
     """An angle with four decimals and no negative zero."""
     if np.isnan(value):
@@ -81,7 +94,11 @@ def score_tables(
     """
     rows = spreads(scores)
     tables = []
-    for (method, window), members in by_method(scores):
+    groups = by_method(scores)
+    order = list(dict.fromkeys(method for (method, _), _ in groups))
+    # what is zero by construction says nothing: last of its method
+    groups.sort(key=lambda group: (order.index(group[0][0]), _circular(*group[0])))
+    for (method, window), members in groups:
         own = [s for s in rows if (s.method, s.window) == (method, window)]
         if not ESTIMATORS[method].window(window).attitude:
             tables.append(_pair_table(members, noise_only))
@@ -94,6 +111,11 @@ def score_tables(
     if tables and imu is not None:
         tables[-1] = replace(tables[-1], notes=(*tables[-1].notes, *unstated(imu)))
     return tables
+
+
+def _circular(method: str, window: str) -> bool:
+    known = ESTIMATORS.get(method)
+    return known is not None and known.window(window).circular
 
 
 def _table(scores: Sequence[Score], deviations: Sequence[Spread], noise_only: bool) -> TableData:
@@ -124,10 +146,11 @@ def _row(scored: Score, with_error: bool, latitude: bool, noise_only: bool) -> t
     if not with_error:
         cells.append(_heading(e))
     for i in range(3):
-        sigma = "" if e.sigmas is None else sigma_text(e.sigmas[i] / DEG, noise_only)
-        error = "" if scored.error is None else number(scored.error[i] / DEG)
-        stands = error != UNDETERMINED
-        cells.append((f"{error} {sigma}".strip() if stands else error) if with_error else sigma)
+        sigma = None if e.sigmas is None else e.sigmas[i] / DEG
+        if with_error and scored.error is not None:
+            cells.append(with_sigma(scored.error[i] / DEG, sigma, noise_only))
+        else:
+            cells.append("" if sigma is None else sigma_text(sigma, noise_only))
     return (*cells, _latitude(scored, noise_only)) if latitude else tuple(cells)
 
 
@@ -163,23 +186,26 @@ def _pair_table(scores: Sequence[Score], noise_only: bool) -> TableData:
 
 
 def _bias_table(scores: Sequence[Score], noise_only: bool) -> TableData:
-    """Biases that a method found, a row per fit."""
-    fits: dict[bytes, tuple[list[str], tuple[str, ...]]] = {}
+    """Biases that a method found: of each fit a row per channel."""
+    fits: dict[bytes, tuple[list[str], AttitudeEstimate]] = {}
     for s in scores:
         e = s.estimate
-        if e.biases is None or e.bias_sigmas is None:
-            continue
-        values, sigmas = e.biases / _BIAS_UNITS, e.bias_sigmas / _BIAS_UNITS
-        cells = tuple(
-            f"{number(v)} {sigma_text(sigma, noise_only)}"
-            for v, sigma in zip(values, sigmas, strict=True)
-        )
-        fits.setdefault(e.biases.tobytes(), ([], cells))[0].append(e.label)
+        if e.biases is not None and e.bias_sigmas is not None:
+            fits.setdefault(e.biases.tobytes(), ([], e))[0].append(e.label)
+    rows = []
+    for labels, e in fits.values():
+        assert e.biases is not None
+        assert e.bias_sigmas is not None
+        for k, channel in enumerate(CHANNELS):
+            value, sigma = e.biases[k] / _BIAS_UNITS[k], e.bias_sigmas[k] / _BIAS_UNITS[k]
+            unit = ("deg/h", "mg")[k // 3]
+            cells = (channel, with_sigma(value, sigma, noise_only), unit)
+            rows.append((", ".join(labels) if not k else "", *cells))
     first = scores[0].estimate
     return TableData(
-        f"{method_text(first.method, first.window)}: biases [gyros deg/h, accelerometers mg]",
-        ("position", *CHANNELS),
-        tuple((", ".join(labels), *cells) for labels, cells in fits.values()),
+        f"{method_text(first.method, first.window)}: biases",
+        ("position", "channel", "bias", "unit"),
+        tuple(rows),
         notes=("± with the priors that were stated: one near its own prior was not seen",),
     )
 

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from alignment import ImuReadings
 from alignment.units import ARC_SECOND, DEG
 from stand.recording.curves import ANGLES, AngleCurves
+from stand.recording.thinning import bin_length, min_max_bins
 from stand.report.page import HUES, INK, ON_HUE, PAPER, SOFT, Drawing, drawing, frame, span_text
+from stand.samples import AXES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,12 +96,13 @@ def _short(text: str) -> str:
     return text if len(text) <= LONGEST_LABEL else text[: LONGEST_LABEL - 1] + "…"
 
 
-def _time_axis(axes: Axes, total: float) -> None:
-    per, unit = (60.0, "min") if total >= 300 else (1.0, "s")
-    per, unit = (3600.0, "h") if total >= 3 * 3600 else (per, unit)
-    axes.set_xlim(0, total or 1.0)
-    step = _tick(total / per) * per
-    ticks = np.arange(0, total * (1 + 1e-9), step)
+def _time_axis(axes: Axes, total: float, begin: float = 0.0) -> None:
+    span = total - begin
+    per, unit = (60.0, "min") if span >= 300 else (1.0, "s")
+    per, unit = (3600.0, "h") if span >= 3 * 3600 else (per, unit)
+    axes.set_xlim(begin, total if span > 0 else begin + 1.0)
+    step = _tick(span / per) * per
+    ticks = np.arange(np.ceil(begin / step) * step, total + 1e-9 * span, step)
     axes.set_xticks(ticks, [f"{tick / per:g}" for tick in ticks])
     frame(axes, grid="x")
     axes.set_xlabel(f"time [{unit}]")
@@ -371,6 +375,45 @@ def _ratio_marker(row: RatioRow, reach: float) -> str:
     if _within(row.ratio[0], reach) != row.ratio[0]:
         return ">" if row.ratio[0] > 1 else "<"
     return "o" if row.agrees else "X"
+
+
+CHANNEL_ROWS = 1200  # of each curve
+
+
+def channels(readings: ImuReadings, shaded: Sequence[tuple[float, float]] = ()) -> Drawing:
+    """Rates and specific forces over time, extremes kept; `shaded`: stretches [s]."""
+    t_ns = np.round(readings.t * 1e9).astype(np.int64)
+    m = bin_length(len(t_ns), CHANNEL_ROWS)
+    panels = (("rate [deg/s]", readings.w_ib_b / DEG), ("specific force [m/s²]", readings.f_b))
+    rows = [(name, min_max_bins(t_ns, np.ascontiguousarray(v), m)) for name, v in panels]
+    t_from, t_to = float(readings.t[0]), float(readings.t[-1])
+
+    def draw(figure: Figure) -> None:
+        for axes, (name, (stamps, values)) in zip(
+            figure.subplots(2, 1, sharex=True), rows, strict=True
+        ):
+            for a, b in shaded:
+                axes.axvspan(a, b, color=HUES[5], alpha=0.18, linewidth=0)
+            for k, axis in enumerate(AXES):
+                axes.plot(stamps * 1e-9, values[:, k], color=HUES[k], linewidth=1, label=axis)
+            _time_axis(axes, t_to, t_from)
+            frame(axes, name)
+        figure.get_axes()[0].set_xlabel("")
+        handles, names = figure.get_axes()[0].get_legend_handles_labels()
+        figure.legend(
+            handles, names, loc="outside upper right", ncols=3, frameon=False, fontsize=9,
+            labelcolor=INK,
+        )  # fmt: skip
+
+    spans = "; ".join(
+        f"{name} {axis} {low:.4g} to {high:.4g}"
+        for name, (_, values) in rows
+        for axis, low, high in zip(AXES, values.min(axis=0), values.max(axis=0), strict=True)
+    )
+    told = "what is estimated from is shaded; " if shaded else ""
+    thinned = "every sample is drawn" if m == 1 else f"the extremes of every {m} samples are drawn"
+    alt = f"Gyros and accelerometers over time. {spans}"
+    return drawing("channels", (WIDTH, 4.4), alt, draw, f"{told}{thinned}.".capitalize())
 
 
 def errors(method: str, number: int, tracks: Sequence[AngleCurves], total: float) -> Drawing:

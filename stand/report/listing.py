@@ -111,7 +111,9 @@ def _table(table: Table) -> Row:
 
     Accuracy figures are standard deviations; without a servo bandwidth the class has no motors.
     """
-    gimbals = [table.entry.axis[name] for name in JOINTS[BASE:]]
+    there = [name for name in table.there if name in JOINTS[BASE:]] or table.there
+    of = [JOINTS.index(name) for name in there]
+    gimbals = [table.entry.axis[name] for name in there]
     errors = [axis.errors for axis in gimbals]
 
     def largest(name: str) -> float:
@@ -123,8 +125,8 @@ def _table(table: Table) -> Row:
     return {
         "id": table.id,
         "title": table.title,
-        "rate deg/s": float(table.rate[BASE:].min() / DEG),
-        "accel deg/s2": float(table.acceleration[BASE:].min() / DEG),
+        "rate deg/s": float(table.rate[of].min() / DEG),
+        "accel deg/s2": float(table.acceleration[of].min() / DEG),
         "base deg": "fixed" if fixed else f"±{max(map(abs, (*low, *high))) / DEG:g}",
         "servo Hz": min(bandwidths) if len(bandwidths) == len(gimbals) else None,
         "place. arc s": largest("placement_arc_s"),

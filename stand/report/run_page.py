@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,30 +17,30 @@ import numpy as np
 
 from alignment import ESTIMATORS
 from alignment.angles import angles_from_C_nb, near_singular
-from alignment.estimate import ANGLES
 from alignment.units import DEG
 from stand.errors import StandError, located
 from stand.evaluation.aligned import sheet_beside
-from stand.evaluation.score import Refusal, Score, evaluate_each, suited
+from stand.evaluation.score import evaluate_each, suited
 from stand.folder import refuse_files, write_file
 from stand.imu.preset import ImuEntry
-from stand.procedure.procedure import ProcedureEntry
+from stand.procedure.procedure import ProcedureEntry, RequireEntry
 from stand.recording.curves import AngleCurves
 from stand.recording.log import Log, load_log
 from stand.recording.mcap.reader import read_attachments
 from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN, recorded_steps
 from stand.report.document import (
     ANGLE_NOTE,
-    UNDETERMINED,
     motion_table,
     refusal_lines,
     score_tables,
 )
-from stand.report.figures import Bar, errors, timeline
+from stand.report.figures import Bar, channels, errors, timeline
 from stand.report.gallery import Gallery, Position, gallery
+from stand.report.judged import judged
 from stand.report.page import render, span_text
 from stand.report.provenance import provenance, sha256_of_file, sha256_of_text
 from stand.report.tables import TableData
+from stand.simulation.settings import site_with
 from stand.simulation.step_record import StepRecord, records_from_json
 from stand.table.table import TableEntry
 from stand.toml_files import Source, parse
@@ -49,7 +50,9 @@ _MOVING = ("move", "profile")
 _ENTRIES = {"procedure": ProcedureEntry, "imu": ImuEntry, "table": TableEntry}
 
 
-def write_run_page(run: Path, out: Path | None = None, *, force: bool = False) -> Path:
+def write_run_page(
+    run: Path, out: Path | None = None, *, latitude_deg: float | None = None, force: bool = False
+) -> Path:
     """Write the page of a recorded run.
 
     Parameters
@@ -58,6 +61,8 @@ def write_run_page(run: Path, out: Path | None = None, *, force: bool = False) -
         Folder of `stand run`, or its `run.mcap`.
     out : Path, optional
         The file to write; without it `PAGE` in the run's folder.
+    latitude_deg : float, optional
+        Of the site; else as recorded.
     force : bool
         Replace a page that is there.
 
@@ -71,15 +76,16 @@ def write_run_page(run: Path, out: Path | None = None, *, force: bool = False) -
     if target.is_dir():
         raise StandError(f"--out {target}: must be a file")
     refuse_files([target], force=force)
-    return write_file(target, page(file))
+    return write_file(target, page(file, latitude_deg))
 
 
-def page(file: Path) -> str:
+def page(file: Path, latitude_deg: float | None = None) -> str:
     """The page of a recording: HTML that needs nothing else."""
     recorded = _read(file)
     log, steps, run = recorded.log, recorded.steps, recorded.metadata[RUN]
+    site = site_with(log.site, latitude_deg, None)
     scores, refusals = evaluate_each(
-        log.dwells, log.truths, log.site, log.options, [m for m in log.methods if m in ESTIMATORS]
+        log.dwells, log.truths, site, log.options, [m for m in log.methods if m in ESTIMATORS]
     )
     refusals = [*log.lost, *refusals]
     total = max([s["t_to_s"] for s in steps] or [d.t_to for d in log.dwells], default=0.0)
@@ -88,13 +94,15 @@ def page(file: Path) -> str:
         for key in ("procedure", "imu", "table")
         if "toml" in recorded.metadata.get(key, {})
     }
+    sheet = sheet_beside(recorded.metadata)
     content = {
         "title": recorded.title,
         "subtitle": recorded.subtitle,
-        "facts": _facts(run, log, total),
-        "summary": _summary(scores, refusals),
+        "facts": [("written", _date(file)), *_facts(run, log, total)],
+        "verdict": judged(scores, refusals, recorded.require, sheet, run.get("revision", "")),
+        "channels": channels(log.readings, [(d.t_from, d.t_to) for d in log.dwells]),
         "refusals": refusal_lines(refusals),
-        "tables": score_tables(scores, sheet_beside(recorded.metadata)),
+        "tables": score_tables(scores, sheet),
         "angle_note": ANGLE_NOTE if scores else "",
         "errors": _errors(log, {r.method for r in refusals}, total),
         "servo": motion_table(recorded.records) if recorded.records else None,
@@ -120,6 +128,7 @@ class _Recorded:
     steps: tuple[dict[str, Any], ...]
     records: tuple[StepRecord, ...]
     sha256: Mapping[str, str]
+    require: RequireEntry | None
 
 
 def _read(file: Path) -> _Recorded:
@@ -143,7 +152,17 @@ def _read(file: Path) -> _Recorded:
         steps=tuple(step.model_dump() for step in recorded_steps(metadata)),
         records=_records(beside["result.json"]),
         sha256=hashes,
+        require=_require(metadata),
     )
+
+
+def _require(metadata: Mapping[str, Mapping[str, str]]) -> RequireEntry | None:
+    """What the recorded procedure requires; nothing where another version wrote it."""
+    text = metadata.get("procedure", {}).get("toml", "")
+    try:
+        return parse(Source("procedure", "procedure", text), ProcedureEntry).require
+    except StandError:
+        return None
 
 
 def _title(key: str, metadata: Mapping[str, Mapping[str, str]]) -> str:
@@ -179,29 +198,6 @@ def _facts(run: Mapping[str, str], log: Log, total: float) -> list[tuple[str, st
         ("latitude", "unknown" if latitude is None else f"{latitude / DEG:g}°"),
         ("height", f"{log.site.height:g} m"),
     ]
-
-
-def _summary(scores: Sequence[Score], refusals: Sequence[Refusal]) -> list[str]:
-    """A line per method: its greatest error, what is not determined, or that it gives none."""
-    lines = []
-    for method in dict.fromkeys(s.estimate.method for s in scores):
-        own = [s for s in scores if s.estimate.method == method]
-        sizes = [
-            (abs(float(error)), angle, s.estimate.label)
-            for s in own
-            if s.error is not None
-            for angle, error in zip(ANGLES, s.error, strict=True)
-            if np.isfinite(error)
-        ]
-        if sizes:
-            size, angle, label = max(sizes)
-            lines.append(f"{method}: greatest error {size / DEG:.3g}°, of {angle} in “{label}”")
-        names = dict.fromkeys(name for s in own for name in s.estimate.undetermined)
-        for name in names:
-            n = sum(name in s.estimate.undetermined for s in own)
-            lines.append(f"{method}: {name} {UNDETERMINED} in {n} of {len(own)} estimates")
-    lines += [f"{r.stretch or r.method}: no estimate" for r in refusals]
-    return lines
 
 
 def _errors(log: Log, refused: set[str], total: float) -> list[Any]:
@@ -272,6 +268,11 @@ def attached_model(file: Path, main: str, folder: Path) -> Path:
             raise StandError(f"attached file {name!r} would leave its folder")
         write_file(folder / name, data)
     return folder / main
+
+
+def _date(file: Path) -> str:
+    """When the file was written: a recording itself holds no date, same seed, same bytes."""
+    return datetime.fromtimestamp(file.stat().st_mtime, UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def _settings(run: Mapping[str, str], log: Log) -> TableData:

@@ -54,7 +54,7 @@ def section(v: Verification) -> Section:
         note,
         table=_table(v.achieved),
         refused=tuple(refused_in_words(r, v.done) for r in v.refused),
-        agrees=not v.disagreeing,
+        agrees=not v.contradicts,
     )
 
 
@@ -62,16 +62,21 @@ def outcome(v: Verification) -> str:
     """One sentence: whether the runs agree with the predictions, or with which they do not."""
     compared = _compared(v)
     runs = runs_text(v.done)
+    if v.contradicts:
+        off = [_of(len(v.disagreeing), len(compared)) + f": {_named(v.disagreeing, MOST_NAMED)}"]
+        told = [*(off if v.disagreeing else []), *_silent(v)]
+        return f"{runs} of the whole stand {_verb(v.done, 'contradict')} {'; and '.join(told)}."
     if not compared:
         leave = _verb(v.done, "leave")
         return f"{runs} of the whole stand {leave} nothing to compare with a prediction."
-    if v.disagreeing:
-        count = _of(len(v.disagreeing), len(compared))
-        named = _named(v.disagreeing, MOST_NAMED)
-        return f"{runs} of the whole stand {_verb(v.done, 'contradict')} {count}: {named}."
     count = "the one prediction" if len(compared) == 1 else f"all {len(compared)} predictions"
     agree = _verb(v.done, "agree")
     return f"{runs} of the whole stand {agree} with {count} within {_band()}{_unsure(compared)}."
+
+
+def _silent(v: Verification) -> list[str]:
+    """Methods that were predicted and mostly gave no answer."""
+    return [f"that {r.method} answers: it gave none in {r.runs} of them" for r in v.silent]
 
 
 def fact(v: Verification) -> tuple[str, str]:
@@ -147,7 +152,9 @@ def _agreement(v: Verification) -> str:
 
 
 def _contradicted(v: Verification) -> str:
-    return f"Contradicted: {_named(v.disagreeing)}." if v.disagreeing else ""
+    told = [_named(v.disagreeing)] if v.disagreeing else []
+    told += _silent(v)
+    return f"Contradicted: {'; '.join(told)}." if told else ""
 
 
 def _chance(v: Verification) -> str:

@@ -21,6 +21,7 @@ from stand.bounds import (
     Stiffness,
     Torque,
 )
+from stand.errors import unknown
 from stand.table.joints import JOINTS
 
 _TURN = 2 * pi
@@ -94,6 +95,11 @@ class AxisEntry(catalogue.Entry):
         return self
 
 
+NOT_THERE = AxisEntry(
+    travel_deg=(0.0, 0.0), rate_deg_s=1.0, acceleration_deg_s2=1.0, jerk_deg_s3=1.0
+)
+
+
 class GeometryEntry(catalogue.Entry):
     """How the whole stands: standard deviations of its tilt and azimuth, and of the IMU's seat."""
 
@@ -119,11 +125,16 @@ class CertificateEntry(catalogue.Entry):
     valid_until: str = ""
 
 
+# What holds an axis that is not there, in a simulated servo: the laboratory class's bandwidths.
+_HELD_HZ = dict(zip(JOINTS, (12.0, 12.0, 18.0, 20.0, 30.0, 50.0), strict=True))
+_HELD_NM = 1e6
+
+
 class TableEntry(catalogue.Entry):
     """A table class as its TOML file says it.
 
-    `model`: an MJCF of a stand of one's own, by its path from the folder of this file; the shipped
-    one if absent.
+    `axis`: what each of its axes can do; one that is left out is not there. `model`: an MJCF of a
+    stand of one's own, by its path from the folder of this file; the shipped one if absent.
     """
 
     title: str
@@ -136,13 +147,22 @@ class TableEntry(catalogue.Entry):
 
     @model_validator(mode="after")
     def _all_axes(self) -> "TableEntry":
-        if set(self.axis) != set(JOINTS):
-            raise ValueError(f"axis: has {sorted(self.axis)}, must be {sorted(JOINTS)}")
-        if self.axis[JOINTS[0]].errors.non_orthogonality_arc_s:
+        for name in self.axis:
+            if name not in JOINTS:
+                raise ValueError(f"axis: {unknown('axis', name, JOINTS)}")
+        if not self.axis:
+            raise ValueError(f"axis: has none, must have one or more of {', '.join(JOINTS)}")
+        first = self.axis.get(JOINTS[0])
+        if first is not None and first.errors.non_orthogonality_arc_s:
             raise ValueError(
                 f"axis, {JOINTS[0]}, errors, non_orthogonality_arc_s: must be 0: no axis carries it"
             )
         return self
+
+    def whole(self) -> "TableEntry":
+        """The same with every axis of the stand: those that are not there stand still, true."""
+        there = {name: self.axis.get(name, NOT_THERE) for name in JOINTS}
+        return self.model_copy(update={"axis": there})
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +193,7 @@ class Table:
     `acceleration` [rad/s^2], `jerk` [rad/s^3], (6,) each; `torque` (6,) [N m], infinite where
     unknown. `motors` (6,): None where the class has none. `entry` holds the accuracy figures.
     `settle_within` [rad], `settle_hold` [s]. `model`: its MJCF, None for the shipped one.
+    `missing`: axes that it has not; they stand at zero.
     """
 
     id: str
@@ -187,6 +208,7 @@ class Table:
     jerk: Array
     motors: tuple[Motor | None, ...]
     model: Path | None = None
+    missing: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         six = (len(JOINTS),)
@@ -212,6 +234,15 @@ class Table:
         """For how long [s]."""
         return self.entry.settling.hold_s
 
+    @property
+    def there(self) -> tuple[str, ...]:
+        """The axes that it has."""
+        return tuple(name for name in JOINTS if name not in self.missing)
+
+    def without(self, name: str) -> str:
+        """In words that this axis is not there, and which are."""
+        return f"table {self.id} has no axis {name}, it has {', '.join(self.there)}"
+
     def outside(self, joints: Array) -> list[int]:
         """Indices of the axes whose angle (6,) [rad] is beyond travel."""
         slack = 1e-9 * DEG
@@ -234,8 +265,15 @@ def without_errors(table: Table) -> Table:
 
 def load_table(name: str) -> Table:
     """A table class by catalogue id or path; `StandError` where it is not right."""
-    source = catalogue.find("tables", "table", name)
-    entry = catalogue.parse(source, TableEntry)
+    return table_from(catalogue.find("tables", "table", name))
+
+
+def table_from(source: catalogue.Source) -> Table:
+    """Check a table's text."""
+    told = catalogue.parse(source, TableEntry)
+    missing = tuple(name for name in JOINTS if name not in told.axis)
+    driven = any(axis.motor is not None for axis in told.axis.values())
+    entry = told.whole()
     axes = [entry.axis[j] for j in JOINTS]
     travels = [a.travel_deg or (-inf, inf) for a in axes]
     return Table(
@@ -249,9 +287,18 @@ def load_table(name: str) -> Table:
         rate=np.array([a.rate_deg_s for a in axes]) * DEG,
         acceleration=np.array([a.acceleration_deg_s2 for a in axes]) * DEG,
         jerk=np.array([a.jerk_deg_s3 for a in axes]) * DEG,
-        motors=tuple(_motor(a.motor) for a in axes),
+        motors=tuple(
+            _motor(_held(name) if driven and name in missing else axis.motor)
+            for name, axis in zip(JOINTS, axes, strict=True)
+        ),
         model=None if entry.model is None else Path(source.name).parent / entry.model,
+        missing=missing,
     )
+
+
+def _held(name: str) -> MotorEntry:
+    """A drive that holds an axis which is not there."""
+    return MotorEntry(torque_Nm=_HELD_NM, bandwidth_hz=_HELD_HZ[name], damping=0.8, integral_s=0.1)
 
 
 def _motor(entry: MotorEntry | None) -> Motor | None:

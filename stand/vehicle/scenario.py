@@ -1,6 +1,7 @@
 """Drives: a path, satellite fixes with their errors and outages, as TOML; and readings of them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from collections.abc import Sequence as Ordered
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -9,6 +10,7 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from alignment import ImuReadings, Priors
+from alignment.angles import C_nb_from_angles, Sequence, angles_from_C_nb
 from alignment.arrays import Array
 from alignment.fixed_order import norm
 from alignment.methods.vectors import Fixes
@@ -97,6 +99,14 @@ class Leg(catalogue.Entry):
         return [*changes, Change(quarter, before)]
 
 
+class StartErrorEntry(catalogue.Entry):
+    """How wrong the programmed start is in this drive: errors of the three angles."""
+
+    roll_deg: Annotated[float, Field(ge=-20, le=20)] = 0.0
+    pitch_deg: Annotated[float, Field(ge=-20, le=20)] = 0.0
+    heading_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+
+
 class SatelliteEntry(catalogue.Entry):
     """How often fixes come, how wrong they are, and when none come.
 
@@ -136,6 +146,7 @@ class DriveEntry(catalogue.Entry):
     title: Annotated[str, Field(min_length=1)]
     description: Annotated[str, Field(min_length=1)]
     start: StartEntry
+    start_error: StartErrorEntry | None = None
     leg: Annotated[tuple[Leg, ...], Field(min_length=1)]
     satellite: SatelliteEntry = SatelliteEntry()
 
@@ -156,13 +167,18 @@ class DriveEntry(catalogue.Entry):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """A checked drive: its id and text, the path, and the satellites."""
+    """A checked drive: its id and text, the path, the satellites.
+
+    `start_error` (3,): errors of roll, yaw, pitch [rad] of the programmed start where they are
+    stated; else each run draws a start.
+    """
 
     id: str
     title: str
     text: str
     path: Path
     satellite: SatelliteEntry
+    start_error: Array | None = None
 
 
 def load_drive(name: str) -> Drive:
@@ -178,14 +194,26 @@ def drive_from(source: catalogue.Source) -> Drive:
     except StandError as error:
         raise StandError(f"{source.name}: {error}") from error
     drive = Drive(
-        id=source.id, title=entry.title, text=source.text, path=path, satellite=entry.satellite
+        id=source.id,
+        title=entry.title,
+        text=source.text,
+        path=path,
+        satellite=entry.satellite,
+        start_error=_start_error(entry.start_error),
     )
     if len(entry.satellite.times(path.duration)) < 2:
         raise StandError(f"{source.name}: satellite: fewer than 2 fixes in {path.duration:g} s")
     return drive
 
 
-def path_of(start: Start, legs: Sequence[Leg]) -> Path:
+def _start_error(entry: StartErrorEntry | None) -> Array | None:
+    """Errors of roll, yaw, pitch [rad]: heading grows as yaw falls."""
+    if entry is None:
+        return None
+    return DEG * np.array([entry.roll_deg, -entry.heading_deg, entry.pitch_deg])
+
+
+def path_of(start: Start, legs: Ordered[Leg]) -> Path:
     """The path through the legs."""
     speed, heading, climb, roll = ([] for _ in range(4))
     last = {"speed": start.speed, "heading": start.heading, "climb": start.climb}
@@ -231,7 +259,7 @@ def reported(sensed: Sensed, unit: Imu) -> ImuBlock:
     return joined(blocks)
 
 
-def joined(blocks: Sequence[ImuBlock]) -> ImuBlock:
+def joined(blocks: Ordered[ImuBlock]) -> ImuBlock:
     """Blocks that follow one another as one."""
     columns = ([getattr(block, name) for block in blocks] for name in ImuBlock.__slots__)
     return ImuBlock(*map(np.concatenate, columns))
@@ -252,6 +280,8 @@ def priors_of(imu: ImuSpec, gravity: float) -> Priors:
         accel_bias=float(norm([imu.accel.bias, imu.accel.instability, imu.accel.scale * gravity])),
         gyro_walk=imu.gyro.noise,
         accel_walk=imu.accel.noise,
+        gyro_axes=imu.gyro.axes,
+        accel_axes=imu.accel.axes,
     )
 
 
@@ -289,3 +319,16 @@ def programmed(path: Path, sigma: float, rng: np.random.Generator) -> Rotation:
     """A start attitude as programmed: wrong by `sigma` [rad] about each axis of n."""
     error = Rotation.from_rotvec(sigma * rng.standard_normal(3))
     return error * path.at(np.zeros(1)).C_nb[0]
+
+
+def started(drive: Drive, sigma: float, rng: np.random.Generator) -> Rotation:
+    """The programmed start of a drive: by the three angle errors it states, else as drawn.
+
+    Source: [S2], initial errors as three angles.
+    """
+    drawn = programmed(drive.path, sigma, rng)
+    if drive.start_error is None:
+        return drawn
+    C_nb = drive.path.at(np.zeros(1)).C_nb[0]
+    roll, yaw, pitch = angles_from_C_nb(Sequence.YAW_PITCH_ROLL, C_nb) + drive.start_error
+    return C_nb_from_angles(Sequence.YAW_PITCH_ROLL, roll, yaw, pitch)

@@ -172,10 +172,10 @@ def test_a_stated_range_is_known():
     t, w, f = readings()
     ends = np.abs(w[:, 0])
     limit = float(np.quantile(ends, 0.995))
-    found = saturation_doubt("p", ImuReadings(t, np.clip(w, -limit, limit), f), (limit, 100.0))
+    found = saturation_doubt("p", ImuReadings(t, np.clip(w, -limit, limit), f, (limit, 100.0)))
     assert "X1 gyro at full scale in 0.5 % of the samples" in found
     # a range that nobody reached, whatever the readings look like
     t, w, f = smooth_start(lambda x: x)
-    assert saturation_doubt("p", ImuReadings(t, w, f), (1.0, 100.0)) == ()
+    assert saturation_doubt("p", ImuReadings(t, w, f, (1.0, 100.0))) == ()
     with pytest.raises(Saturated, match="Y1 accelerometer at full scale in 100 %"):
-        saturation_doubt("p", ImuReadings(t, w, f), (1.0, 9.8093587))
+        saturation_doubt("p", ImuReadings(t, w, f, (1.0, 9.8093587)))

@@ -306,7 +306,7 @@ def _end(child: int) -> None:
 # --- words ---------------------------------------------------------------------------------------
 
 
-def page(results: list[Found], reasons: list[dict[str, str]], seed: int) -> str:
+def page(results: list[Found], reasons: list[dict[str, str]], seed: object) -> str:
     """docs/mutants.md."""
     why = {(r["file"], r["before"], r["after"]): r["reason"] for r in reasons}
     rows, left = [], []
@@ -327,9 +327,10 @@ def page(results: list[Found], reasons: list[dict[str, str]], seed: int) -> str:
 PAGE = """# Bugs that the tests notice
 
 `make mutants` puts small bugs into the code, one at a time (a sign, a factor, a limit, a term left
-out), and runs the quick tests that pass the changed line. It writes this page; reasons are kept in
-`tests/benchmarks/mutants.toml`. Which bugs is drawn by a seed (here {seed}): `make mutants
-ARGS="--seed 5 --each 60"` draws others, `--areas recording` of one area alone.
+out), and runs the quick tests that pass the changed line, until one fails. It makes this page of
+it; `tests/benchmarks/mutants.toml` holds why some bugs make no difference. Words, annotations and
+checks of types are left alone. Which bugs is drawn by a seed, here {seed}:
+`make mutants ARGS="--seed 5 --each 60"` draws others, `--areas recording` those of one area.
 
 | area | bugs | of them make no difference | noticed | |
 |---|---|---|---|---|

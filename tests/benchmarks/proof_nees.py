@@ -48,7 +48,7 @@ a case, a quarter of them of what rocks or turns.{low}
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=2000)
+    parser.add_argument("--runs", type=int, default=40)
     parser.add_argument("--only", nargs="*", default=[], help="PROCEDURE")
     parser.add_argument("--low", action="store_true", help="5 and 20 Hz, without rounding")
     asked = parser.parse_args()
@@ -62,12 +62,9 @@ def main() -> None:
     rows = "\n".join(told(found)) + "\n"
     print(rows)
     if not asked.only:
-        head = HEAD.format(
-            runs=asked.runs,
-            asked=f"--runs {asked.runs}{' --low' * asked.low}",
-            low=LOW if asked.low else "",
-            summary=summary(found),
-        )
+        made_by = f"--runs {asked.runs}{' --low' * asked.low}"
+        low = LOW if asked.low else ""
+        head = HEAD.format(runs=asked.runs, asked=made_by, low=low, summary=summary(found))
         PAGE.write_text(head + rows, encoding="utf-8")
 
 

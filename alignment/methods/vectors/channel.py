@@ -17,6 +17,7 @@ from alignment.methods.vectors.fixes import Matching, Record, VectorOptions
 from alignment.navigation import C_ie, Integrals, attitude_in_n, gravitation
 from alignment.options import Priors
 from alignment.readings import Fixes
+from alignment.skew import Axes, spread
 
 PSI, VEL, POS = slice(0, 3), slice(3, 6), slice(6, 9)
 GYRO, ACCEL = slice(9, 12), slice(12, 15)
@@ -67,6 +68,8 @@ def begun(record: Record, fixes: Fixes, options: VectorOptions) -> State:
         fixes.velocity_drift,
     ]
     P = np.diag(np.repeat(np.square(sigmas), 3))
+    for block, axes in ((GYRO, priors.gyro_axes), (ACCEL, priors.accel_axes)):
+        P[block, block] = P[block, block] @ _in_i(_I3, axes)
     # the place errs by the first fix's drift, and the drift's estimate (0) by minus that
     for state, drift, sigma in (
         (POS, POS_DRIFT, fixes.position_drift),
@@ -98,7 +101,7 @@ def carried(
     slope = gravitation(ahead, elapsed + T) - g
     fading = np.exp(-T / fixes.drift_time)
     F = _transition(step, k, C, dv, dr, fading)
-    P = F @ state.P @ F.T + _noise(T, dv, dr, fading, fixes, priors)
+    P = F @ state.P @ F.T + _noise(T, C, dv, dr, fading, fixes, priors)
     return State(
         C @ turned,
         state.v + dv + (g + 0.5 * slope) * T,
@@ -126,21 +129,29 @@ def _transition(step: Integrals, k: int, C: Array, dv: Array, dr: Array, fading:
     return F
 
 
-def _noise(T: float, dv: Array, dr: Array, fading: float, fixes: Fixes, priors: Priors) -> Array:
+def _noise(
+    T: float, C: Array, dv: Array, dr: Array, fading: float, fixes: Fixes, priors: Priors
+) -> Array:
     """White rate and force noise over a stretch of even force; fresh satellite drift."""
     Q = np.zeros((STATES, STATES))
-    N2, A2 = priors.gyro_walk**2, priors.accel_walk**2
+    N2 = priors.gyro_walk**2 * _in_i(C, priors.gyro_axes)
+    A2 = priors.accel_walk**2 * _in_i(C, priors.accel_axes)
     V, D = -cross_matrix(dv), -cross_matrix(dr)
-    Q[PSI, PSI] = N2 * T * _I3
-    Q[VEL, PSI], Q[POS, PSI] = N2 * T / 2 * V, N2 * T / 3 * D
-    Q[VEL, VEL] = N2 * T / 3 * V @ V.T + A2 * T * _I3
-    Q[POS, VEL] = N2 * T / 4 * D @ V.T + A2 * T**2 / 2 * _I3
-    Q[POS, POS] = N2 * T / 5 * D @ D.T + A2 * T**3 / 3 * _I3
+    Q[PSI, PSI] = T * N2
+    Q[VEL, PSI], Q[POS, PSI] = T / 2 * V @ N2, T / 3 * D @ N2
+    Q[VEL, VEL] = T / 3 * V @ N2 @ V.T + T * A2
+    Q[POS, VEL] = T / 4 * D @ N2 @ V.T + T**2 / 2 * A2
+    Q[POS, POS] = T / 5 * D @ N2 @ D.T + T**3 / 3 * A2
     Q[PSI, VEL], Q[PSI, POS], Q[VEL, POS] = Q[VEL, PSI].T, Q[POS, PSI].T, Q[POS, VEL].T
     fresh = 1 - fading**2
     Q[POS_DRIFT, POS_DRIFT] = fixes.position_drift**2 * fresh * _I3
     Q[VEL_DRIFT, VEL_DRIFT] = fixes.velocity_drift**2 * fresh * _I3
     return Q
+
+
+def _in_i(C: Array, axes: Axes | None) -> Array:
+    """Covariance (3, 3) in i of noise of variance 1 of each sensor."""
+    return _I3 if axes is None else C @ spread(axes) @ C.T
 
 
 def shown(

@@ -21,6 +21,7 @@ from alignment.methods.vectors.fixes import Matching, Record, VectorOptions, che
 from alignment.methods.vectors.kalman import DISAGREE, UNLIKELY
 from alignment.navigation import C_en, C_ie, attitude_in_n, geodetic, gravitation, integrals
 from alignment.readings import Fixes, ImuReadings
+from alignment.skew import Axes, back_from, spread
 
 METHOD = "vectors observing"
 MOST = 1000  # fixes: memory grows with their square, some 0.5 GB here
@@ -82,7 +83,7 @@ def observing(
     velocity_g, place_g = _gravity_integrals(record)
     drifts = _drifts(readings, record, fixes)
     rows = _rows(record, fixes, velocity_g, place_g, drifts, options)
-    turns = _turn_errors(record, fixes)
+    turns = _turn_errors(record, fixes, back_from(options.priors.gyro_axes))
 
     T = record.t - record.t[0]
     solution = Solution(
@@ -153,12 +154,15 @@ def _drifts(readings: ImuReadings, record: Record, fixes: Fixes) -> Array:
     return effects.reshape(2 * len(k), 3, -1)
 
 
-def _turn_errors(record: Record, fixes: Fixes) -> Array:
-    """Error of the turn since the start (k, 3, s), in b0, per unit of each source."""
+def _turn_errors(record: Record, fixes: Fixes, back: Array) -> Array:
+    """Error of the turn since the start (k, 3, s), in b0, per unit of each source.
+
+    `back` (3, 3): components in b of the gyros' errors.
+    """
     middles = (fixes.t[:-1] + fixes.t[1:]) / 2
     later = (record.t[:, None] > middles).astype(float)
-    walks = np.einsum("kl,ij->kilj", later, np.eye(3)).reshape(len(record.t), 3, -1)
-    gyro = record.sensed.turn_time
+    walks = np.einsum("kl,ij->kilj", later, back).reshape(len(record.t), 3, -1)
+    gyro = record.sensed.turn_time @ back
     return np.concatenate([gyro, np.zeros_like(gyro), walks], axis=2)
 
 
@@ -176,10 +180,13 @@ def _rows(
     y_r = record.r_i - record.r_i[0] - record.v_i[0] * T[:, None] - place_g[k]
     gyro = _interleaved(s.velocity_gyro[k], s.place_gyro[k])
     accel = _interleaved(s.turn_time[k], s.turn_time2[k])
-    effects = np.concatenate([gyro, accel, drifts], axis=2)
+    back = back_from(priors.gyro_axes)
+    walks = (drifts.reshape(len(drifts), 3, -1, 3) @ back).reshape(drifts.shape)
+    effects = np.concatenate([gyro @ back, accel @ back_from(priors.accel_axes), walks], axis=2)
     variances = np.repeat([priors.gyro_bias**2, priors.accel_bias**2], 3)
     variances = np.append(variances, priors.gyro_walk**2 * np.repeat(np.diff(fixes.t), 3))
-    white = _isotropic(T, fixes, priors.accel_walk)
+    even = np.sqrt(np.trace(_spread(priors.accel_axes)) / 3)
+    white = _isotropic(T, fixes, priors.accel_walk * even)
     spread = effects * np.sqrt(variances / 3)
     spread = spread.reshape(len(spread), -1)
     root = np.linalg.cholesky(white + spread @ spread.T)
@@ -197,6 +204,10 @@ def _rows(
         effects=whitened(effects),
         variances=variances,
     )
+
+
+def _spread(axes: Axes | None) -> Array:
+    return np.eye(3) if axes is None else spread(axes)
 
 
 def _interleaved(velocity: Array, place: Array) -> Array:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from stand.errors import StandError
-from stand.recording.formats.extras import missing
+from stand.recording.formats.extras import damaged, missing
 from stand.recording.formats.table import ArrayTable, Values, table_of
 
 _MOST = 10_000  # objects that are looked at
@@ -34,11 +34,10 @@ def read_hdf5(path: Path, topic: str | None) -> ArrayTable:
             arrays = _datasets(file, h5py.Dataset)
             table = table_of(arrays, None if topic is None else topic.strip("/").replace("/", "."))
             columns = [table.column(k) for k in range(table.width)]
-    except (StandError, MemoryError):
+    except StandError:
         raise
     except Exception as error:  # whatever the library says to bytes that make no sense
-        told = " ".join(str(error).split())[:100] or type(error).__name__
-        raise StandError(f"{path}: not a whole HDF5 file: {told}") from error
+        raise damaged(path, "HDF5 file", error) from error
     return ArrayTable(
         topic=table.topic,
         names=table.names,

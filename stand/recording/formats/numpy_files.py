@@ -11,6 +11,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from stand.errors import StandError
+from stand.recording.formats.extras import damaged
 from stand.recording.formats.table import ArrayTable, table_of
 
 _MOST_RATIO = 1100  # deflate expands to 1032 times at most
@@ -42,12 +43,10 @@ def read_npz(path: Path, topic: str | None) -> ArrayTable:
                     raise StandError(f"{path}: damaged: {name} is longer than the file")
                 with archive.open(info) as file:
                     arrays[name.removesuffix(".npy")] = _array(file, size, f"{path}: {name}")
-    except (zipfile.BadZipFile, NotImplementedError, OSError, EOFError, RuntimeError) as error:
-        raise StandError(f"{path}: not a whole npz: {error}") from error
-    except Exception as error:  # zlib and its like say what they like of damaged bytes
-        if isinstance(error, StandError) or type(error).__module__ not in ("zlib", "_lzma"):
-            raise
-        raise StandError(f"{path}: not a whole npz: {error}") from error
+    except StandError:
+        raise
+    except Exception as error:  # zipfile and the libraries behind it say what they like
+        raise damaged(path, "npz", error) from error
     if not arrays:
         raise StandError(f"{path}: a zip file without arrays of NumPy")
     return table_of(_fields(arrays), topic)
@@ -57,8 +56,8 @@ def _array(file: Any, size: int, name: str) -> NDArray[Any]:
     """An array of `size` bytes with its header; objects are never made."""
     try:
         shape, fortran, kind = _header(file)
-    except (ValueError, TypeError, SyntaxError, EOFError, RecursionError, OverflowError) as error:
-        raise StandError(f"{name}: damaged: {' '.join(str(error).split())[:80]}") from error
+    except Exception as error:  # the header is Python's own words, and so are its faults
+        raise damaged(name, "array of NumPy", error) from error
     if kind.hasobject:
         raise StandError(f"{name}: holds Python objects, must be numbers")
     count = math.prod(shape)

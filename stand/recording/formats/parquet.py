@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stand.errors import StandError
-from stand.recording.formats.extras import missing
+from stand.recording.formats.extras import damaged, missing
 from stand.recording.formats.table import ArrayTable
 
 
@@ -26,15 +26,13 @@ def read_parquet(path: Path, topic: str | None) -> ArrayTable:
             names = tuple(schema.names)
             rows = file.metadata.num_rows
     except (pa.ArrowException, OSError, ValueError) as error:
-        told = " ".join(str(error).split())[:100]
-        raise StandError(f"{path}: not a whole Parquet file: {told}") from error
+        raise damaged(path, "Parquet file", error) from error
 
     def column(k: int) -> NDArray[Any]:
         try:
             found = pq.read_table(path, columns=[names[k]]).column(0)
         except (pa.ArrowException, OSError, ValueError) as error:
-            told = " ".join(str(error).split())[:100]
-            raise StandError(f"{path}: column {names[k]}: {told}") from error
+            raise damaged(f"{path}: column {names[k]}", "Parquet file", error) from error
         if found.null_count:
             raise StandError(
                 f"{path}: column {names[k]}: {found.null_count} of {rows} values are missing"

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from stand.errors import StandError, unknown
-from stand.recording.formats.extras import missing
+from stand.recording.formats.extras import damaged, missing
 from stand.recording.formats.table import ArrayTable
 
 _COMBINED, _IMU = "sensor_combined", "vehicle_imu"
@@ -23,13 +23,11 @@ def read_ulog(path: Path, topic: str | None) -> ArrayTable:
     except ImportError:
         raise missing(path, "PX4's log", "pyulog") from None
     try:
-        log = ULog(str(path), [_COMBINED, _IMU], disable_str_exceptions=True)
+        with path.open("rb") as file:
+            log = ULog(file, [_COMBINED, _IMU], disable_str_exceptions=True)
         found = {_name(data): data.data for data in log.data_list}
-    except MemoryError:
-        raise
     except Exception as error:  # whatever the library says to bytes that make no sense
-        told = " ".join(str(error).split())[:100] or type(error).__name__
-        raise StandError(f"{path}: not a whole PX4 log: {told}") from error
+        raise damaged(path, "PX4 log", error) from error
     if not found:
         raise StandError(f"{path}: neither {_COMBINED} nor {_IMU} was logged")
     if topic is not None and topic not in found:

@@ -281,6 +281,14 @@ class LogFile:
                 self._metadata = self._messages.metadata()
         return self._metadata
 
+    def topics(self) -> dict[str, str]:
+        """The type of each topic."""
+        return {c.topic: self._found.type_name(c) for c in self._found.channels.values()}
+
+    def imu_topics(self) -> list[str]:
+        """Those with an IMU's messages."""
+        return [topic for topic, kind in self.topics().items() if kind in _IMU_TYPES]
+
     def imu(self, topic: str | None = None) -> ImuLog:
         """What the IMU said; without a `topic` /imu/data, or the only IMU topic there is."""
         with faults_of(self.path):
@@ -353,8 +361,7 @@ class LogFile:
         """
         with faults_of(self.path):
             topic = _chosen(self._found, None, tuple(_VELOCITY_TYPES), VELOCITY_TOPIC)
-            types = {c.topic: self._found.type_name(c) for c in self._found.channels.values()}
-            has_covariance = _VELOCITY_TYPES[types[topic]]
+            has_covariance = _VELOCITY_TYPES[self.topics()[topic]]
 
             decode = partial(decode_velocities, covariance=has_covariance)
             columns = self._columns(topic, decode, ("t_ns", "v", "variance"), ("t_ns", "v"))
@@ -383,7 +390,7 @@ class LogFile:
             columns = {name: growing[name].whole() for name in names}
             if seen is not None:
                 seen.check(columns)
-            _check({name: columns[name] for name in finite or names})
+            _check({name: columns[name] for name in finite or names}, self._form.stamps)
         return columns
 
     def _batches(self, topic: str, decode: Decode) -> Iterator[tuple[Any, IntArray]]:
@@ -486,7 +493,7 @@ def _channels(found: Directory, topic: str) -> tuple[list[int], bool]:
     return [channel.id for channel in channels], kinds.pop()
 
 
-def _check(columns: Mapping[str, NDArray[Any]]) -> None:
+def _check(columns: Mapping[str, NDArray[Any]], stamps: str) -> None:
     for name, values in columns.items():
         within = tuple(range(1, values.ndim))
         odd = np.flatnonzero(~np.isfinite(values).all(axis=within))
@@ -503,9 +510,10 @@ def _check(columns: Mapping[str, NDArray[Any]]) -> None:
     back = np.flatnonzero(np.diff(t_ns) <= 0)
     if len(back):
         i = int(back[0])
+        kind, other = ("header stamp", "log") if stamps == "header" else ("log time", "header")
         raise StandError(
-            f"message {i + 1}: header stamp {t_ns[i + 1]} ns is not later than "
-            f"{t_ns[i]} ns before it; stamps must increase"
+            f"message {i + 1}: {kind} {t_ns[i + 1]} ns is not later than "
+            f"{t_ns[i]} ns before it; stamps must increase (or try --stamps {other})"
         )
 
 

@@ -16,7 +16,7 @@ from alignment.allan.analysis import shown as is_shown
 from alignment.allan.covariance import degrees_of_freedom
 from alignment.allan.deviation import deviation, variances
 from alignment.allan.fit import LIMIT, Rival, fit, interval
-from alignment.allan.stretches import interruptions, longest
+from alignment.allan.stretches import between, interruptions
 from alignment.allan.terms import KEYS, design, index, plateau, value, variance, weight
 from alignment.errors import NotAtRest, TooShort
 
@@ -254,6 +254,8 @@ def test_terms_that_are_not_shown_say_what_they_need():
     # N^2/tau falls to B^2 at 900 s, and a plateau must be seen for several times that.
     assert gap.needed is not None
     assert 8 * 900 < gap.needed < 100 * 3600
+    # what chance makes of a walk or a ramp does not hide it at any length
+    assert all(m.needed is not None for m in one.missing if m.term in "BKR")
     # A tenth of the variance at one sample is not reached by what the record allows of Q.
     assert missing(one)["Q"].needed is None
 
@@ -540,7 +542,7 @@ def test_vibration_widens_the_intervals():
 # Stamps ------------------------------------------------------------------------------------------
 
 
-def test_a_gap_is_found_and_the_longest_stretch_used():
+def test_a_gap_is_found_and_both_sides_of_it_are_used():
     t = 0.01 * np.arange(6000)
     t[2000:] += 0.5
     result = analyse(readings(t=t))
@@ -548,8 +550,44 @@ def test_a_gap_is_found_and_the_longest_stretch_used():
     assert (gap.kind, gap.sample) == ("gap", 2000)
     assert gap.t == pytest.approx(20.5)
     assert gap.missing == pytest.approx(0.5)
-    assert (result.samples, result.t_from) == (4000, pytest.approx(20.5))
+    assert [s.samples for s in result.stretches] == [2000, 4000]
+    assert (result.t_from, result.t_to) == (0.0, pytest.approx(60.49))
     assert result.interval == pytest.approx(0.01)
+    # its squares are those of two records, not of one with a jump of the integral
+    once = readings()
+    parts = [once.w_ib_b[:2000, 0], once.w_ib_b[2000:, 0]]
+    np.testing.assert_allclose(
+        result.channels[0].deviation ** 2, deviation(parts, 0.01).variance, rtol=1e-9
+    )
+
+
+def test_what_moved_between_gaps_is_left_out_unless_it_is_the_longest():
+    t = 0.01 * np.arange(6000)
+    t[2000:] += 0.5
+    still = readings(t=t)
+    moving = still.w_ib_b.copy()
+    moving[1000:2000, 1] += 0.01
+    result = analyse(ImuReadings(t, moving, still.f_b))
+    assert [s.samples for s in result.stretches] == [4000]
+    assert result.notes == ("left out, not at rest: 0 to 19.99 s",)
+    moving[4000:] += 0.01
+    with pytest.raises(NotAtRest, match="record: not at rest near"):
+        analyse(ImuReadings(t, moving, still.f_b))
+
+
+def test_a_record_of_many_gaps_tells_as_much_as_its_stretches():
+    """Every tenth second is lost: N from nine tenths of the samples, not from one tenth."""
+    whole = readings(20_000)
+    kept = np.arange(20_000) % 1000 >= 100
+    result = analyse(ImuReadings(whole.t[kept], whole.w_ib_b[kept], whole.f_b[kept]))
+    assert len(result.stretches) == 20
+    assert result.samples == 18_000
+    widths = [
+        (found(r.channels[0])["N"].high - found(r.channels[0])["N"].low)
+        for r in (result, analyse(whole))
+    ]
+    # a tenth fewer samples and no taus above 1.1 s
+    assert 1.0 < widths[0] / widths[1] < 1.3
 
 
 def test_one_lost_sample_is_a_gap_and_a_late_stamp_is_not():
@@ -575,7 +613,7 @@ def test_a_change_of_rate_is_found():
     assert event.kind == "rate"
     assert event.sample == pytest.approx(5000, abs=2)
     assert (event.before, event.after) == (pytest.approx(0.01), pytest.approx(0.0102))
-    assert longest(t, [event]).start == 0
+    assert between(t, [event]) == [slice(0, event.sample), slice(event.sample, 8000)]
     assert interruptions(0.01 * 1.00001 ** np.arange(900)) == []  # 0.9 %: a drifting clock
 
 

@@ -1,4 +1,4 @@
-"""Units, usual sizes and printed figures of what a procedure can tell, each by hand."""
+"""Units and usual sizes of what a procedure can tell, and what turns are worth, by hand."""
 
 from math import pi, radians
 
@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Priors, Site
 from alignment.information import InstrumentErrors, Setting, Stretch, TriadErrors
-from alignment.information.budget import published_figures
 from alignment.information.model import parameters
 from alignment.information.turns import double_sigma, turn_pays
 
@@ -96,22 +95,3 @@ def test_the_length_of_a_turns_axis_does_not_matter():
 def test_two_gyros_and_an_allan_deviation_by_hand():
     """1e-8 rad/s at 60 deg: over sqrt(2) 7.292115e-5 / 2."""
     assert double_sigma(1e-8, radians(60)) == pytest.approx(1.9393736e-4, rel=1e-6)
-
-
-# --- printed figures
-
-
-def test_published_figures_print_what_a_hand_finds():
-    """c, s = cos, sin 5 deg; noise of 3 x 0.01/sqrt(12000) m/s^2 per axis; g = 9.81 m/s^2."""
-    rows = published_figures()
-    # 0.1/(g c) + 0.002 s/c; 0.1 (c + s (c + s))/g; with 2 x 0.002 s c more
-    assert rows[1].ours == "35.8' or 38.2'"
-    assert "K 39.4'" in rows[1].because
-    # (0.001 + noise) (s + c)/(g c); 0.001 (s + c)/(g c); (0.001 + noise) (c + s (c + s))/g
-    assert rows[2].ours == "0.485'"
-    assert rows[2].because.endswith("bias alone gives 0.381'")
-    assert rows[3].ours == "0.487'"
-    # 10/(15.041067 cos 45); tan 30' of that rate; 1/tan 5
-    assert rows[6].ours == "no heading: 10 deg/h is 0.94 of the horizontal Earth rate"
-    assert rows[6].because == "30' needs gyros of 0.09 deg/h"
-    assert rows[7].because.endswith("at 5 deg a turn pays up to 11 times that")

@@ -19,6 +19,7 @@ from alignment.methods.inertial import (
     gravity_velocity,
     inertial,
     inertial_tracks,
+    laid,
     noise_of,
     white_levels,
 )
@@ -487,3 +488,60 @@ def test_wrong_gravity_and_unsure_heading_are_remarked():
     assert any("is not gravity" in flag for flag in estimate.flags)
     estimate, _ = one(STILL, 20.0, 10.0, replace(QUIET, gyro_walk=1e-3))
     assert any("above 8 deg" in flag for flag in estimate.flags)
+
+
+# --- a lever arm ----------------------------------------------------------------------------------
+
+
+def turning(rate_deg_s):
+    return Motion(yaw=Angle(rate=radians(rate_deg_s)), lever=(0.04, 0.06, 0.05))
+
+
+@pytest.mark.parametrize("rate", [30.0, -60.0])
+def test_a_table_that_turns_shows_the_arm(rate):
+    """Perfect sensors 64 mm beside the axis: without the arm wrong by degrees, with it not.
+
+    The arm along the axis does not move, and is not found. By hand: at 30 deg/s (0.5236 rad/s)
+    0.0640 m are 33.5 mm/s across, on a curve that tells heading by W cos lat g T^2/8 = 0.061 m/s.
+    """
+    motion = turning(rate)
+    stretch, C = exact(motion, 32.0, 20.0)
+    blind = Priors(gyro_walk=SMALL, accel_walk=1e-4)
+    (wrong,) = inertial([stretch], site(motion), Options(priors=blind))
+    (told,) = inertial([stretch], site(motion), Options(priors=replace(blind, lever_arm=0.055)))
+    off = [abs(errors(e.C_nb.as_matrix()[None], C)[0, 2]) for e in (wrong, told)]
+    assert off[0] > radians(1.0)
+    assert off[1] < 0.01 * off[0]
+    carried = carry(stretch.readings, 0.5)
+    _, _, arm = laid(stretch.readings, carried, site(motion), replace(blind, lever_arm=0.055))
+    # Y1 is up, so X1 and Z1 swing; their noise is 1e-4 m/s/rt-s: a tenth of a millimetre
+    assert arm.place[[0, 2]] == pytest.approx([0.04, 0.05], abs=5e-4)
+    assert abs(arm.place[1]) < 1e-3
+    assert arm.left[1, 1] == pytest.approx(0.055, rel=1e-3)
+
+
+def test_an_arm_that_does_not_show_is_in_the_sigma():
+    """1 deg/s (0.01745 rad/s): centripetal ``w^2 r`` of 0.055 m is 1.68e-5 m/s^2, of g 1.71e-6."""
+    motion = turning(1.0)
+    stretch, _ = exact(motion, 4.0, 20.0)
+    blind = Priors(gyro_walk=1e-10, accel_walk=1e-7)
+    P = []
+    for arm in (0.0, 0.055):
+        (found,) = inertial(
+            [stretch], site(motion), Options(priors=replace(blind, lever_arm=arm, accel_bias=1e-3))
+        )
+        P.append(found.covariance)
+    added = np.sqrt(np.diag(P[1] - P[0])[:2])
+    # two components of the arm lean north and east alike, each w^2 r/g, less what 4 deg turn
+    assert added == pytest.approx(1.71e-6, rel=0.02)
+
+
+def test_what_rests_needs_no_arm():
+    stretch, _ = exact(STILL, 60.0, 10.0)
+    plain, armed = (
+        inertial([stretch], site(STILL), Options(priors=replace(QUIET, lever_arm=arm)))[0]
+        for arm in (0.0, 0.7)
+    )
+    # it moves with the Earth, which gravity holds: W^2 r/g is 4e-10 rad
+    assert np.abs((armed.C_nb * plain.C_nb.inv()).as_rotvec()).max() < 1e-9
+    np.testing.assert_allclose(armed.covariance, plain.covariance, rtol=1e-6, atol=1e-20)

@@ -244,14 +244,14 @@ def test_whether_the_turn_pays_is_part_of_the_answer():
 
     # Bias alone: b/(W cos lat) = 5.73 deg per deg/h; 1' placement.
     (pays,) = verdict(DEG_H, MINUTE)
-    assert pays.startswith("turns pay: heading sigma 0.7")
-    assert "against 345' of one position" in pays
+    assert pays.startswith("turns pay: heading sigma 0.0118 deg")  # 0.707'
+    assert "against 5.75 deg of one position" in pays
     # A laser of 1e-4 deg/h on a table of 5': one position is as good, the prior keeps it so.
     assert verdict(1e-4 * DEG_H, 5 * MINUTE) != []
     assert verdict(0.0, MINUTE) == []
     # What 180 and 90 deg would give: (d1 - d0)/2, and nose north east of it the same here.
     half, quarter = pays.split("; ")[1].split(", ")
-    assert half == "180 deg: 0.707'"
+    assert half == "180 deg: 0.0118 deg"
     assert quarter.startswith("90 deg: ")
 
 
@@ -270,12 +270,12 @@ def shown_verdict(priors, seconds, seed, walk):
     (found,) = two_position(noisy, HERE, Options(priors=priors))
     (flag,) = [flag for flag in found.flags if flag.startswith("turns ")]
     pattern = (
-        r"turns (do not )?pay: heading sigma ([\d.]+)' against ([\d.]+)' of one position in the "
-        r"same time; 180 deg: ([\d.]+)', 90 deg: ([\d.]+)'"
+        r"turns (do not )?pay: heading sigma ([\d.]+) deg against ([\d.]+) deg of one position in "
+        r"the same time; 180 deg: ([\d.]+) deg, 90 deg: ([\d.]+) deg"
     )
     told = re.fullmatch(pattern, flag)
     assert told is not None, flag
-    return told[1] is None, [float(number) for number in told.groups()[1:]]
+    return told[1] is None, [60 * float(number) for number in told.groups()[1:]]
 
 
 def test_the_noise_of_the_verdict_is_that_of_the_whole_time():
@@ -427,7 +427,7 @@ def test_turn_pays_weighs_table_against_unit():
     assert coarse.verdict.endswith("90 deg is the better turn")
     scaled = pays(10 * DEG_H, MINUTE, scale=0.002)
     assert scaled.half_turn < scaled.quarter_turn
-    assert scaled.verdict.startswith("turns pay: heading sigma 0.707' against 3.45e+03'")
+    assert scaled.verdict.startswith("turns pay: heading sigma 0.0118 deg against 57.5 deg")
     assert scaled.verdict.endswith("180 deg is the better turn")
     fine = pays(1e-4 * DEG_H, 10 * MINUTE, scale=0.002)
     # A tight prior of bias keeps both; the turns add only their own error.

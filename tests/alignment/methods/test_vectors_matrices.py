@@ -90,6 +90,20 @@ def test_covariance_of_the_observing_form_is_the_sum_of_its_responses(perfect):
         assert np.trace(J.T @ J / scale) > 0.03, name
 
 
+def test_place_begins_where_all_fixes_say(perfect):
+    """A first velocity wrong by 1 m/s and a first place by 20 m: both are found, and carried on.
+
+    The attitude takes some of it, so that a third of a metre per second may be left of it.
+    """
+    fixes = moved(perfect.fixes, 0, np.array([0.6, 0.0, 0.8]), np.array([0.0, 20.0, 0.0]))
+    found = observing(perfect.readings, fixes, perfect.start, OPTIONS)
+    off = np.linalg.norm(found.position[-1] - perfect.fixes.position[-1])
+    assert off < 0.35 * SECONDS + 20 / len(fixes.t)
+    exact = observing(perfect.readings, perfect.fixes, perfect.start, OPTIONS)
+    np.testing.assert_allclose(exact.position[-1], perfect.fixes.position[-1], atol=0.1)
+    assert exact.estimates()[-1].flags == ()
+
+
 def test_the_observing_form_takes_so_many_fixes(perfect, monkeypatch):
     module = sys.modules[observing.__module__]
     count = len(perfect.fixes.t)

@@ -243,6 +243,126 @@ def test_import_of_counts_after_a_header(here):
              "--gyro-unit", "deg/h", "--accel-unit", "mg", *wrong, code=2)  # fmt: skip
 
 
+# --- logs of others: the options that align, allan and import share
+
+
+class Said(Exception):
+    """What a command made of its options."""
+
+
+FORM = {
+    "--columns": ("columns", "t,gx,gy,gz,ax,ay,az"),
+    "--gyro-unit": ("gyro_unit", "dps"),
+    "--accel-unit": ("accel_unit", "mg"),
+    "--gyro-scale": ("gyro_scale", 0.5),
+    "--accel-scale": ("accel_scale", 2.0),
+    "--time-unit": ("time_unit", "ms"),
+    "--rate": ("rate_hz", 50.0),
+    "--wrap": ("wrap", 65536.0),
+    "--format": ("file_format", "<i4"),
+    "--skip-bytes": ("skip_bytes", 10),
+    "--axes": ("axes", "x,-z,y"),
+    "--stamps": ("stamps", "log"),
+    "--frame": ("frame", "imu_b"),
+}
+
+
+@pytest.mark.parametrize("command", ["align", "allan", "import"])
+def test_every_option_of_a_form_arrives_by_itself(here, monkeypatch, command):
+    def stop(**given):
+        raise Said(given)
+
+    monkeypatch.setattr("stand.recording.log_form.LogForm", stop)
+    with pytest.raises(Said) as caught:
+        here(command, "log.csv", *(("--out", "x.mcap") if command == "import" else ()))
+    plain = caught.value.args[0]
+    for option, (field, value) in FORM.items():
+        with pytest.raises(Said) as caught:
+            here(command, "log.csv", option, value)
+        assert caught.value.args[0] == plain | {field: value}
+        assert plain[field] != value
+    assert set(plain) == {field for field, _ in FORM.values()}
+
+
+def test_axes_and_a_wrapping_counter(here):
+    """X1 is the log's x, Y1 its -z, Z1 its y; a counter in ms begins anew after 100."""
+    rows = [[t, 1, 2, 3, 4, 5, 6] for t in (10, 50, 90, 30)]
+    text = "\n".join(",".join(map(str, row)) for row in rows)
+    Path("log.bin").write_text(text + "\n", encoding="utf-8")
+    said = ("--columns", "t,gx,gy,gz,ax,ay,az", "--gyro-unit", "rad/s", "--accel-unit", "m/s^2")
+    log = imported(here, *said, "--time-unit", "ms", "--wrap", 100, "--axes", "x,-z,y")
+    np.testing.assert_array_equal(np.diff(log.t_ns), 40_000_000)
+    np.testing.assert_array_equal(log.w_ib_b, [[1, -3, 2]] * 4)
+    np.testing.assert_array_equal(log.f_b, [[4, -6, 5]] * 4)
+    for wrong in (("--axes", "x,y,-z"), ("--wrap", -1), ("--stamps", "soon")):
+        here("import", "log.bin", "--out", "x.mcap", "--force", *said, *wrong, code=2)
+
+
+# --- stretches, topics and windows of a recording
+
+
+def test_stretches_of_a_recording(here):
+    recorded(here, *IDEAL, procedure="moved.toml")
+    rests = here("stretches", "run", "--shortest", 1, "--json").json["stretches"]
+    assert [row["kind"] for row in rests] == ["dwell", "dwell"]
+    assert here("stretches", "run", "--shortest", 100, "--json").json["stretches"] == []
+    here("stretches", "run", "--shortest", 1, "--out", "s.toml")
+    here("stretches", "run", "--shortest", 1, "--out", "s.toml", code=2)
+    here("stretches", "run", "--shortest", 1, "--out", "s.toml", "--force")
+    text = Path("s.toml").read_text(encoding="utf-8").replace("dwell 1", "mine")
+    Path("s.toml").write_text(text, encoding="utf-8")
+    found = here("align", "run", "--stretches", "s.toml", "--method", "triad", "--json").json
+    assert {e["label"] for e in found["estimates"]} >= {"mine", "dwell 2"}
+    here("align", "run", "--stretches", "none.toml", code=2)
+    # logs that bring none of their own: those of the file
+    here("import", "run", "--out", "a.mcap", "--topic", "/imu/truth")
+    pair = ("compare", "a.mcap", "a.mcap", "--methods", "triad", "--latitude", 48.5, "--json")
+    told = here(*pair, "--stretches", "s.toml").json
+    assert [row["label"] for row in told["stretches"]] == ["mine", "dwell 2"]
+
+
+def test_a_page_of_a_log(here):
+    """Of a log without a procedure: where it was, which topic, and what to estimate from."""
+    recorded(here, *IDEAL, procedure="moved.toml")
+    here("stretches", "run", "--shortest", 1, "--out", "s.toml")
+    here("import", "run", "--out", "a.mcap")
+    said = ("report", "a.mcap", "--out", "a.html", "--force")
+    here(*said, "--latitude", 48.5)
+    plain = Path("a.html").read_text(encoding="utf-8")
+    here(*said, "--latitude", 48.5, "--stretches", "s.toml", "--topic", "/imu/data")
+    assert "dwell 2" in Path("a.html").read_text(encoding="utf-8")
+    assert "dwell 2" not in plain
+    wrongs = ("--latitude", 95), ("--topic", "/imu/dat"), ("--stretches", "none.toml")
+    for wrong in (*wrongs, ("--imu", "nobody")):
+        here(*said, *wrong, code=2)
+
+
+def test_one_topic_of_several(here):
+    """What perfect sensors read is the same in every sample of a rest, what a unit reads is not."""
+    recorded(here, "--imu", "stim300")
+    here("import", "run", "--out", "truth.mcap", "--topic", "/imu/truth")
+    assert np.ptp(read_imu(Path("truth.mcap")).w_ib_b, axis=0).max() == 0
+    here("export", "run", "--out", "x.csv", "--topic", "/imu/truth")
+    here("export", "run", "--out", "y.csv")
+    assert Path("x.csv").read_bytes() != Path("y.csv").read_bytes()
+    here("stretches", "run", "--topic", "/imu/truth", "--json")
+    here("view", "run", "--out", "v.rrd", "--from", 0.5, "--to", 1, "--topic", "/imu/truth")
+    for command in ("import", "export", "stretches", "view"):
+        file = () if command == "stretches" else ("--out", "none.x")
+        told = here(command, "run", *file, "--topic", "/imu/dat", code=2).err
+        assert "unknown sensor_msgs/msg/Imu topic '/imu/dat': did you mean /imu/data" in told
+
+
+def test_a_stretch_to_look_at(here):
+    """From 0.5 to 1 s at 20 Hz: samples at both ends and nine between."""
+    recorded(here, "--imu", "stim300")
+    told = here("view", "run", "--out", "v.rrd", "--from", 0.5, "--to", 1).out
+    assert "0.500 to 1.000 s: 11 samples" in told
+    here("view", "run", "--out", "v.rrd", "--from", 0.5, "--to", 1, code=2)
+    here("view", "run", "--out", "v.rrd", "--from", 0.5, "--to", 1, "--force")
+    here("view", "run", "--out", "w.rrd", "--from", 2, "--to", 1, code=2)
+
+
 # --- every option
 
 
@@ -276,8 +396,9 @@ def passed() -> frozenset[tuple[str, str]]:
     return frozenset(found)
 
 
-# by a helper of its file, whose command stands elsewhere
+# by a helper or a table of its file, whose command stands elsewhere
 BY_A_HELPER = {("run", "--without")}
+BY_A_HELPER |= {(command, option) for command in ("align", "allan", "import") for option in FORM}
 
 
 @pytest.mark.parametrize(("command", "option"), OPTIONS)

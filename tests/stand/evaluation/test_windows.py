@@ -11,6 +11,8 @@ from alignment import Dwell, ImuReadings, Options, Priors, Site, Turn
 from stand.errors import StandError
 from stand.evaluation.windows import (
     BASE_MOVES,
+    BELOW,
+    BEYOND,
     NOISE_ONLY,
     scatter_to_json,
     scatters,
@@ -102,10 +104,19 @@ def test_scatter_and_its_interval_by_hand():
     assert pitch.scatter == pytest.approx(sqrt(7) * 1e-3, rel=1e-6)
     assert pitch.low == pytest.approx(sqrt(14 / 7.3778) * 1e-3, rel=1e-4)
     assert pitch.high == pytest.approx(sqrt(14 / 0.05064) * 1e-3, rel=1e-3)
-    assert pitch.remark == NOISE_ONLY
+    # readings without noise: the scatter is none of it, and is said to be none
+    assert pitch.remark == f"{NOISE_ONLY}; {BEYOND}"
     entry = scatter_to_json(pitch)
     assert entry["scatter_deg"] == pytest.approx(degrees(sqrt(7) * 1e-3), rel=1e-6)
     assert (entry["windows"], entry["quantity"], entry["seconds"]) == (3, "pitch", 40.0)
+
+
+def test_a_sheet_that_says_far_more_than_windows_show_is_named():
+    """A bias of 0.5 m/s^2 tilts all windows alike, by 51 mrad, where they scatter by 2."""
+    sheet = Options(priors=Priors(accel_bias=0.5))
+    rows, _ = scatters([tilted([1e-3, 2e-3, 6e-3, 3e-3])], HERE, sheet, ["triad"], [40.0])
+    assert rows[2].quantity == "pitch"
+    assert rows[2].remark == BELOW
 
 
 def test_angles_scatter_on_the_circle():
@@ -162,6 +173,13 @@ def test_a_sheet_takes_the_words_away_and_a_base_that_moves_is_named():
     assert row.remark == f"{NOISE_ONLY}; {BASE_MOVES}"
     assert [r.method for r in refused] == ["triad"]
     assert "2 of 2 windows of 60 s: the first: p: not at rest" in refused[0].reason
+
+
+def test_noise_only_is_where_nothing_is_known_of_the_unit_but_its_noise():
+    assert Priors().noise_only
+    assert Priors(turn=1e-4, seat=1e-4, gyro_walk=1e-5, accel_walk=1e-4).noise_only
+    for told in ("gyro_bias", "accel_scale", "gyro_random_walk", "accel_cubic"):
+        assert not Priors(**{told: 1e-6}).noise_only, told
 
 
 def test_positions_are_fitted_together_window_by_window():

@@ -178,9 +178,13 @@ def test_a_stretch_keeps_what_is_known_of_where_it_lies(run):
     assert (across.label, across.nominal, across.turn) == ("run", None, None)
 
 
+SKEWED = ((1.0, 0.0, 0.0), (0.0, 0.6, 0.8), (0.0, 0.0, 1.0))
+
+
 def test_what_was_to_be_estimated_comes_back(tmp_path):
     """Every prior with a value of its own, so that none takes another's place."""
-    given = {f.name: 0.1 + k for k, f in enumerate(fields(Priors))}
+    given: dict = {f.name: 0.1 + k for k, f in enumerate(fields(Priors))}
+    given |= {"gyro_axes": SKEWED, "accel_axes": SKEWED[::-1]}
     options = Options(4.5, SequenceRule.PUBLISHED, Priors(**given))
     estimate = describe_estimate(options, ("triad", "carousel"))
     path = recording(tmp_path / "run.mcap", describe_schedule(steps()), estimate=estimate)

@@ -201,3 +201,23 @@ def test_a_record_is_ten_times_as_long_as_a_term_needs():
             assert found[0].step == "rest"
             assert found[0].text.startswith("Allan term B of the gyros shows from 20")
             assert found[0].text.endswith("of rest on, the longest lasts 20 s")
+
+
+def test_a_limit_is_first_broken_when_it_is():
+    """15.05 sin(2 pi 0.05 (t - 10)) deg is beyond 15 from 10 + 1.489237/0.314159 = 14.7404 s on."""
+    text = '[[step]]\nkind = "sine"\nlabel = "rocks"\nduration_s = 40\nfade_s = 10\n'
+    text += "axes = {{ base_roll = {{ amplitude_deg = {}, frequency_hz = 0.05 }} }}\n"
+    for amplitude, first in ((15.05, 14.7404), (14.99, None)):
+        made = assembled(
+            case([], text.format(amplitude)),
+            load_imu("hg9900"),
+            load_table("mid-class"),
+            rate_hz=20,
+        )
+        (angle,) = margins(prepared(made), "angle")
+        assert (angle.axis, angle.kept) == ("base_roll", first is None)
+        assert abs(angle.value) == pytest.approx(amplitude, abs=1e-3)
+        if first is None:
+            assert angle.first_violation is None
+        else:
+            assert angle.first_violation == pytest.approx(first, abs=2e-3)

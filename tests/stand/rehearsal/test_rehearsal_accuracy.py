@@ -22,10 +22,11 @@ from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.accuracy import predict
-from stand.rehearsal.instrument import Rounding, leanings, roundings_of
+from stand.rehearsal.instrument import leanings
 from stand.rehearsal.known_errors import stated
 from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.rocking import turned_by_heading
+from stand.rehearsal.rounding import Rounding, roundings_of
 from stand.rehearsal.verify import with_verification
 from stand.simulation.settings import assembled
 from stand.table.joints import JOINTS
@@ -369,7 +370,7 @@ def test_rounded_noise_at_a_known_place_by_simulation(sigma):
     noise = sigma * np.random.default_rng(8).standard_normal(2_000_000)
     x = np.array([0.0, 0.1, 0.25, 0.4, -0.25])
     off = np.array([np.mean(np.rint(place + noise)) - place for place in x])
-    told = Rounding(1.0, sigma).moments(x, np.zeros((5, 5)))
+    told = Rounding(1.0, sigma).left(x, np.zeros((5, 5))).moments
     # of a mean: 5 sigma; what is rounded scatters by 0.29 and the noise
     unsure = 5 * np.hypot(sigma, 0.29) / np.sqrt(len(noise))
     size = np.sqrt(np.maximum(told.diagonal(), 0.0))  # at 0 it is nothing, give or take 1e-17
@@ -393,10 +394,16 @@ def test_rounding_at_a_place_known_to_a_part_of_a_step(sigma, doubt):
     mean = k @ np.diff(norm.cdf(edges[:, None], grid, sigma), axis=0)
     off = np.interp(at, grid, mean - grid)
     made = off.T @ off / len(at)
-    told = Rounding(1.0, sigma).moments(x, known)
+    left = Rounding(1.0, sigma).left(x, known)
+    told = left.moments + np.outer(left.slope - 1, left.slope - 1) * known
     # 16 waves in pairs: 1e-3 of a step squared at a noise of 0.07; products to 1/sqrt(200 000)
     sizes = np.sqrt(made.diagonal())
     np.testing.assert_allclose(told, made, atol=0.02 * np.outer(sizes, sizes).max() + 1e-5)
+    # and it goes together with the truth as the slope says, with nothing else of it (Bussgang);
+    # a product of a place and of an error below half a step, to 1/sqrt(200 000), five times
+    together = off.T @ (at - x) / len(at)
+    unsure = 5 * doubt * 0.5 / np.sqrt(len(at))
+    np.testing.assert_allclose(together, (left.slope - 1)[:, None] * known, atol=unsure)
     # of all places alike it is q^2/12 less what noise makes noise of: five times this and more
     if doubt == 0.05:
         everywhere = Rounding(1.0, sigma).shared(np.zeros(1), np.zeros(1))[0]
@@ -424,6 +431,38 @@ def test_rounding_of_accelerometers_as_in_the_runs():
         # 10 % is what a prediction promises; 200 runs know a sigma to 5 %, twice that
         assert a.ratio is not None
         assert a.ratio[0] == pytest.approx(1.0, abs=0.2), a.quantity
+
+
+def test_steps_that_hide_all_that_moves_a_reading_hide_it_from_the_bias_too():
+    """No bias, steps of 2 mg, tilts of 0.17 mg by the mounting: level axes read nought in all runs.
+
+    So the biases told of them are nought, and what tilts the unit is an error of its attitude in
+    full. Up reads 1000 mg where gravity is 1000.276.
+    """
+    procedure = load_procedure("two-position")
+    accel = TriadSpec(noise=1e-4, resolution=2 * MILLI_G)
+    unit = replace(load_imu("ideal"), accel=accel, gyro=TriadSpec(noise=0.01 * DEG_PER_RT_HOUR))
+    asked = assembled(procedure, unit, table_of(procedure), procedure.entry.site.site(), 20)
+    found = {
+        (p.method, p.label, p.quantity): p for p in rehearse(asked).predictions if p.determined
+    }
+    for axis in "XZ":
+        told = found["two-position", "all", f"accelerometer bias {axis}1"]
+        # the fit tells a tilt from a bias by its gyros a little; apart from the tilt it was 0.21
+        assert told.sigma / MILLI_G < 0.015
+    up = found["two-position", "all", "accelerometer bias Y1"]
+    assert up.sigma / MILLI_G == pytest.approx(normal_gravity(LAT, 0.0) / MILLI_G - 1000, rel=1e-3)
+    pitch = found["triad", "first", "pitch"]
+    mounting = parts(pitch)["mounting"]
+    exact = replace(unit, accel=replace(accel, resolution=0.0))
+    asked = assembled(procedure, exact, table_of(procedure), procedure.entry.site.site(), 20)
+    (fine,) = (
+        p
+        for p in rehearse(asked).predictions
+        if (p.method, p.label, p.quantity) == ("two-position", "first", "pitch")
+    )
+    # two positions half a turn apart cannot see the mounting either, but for 0.4 % by the gyros
+    assert mounting == pytest.approx(parts(fine)["mounting"], rel=0.01)
 
 
 def test_what_rounding_leaves_is_in_the_bias_that_is_told():

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from alignment import ESTIMATORS, AttitudeEstimate
-from alignment.angles import Sequence
+from alignment.angles import Sequence, angles_from_C_nb
 from alignment.errors import AlignmentError
 from stand.errors import StandError
 from stand.imu import ImuSpec, load_imu, without
@@ -34,7 +34,7 @@ from stand.rehearsal.verify import errors_of, first_seed, with_verification
 from stand.report.rehearsal_tables import headline, tables
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import RunFailed, campaign
-from stand.simulation.settings import assembled
+from stand.simulation.settings import assembled, settings
 from stand.table.table import load_table
 
 DEG = pi / 180
@@ -262,6 +262,17 @@ def test_numbers_that_are_none_do_not_count():
     assert (n, sigma) == (2, 1.0)
 
 
+def test_of_few_runs_the_widened_interval_is_that_of_chi_square():
+    """10 runs, 25 at once: the ends of 0.1 and 99.9 %, chi-square 1.479 and 29.588 (tables)."""
+    one = Achieved("triad", "", "here", "heading", "deg", DEG, 1.0, 10, 1.0, 0.7, 1.75, among=25)
+    exact = replace(one, freedom=10.0)
+    assert exact.widened == pytest.approx((sqrt(1.479 / 10), sqrt(29.588 / 10)), rel=1e-3)
+    # a normal logarithm has it too narrow where runs are few
+    assert one.widened is not None
+    assert one.widened[0] > sqrt(1.479 / 10)
+    assert replace(exact, among=1).widened == pytest.approx((sqrt(0.3247), sqrt(2.0483)), rel=1e-3)
+
+
 def test_a_ratio_meets_the_band_or_not():
     one = Achieved("triad", "", "here", "heading", "deg", DEG, 1.0, 100, 1.2, 1.08, 1.35)
     assert one.ratio == pytest.approx((1 / 1.2, 1 / 1.35, 1 / 1.08))
@@ -319,6 +330,52 @@ def test_refusals_are_counted(half_turn, monkeypatch):
     assert told == pytest.approx([0.25, 0.5, 0.75, 1.0])
     (table,) = [t for t in tables(result) if t.title.startswith("Verified by 4 runs")]
     assert "no answer in 2 of 4 runs from triad: not today" in table.notes
+
+
+def test_a_method_that_is_predicted_and_never_answers_contradicts(half_turn, monkeypatch):
+    """Six of six: once in 64 where half of the units are answered for. Five are once in 32."""
+
+    def never(dwells, site, options):
+        raise AlignmentError("not at rest")
+
+    asked = asked_of(half_turn)
+    result = rehearse(asked)
+    monkeypatch.setitem(ESTIMATORS, "triad", replace(ESTIMATORS["triad"], estimate=never))
+    five, six = (with_verification(result, asked, n, workers=1) for n in (5, 6))
+    assert (five.verdict, six.verdict) == (Verdict.PASS, Verdict.CONTRADICTED)
+    assert "contradict that triad answers: it gave none in 6 of them" in headline(six)
+    told = "triad was predicted, and gave no answer in 6 of 6 runs"
+    assert told in [f.text for f in six.findings]
+    assert rehearsal_json(six)["verification"]["refused"][0]["contradicts"] is True
+    assert rehearsal_json(five)["verification"]["refused"][0]["contradicts"] is False
+    # of a method that is not predicted nothing was said
+    silent = tuple(p for p in result.predictions if p.method != "triad")
+    untold = [replace(p, sigma=None) for p in result.predictions if p.method == "triad"]
+    result = replace(result, predictions=(*silent, *untold))
+    assert with_verification(result, asked, 6, workers=1).verdict is Verdict.PASS
+
+
+@pytest.mark.parametrize("edge", [0, 1])
+def test_the_verdict_turns_where_the_widened_interval_leaves_the_band(half_turn, edge):
+    """One prediction, scaled until its interval of all at once ends at 1.1 or at 0.9."""
+    asked = asked_of(half_turn)
+    result = rehearse(asked)
+    made = with_verification(result, asked, 20, workers=1).verification
+    assert made is not None
+    (found,) = [a for a in made.achieved if (a.method, a.quantity) == ("two-position", "heading")]
+    assert found.widened is not None
+    bound, inward = ((1.1, 0.999), (0.9, 1.001))[edge]
+    scale = bound / found.widened[edge]
+    for factor, verdict in ((inward, Verdict.PASS), (1 / inward, Verdict.CONTRADICTED)):
+        assert found.predicted is not None
+        off = replace(found, predicted=found.predicted * scale * factor)
+        whole = replace(result, verification=replace(made, achieved=(off,)))
+        assert whole.verdict is verdict
+        assert headline(whole).startswith(verdict.value)
+        # by its plain interval it misses either way, and that is printed too
+        assert off.agrees_alone is False
+        (table,) = [t for t in tables(whole) if t.title.startswith("Verified by 20 runs")]
+        assert any(note.startswith("1 of 1 plain 95 %") for note in table.notes)
 
 
 def test_a_run_that_the_table_cannot_make_is_a_refusal(half_turn, monkeypatch):
@@ -549,3 +606,18 @@ def test_ctrl_c_prints_and_writes_what_was_made(tmp_path):
     assert told.strip() == f"stand: interrupted: {found['runs']} of 100000 runs were made"
     assert (tmp_path / "report" / "rehearsal.html").is_file()
     assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_two_gyro_is_verified_by_the_mean_attitude():
+    """On a rocking base the attitude at the end, where the sway fades, is another."""
+    asked = settings("random-sway", "ring-laser", rate_hz=5, methods=("two-gyro",))
+    found = with_verification(rehearse(asked), asked, 1)
+    dwells, attitudes = Trials(asked).readings(first_seed(asked))
+    (e,) = ESTIMATORS["two-gyro"].estimate(dwells, asked.site, asked.options)
+    assert e.C_nb is not None
+    mean, end, told = (
+        angles_from_C_nb(e.sequence, C)[2] for C in (*attitudes.means, *attitudes, e.C_nb)
+    )
+    achieved = row(found, "two-gyro", "swaying", "pitch").sigma  # of one run: its error
+    assert achieved == pytest.approx(abs(told - mean), rel=1e-6)
+    assert abs(told - end) != pytest.approx(abs(told - mean), rel=0.1)

@@ -19,7 +19,7 @@ DEG_RT_H = pi / 180 / 60
 RATE = 100
 
 
-def log(path, seconds=60, gap=0.0, metadata=None, moved=False):
+def log(path, seconds=60, gap=0.0, metadata=None, moved=False, dead=False):
     """White noise of 0.15 deg/rt-h and 0.024 m/s/rt-h, by plain numpy."""
     rng = np.random.default_rng(1)
     n = seconds * RATE
@@ -28,6 +28,7 @@ def log(path, seconds=60, gap=0.0, metadata=None, moved=False):
     w = 0.15 * DEG_RT_H * sqrt(RATE) * rng.standard_normal((n, 3))
     f = [0, 9.81, 0] + 0.024 / 60 * sqrt(RATE) * rng.standard_normal((n, 3))
     w[n // 2 :, 0] += 0.1 * moved
+    w[:, 1] *= not dead
     write_imu_log(path, t_ns=t_ns, w_ib_b=w, f_b=f, metadata=metadata or {})
     return path
 
@@ -119,8 +120,19 @@ def test_gaps_are_told(tmp_path):
     assert report.notes[0].startswith("mean rate ")
     assert report.notes[1:3] == (
         "gaps: 2 s before 22 s",
-        "used: the longest stretch without interruption, 22 to 61.99 s",
+        "used together, without what lies between: 0 to 19.99 s, 22 to 61.99 s",
     )
+
+
+def test_a_dead_channel_is_no_better_than_its_sheet(tmp_path):
+    report = analyse(log(tmp_path / "dead.mcap", dead=True), imu="stim300")
+    assert verdict(report, "gyro", "N") == "xz agrees, y constant"
+    assert "gyro y: every reading is the same: dead, or its noise below a step" in report.notes
+    data = json.loads(json.dumps(to_json(report), allow_nan=False))
+    dead = [e for e in data["not_identifiable"] if (e["sensor"], e["axis"]) == ("gyro", "y")]
+    assert [e["upper"] for e in dead] == [None] * 5
+    (row, *_) = tables(report)[0].rows
+    assert row[2] == "constant"
 
 
 def test_a_stretch(tmp_path):

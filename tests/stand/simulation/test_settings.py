@@ -7,7 +7,8 @@ import pytest
 
 from alignment import Priors
 from stand.errors import StandError
-from stand.evaluation import comparison, published
+from stand.evaluation import comparison
+from stand.evaluation.published import six_position
 from stand.imu import TERMS, load_imu
 from stand.motion.polynomial import MotionKind
 from stand.physics.truth import Sampling
@@ -105,11 +106,11 @@ def test_published_figures_are_of_the_settings_of_a_run(monkeypatch):
     def stop(settings):
         raise Caught(settings)
 
-    monkeypatch.setattr(published, "Trials", stop)
+    monkeypatch.setattr(six_position, "Trials", stop)
     with pytest.raises(Caught) as raised:
-        published.six_position_figures()
+        six_position.runs()
     made = raised.value.args[0]
-    assert made.options == settings(published.TEST, published.UNIT).options
+    assert made.options == settings(six_position.TEST, six_position.UNIT).options
 
 
 def test_switched_off_terms_are_not_told():

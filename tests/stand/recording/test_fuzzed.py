@@ -1,0 +1,51 @@
+"""Damaged logs of every kind, a few of the thousands of `make fuzz`; and any bytes at all."""
+
+from pathlib import Path
+
+import fuzzed
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+CASES = 64  # a kind
+
+# What a damaged file begins with, so that the rest is taken for what it says
+HEADS = {
+    "MCAP": b"\x89MCAP0\r\n",
+    "bag": b"#ROSBAG V2.0\n",
+    "npy": b"\x93NUMPY\1\0",
+    "npz": b"PK\3\4",
+    "mat": b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM",
+    "zstd": b"\x28\xb5\x2f\xfd",
+    "lz4": b"\x04\x22\x4d\x18",
+    "gzip": b"\x1f\x8b\x08",
+    "parquet": b"PAR1",
+    "ulog": b"ULog\x01\x12\x35\x01",
+    "text": b"t,gx\n",
+}
+
+
+@pytest.mark.parametrize("kind", ["text", "MCAP", "bag", "npy", "npz", "mat"])
+def test_damaged_logs_are_read_or_refused(tmp_path: Path, kind: str) -> None:
+    found = fuzzed.run(kind, CASES, tmp_path, seed=11)
+    assert found["read"] + found["refused"] == CASES
+    assert found["refused"] > CASES // 4  # the damage is such that it shows
+
+
+@settings(max_examples=150, suppress_health_check=list(HealthCheck), deadline=None)
+@given(head=st.sampled_from(sorted(HEADS)), tail=st.binary(max_size=120))
+def test_any_bytes_behind_a_known_beginning(tmp_path: Path, head: str, tail: bytes) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(HEADS[head] + tail)
+    with fuzzed.limited():
+        assert (
+            fuzzed.outcome(path, fuzzed.FORM if head == "npy" else fuzzed.CLEAR, True) == "refused"
+        )
+
+
+def test_the_damage_is_the_same_each_time_and_differs_from_case_to_case() -> None:
+    data = bytes(1000)
+    cases = [fuzzed.damaged(data, np.random.default_rng([0, k])) for k in range(50)]
+    assert cases == [fuzzed.damaged(data, np.random.default_rng([0, k])) for k in range(50)]
+    assert len(set(cases)) > 40
