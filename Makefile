@@ -27,6 +27,10 @@ mutants: $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[mutants]'
 	$(PY) tests/benchmarks/mutants.py $(ARGS)
 
+survive: $(READY)
+	STAND_DISK_SWEEP=1 STAND_KILLS=50 STAND_KERNELS=all $(PY) -m pytest -q tests/stand/test_full_disk.py \
+		tests/stand/test_recovered.py tests/test_any_processor.py
+
 fuzz: $(READY)
 	$(PY) tests/benchmarks/fuzz.py
 

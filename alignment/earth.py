@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
 from alignment.errors import AlignmentError, PoleError
+from alignment.fixed_order import norm
 
 EARTH_RATE = 7.292115e-5  # rad/s, WGS 84
 
@@ -114,7 +115,7 @@ class Site:
     def f_n(self) -> Array:
         """Specific force at rest in NED [m/s^2], (3,): gravity's reaction, along the plumb line."""
         up = np.array([*self.deflection, -1.0])
-        return self.gravity * up / np.linalg.norm(up)
+        return self.gravity * up / norm(up)
 
     @property
     def plumb(self) -> Rotation:
@@ -125,9 +126,9 @@ class Site:
         """
         if self.latitude is None or not any(self.deflection):
             return Rotation.identity()
-        up = self.f_n / np.linalg.norm(self.f_n)
+        up = self.f_n / norm(self.f_n)
         east = np.cross(self.w_ie_n, up)
-        east /= np.linalg.norm(east)
+        east /= norm(east)
         return Rotation.from_matrix(np.stack([np.cross(up, east), east, -up], axis=1))
 
     def horizontal_rate(self) -> float:

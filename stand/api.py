@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from stand.imu.unit import Unit
     from stand.recording.log import Log
     from stand.recording.log_form import LogForm
+    from stand.recovered import Recovered
     from stand.results import (
         Aligned,
         Analysed,
@@ -248,6 +249,38 @@ def read(
         _path(path), topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle, named, form, progress
     )
     return shown(Recording, log)
+
+
+def recover(place: Named | None = None) -> list[Recovered]:
+    """Bring back what interrupted recordings hold, each where it was to be.
+
+    Parameters
+    ----------
+    place : path, optional
+        A folder in which they lie (without it ``recordings``), the target of one, or an MCAP file
+        that is cut off.
+
+    Returns
+    -------
+    list of Recovered
+        What became of each: ``found``, ``out``, ``until`` [s], ``files``, ``lost``, ``reason``.
+
+    Raises
+    ------
+    StandError
+        There is no such place.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.recover("nowhere")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: nowhere: no such folder, and nothing of an interrupted run of this name
+    """
+    from stand.recovered import recover as bring_back
+
+    return bring_back(place)
 
 
 def _path(path: Named) -> Path:

@@ -1,18 +1,27 @@
 """The one way to write: beside, then renamed; whole or not there, never overwritten unasked."""
 
 import errno
+import os
+import re
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from secrets import token_hex
 
 from stand.errors import StandError
 
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None
+
 RECORDINGS = Path("recordings")
 Content = bytes | str | Iterable[str]
 """Of a file: bytes, or text in UTF-8, whole or in pieces."""
+_HIDDEN = re.compile(r"\.(?P<name>.+)\.[0-9a-f]{8}\.(?P<kind>partial|old)", re.DOTALL)
 _OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
@@ -71,8 +80,9 @@ def folder_beside(out: Path) -> Iterator[Path]:
         try:
             with _named(beside, out, f"--out {out}"):
                 beside.mkdir()
-                yield beside
-                _put_in_place(beside, out)
+                with _held(beside):
+                    yield beside
+                    _put_in_place(beside, out)
         finally:
             shutil.rmtree(beside, ignore_errors=True)
 
@@ -94,8 +104,9 @@ def file_beside(path: Path) -> Iterator[Path]:
         try:
             with _named(beside, path, str(path)):
                 beside.open("xb").close()
-                yield beside
-                beside.replace(target)
+                with _held(beside):
+                    yield beside
+                    beside.replace(target)
         finally:
             with suppress(OSError):
                 beside.unlink(missing_ok=True)
@@ -129,6 +140,66 @@ def refuse_no_file(path: Path) -> None:
     """
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise StandError(f"{path}: is not a file")
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What a writer that was ended from outside has left of `target`: a hidden file or folder.
+
+    `replaced`: it is what was to be replaced, whole, rather than what was to come.
+    """
+
+    path: Path
+    target: Path
+    replaced: bool
+
+
+def left_behind(folder: Path) -> list[Left]:
+    """What lies in a folder of writers that are no more, by name; of those at work nothing."""
+    found = []
+    with suppress(OSError):  # no such folder, or one that may not be looked at
+        for path in sorted(folder.iterdir()):
+            match = _HIDDEN.fullmatch(path.name)
+            if match and not path.is_symlink() and not _is_held(path):
+                target = path.with_name(match["name"])
+                found.append(Left(path, target, match["kind"] == "old"))
+    return found
+
+
+def left_of(target: Path) -> list[Left]:
+    """What lies beside a target of writers of it that are no more."""
+    return [left for left in left_behind(target.parent) if left.target.name == target.name]
+
+
+@contextmanager
+def _held(path: Path) -> Iterator[None]:
+    """While a writer is at work, and no longer: the kernel lets go of what a dead one held."""
+    if fcntl is None:
+        yield
+        return
+    number = os.open(path, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(number)
+
+
+def _is_held(path: Path) -> bool:
+    if fcntl is None:
+        return False
+    try:
+        number = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    except OSError:  # gone meanwhile, or not ours to read
+        return True
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno in (errno.EAGAIN, errno.EACCES)
+    finally:
+        os.close(number)
+    return False
 
 
 def _write(path: Path, content: Content) -> None:

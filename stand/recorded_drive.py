@@ -19,18 +19,13 @@ from stand.evaluation.drive_result import START_SIGMA, DriveResult, DriveSetting
 from stand.evaluation.score import Truths, score
 from stand.folder import folder_beside, recording_folder, refuse_existing, write_file
 from stand.imu import Imu
-from stand.recording.mcap.writer import EPOCH_NS, Satellites, write_drive
+from stand.recording.mcap.writer import EPOCH_NS, DriveWriter, Satellites
 from stand.recording.metadata import DRIVE, RUN, describe_drive, describe_estimate, describe_site
 from stand.report.vectors import picture
-from stand.samples import ImuBlock, TruthBlock
+from stand.samples import Sensed, TruthBlock
 from stand.table.kinematics import C_NW
-from stand.vehicle.scenario import (
-    fixes_of,
-    readings_of,
-    reported,
-    sense,
-    started,
-)
+from stand.vehicle.path import Path as Driven
+from stand.vehicle.scenario import fixes_of, joined, readings_of, sense_blocks, started
 from stand.versions import versions
 
 PICTURE = "errors.png"
@@ -43,9 +38,6 @@ Progress = Callable[[float], None]
 class _Driven:
     """What was simulated."""
 
-    truth: TruthBlock
-    unit: Imu
-    imu: ImuBlock
     readings: ImuReadings
     fixes: Fixes
     start: Rotation
@@ -83,13 +75,11 @@ def run_drive(
     """
     folder = recording_folder(out, run_id(settings))
     refuse_existing(folder, force)
-    driven = _simulated(settings, lambda done: progress(0.4 * done))
-    matchings, refusals = _solved(settings, driven, lambda done: progress(0.4 + 0.4 * done))
-    result = _scored(settings, folder, driven, matchings, refusals)
-    with folder_beside(folder) as beside:
+    with folder_beside(folder) as beside, _opened(beside / "run.mcap", settings) as file:
+        driven = _simulated(settings, file, lambda done: progress(0.5 * done))
+        matchings, refusals = _solved(settings, driven, lambda d: progress(0.5 + 0.4 * d))
+        result = _scored(settings, folder, driven, matchings, refusals)
         text = json.dumps(result_json(result), indent=1, allow_nan=False)
-        _record(beside / "run.mcap", result, driven, text)
-        progress(0.9)
         write_file(beside / "result.json", text + "\n")
         path = settings.drive.path
         title = f"{settings.drive.title}: {settings.imu.title}, seed {settings.seed}"
@@ -98,27 +88,55 @@ def run_drive(
     return result
 
 
-def _simulated(settings: DriveSettings, progress: Progress) -> _Driven:
-    path, rate = settings.drive.path, settings.rate_hz
-    sensed = sense(path, rate, progress)
-    unit = Imu(settings.imu, settings.seed, rate)
-    block = reported(sensed, unit)
-    q_wb = (C_NW.inv() * path.at(sensed.t_ns * 1e-9).C_nb).as_quat()
-    nothing = np.zeros((len(block), 0))
-    return _Driven(
-        truth=TruthBlock(
-            t_ns=sensed.t_ns,
-            w_ib_b=sensed.w_ib_b,
-            f_b=sensed.f_b,
-            q_wb=q_wb,
-            joints=nothing,
-            joint_rates=nothing,
-        ),
-        unit=unit,
-        imu=block,
-        readings=readings_of(block),
-        fixes=fixes_of(path, settings.drive.satellite, _stream(settings.seed, _FIXES)),
-        start=started(settings.drive, START_SIGMA, _stream(settings.seed, _START)),
+def _opened(path: Path, s: DriveSettings) -> DriveWriter:
+    """The recording, with all that is known before the drive."""
+    unit, fixes = _unit(s), _fixes(s)
+    return DriveWriter(
+        path,
+        satellites=_satellites(fixes),
+        epoch_ns=EPOCH_NS,
+        metadata=_metadata(s, fixes),
+        attachments={
+            "drive.toml": ("application/toml", s.drive.text.encode()),
+            "imu.toml": ("application/toml", s.imu.text.encode()),
+        },
+        rate_noise=np.full(3, unit.gyro_sigma**2),
+        force_noise=np.full(3, unit.accel_sigma**2),
+    )
+
+
+def _unit(settings: DriveSettings) -> Imu:
+    return Imu(settings.imu, settings.seed, settings.rate_hz)
+
+
+def _fixes(settings: DriveSettings) -> Fixes:
+    s = settings
+    return fixes_of(s.drive.path, s.drive.satellite, _stream(s.seed, _FIXES))
+
+
+def _start(settings: DriveSettings) -> Rotation:
+    return started(settings.drive, START_SIGMA, _stream(settings.seed, _START))
+
+
+def _simulated(settings: DriveSettings, file: DriveWriter, progress: Progress) -> _Driven:
+    """Block by block into the recording."""
+    path, unit, blocks = settings.drive.path, _unit(settings), []
+    for sensed in sense_blocks(path, settings.rate_hz):
+        blocks.append(unit.report(sensed))
+        file.write(_truth(path, sensed), blocks[-1])
+        progress(float(sensed.t_ns[-1]) * 1e-9 / path.duration)
+    return _Driven(readings_of(joined(blocks)), _fixes(settings), _start(settings))
+
+
+def _truth(path: Driven, sensed: Sensed) -> TruthBlock:
+    nothing = np.zeros((len(sensed.t_ns), 0))
+    return TruthBlock(
+        t_ns=sensed.t_ns,
+        w_ib_b=sensed.w_ib_b,
+        f_b=sensed.f_b,
+        q_wb=(C_NW.inv() * path.at(sensed.t_ns * 1e-9).C_nb).as_quat(),
+        joints=nothing,
+        joint_rates=nothing,
     )
 
 
@@ -164,25 +182,6 @@ def _scored(
     )
 
 
-def _record(path: Path, result: DriveResult, driven: _Driven, text: str) -> None:
-    s = result.settings
-    write_drive(
-        path,
-        truth=driven.truth,
-        imu=driven.imu,
-        satellites=_satellites(driven.fixes),
-        epoch_ns=EPOCH_NS,
-        metadata=_metadata(s, driven),
-        attachments={
-            "drive.toml": ("application/toml", s.drive.text.encode()),
-            "imu.toml": ("application/toml", s.imu.text.encode()),
-            "result.json": ("application/json", text.encode()),
-        },
-        rate_noise=np.full(3, driven.unit.gyro_sigma**2),
-        force_noise=np.full(3, driven.unit.accel_sigma**2),
-    )
-
-
 def _satellites(fixes: Fixes) -> Satellites:
     latitude, longitude, height = geodetic(fixes.position)
     v_n = np.einsum("mji,mj->mi", C_en(latitude, longitude), fixes.velocity)
@@ -195,7 +194,7 @@ def _satellites(fixes: Fixes) -> Satellites:
     )
 
 
-def _metadata(s: DriveSettings, driven: _Driven) -> dict[str, dict[str, str]]:
+def _metadata(s: DriveSettings, fixes: Fixes) -> dict[str, dict[str, str]]:
     return {
         RUN: {
             "drive": s.drive.id,
@@ -210,6 +209,6 @@ def _metadata(s: DriveSettings, driven: _Driven) -> dict[str, dict[str, str]]:
         | versions(),
         "site": describe_site(s.site),
         "estimate": describe_estimate(Options(priors=s.priors), [METHOD]),
-        DRIVE: describe_drive(s.drive.id, s.drive.text, driven.fixes, driven.start, START_SIGMA),
+        DRIVE: describe_drive(s.drive.id, s.drive.text, fixes, _start(s), START_SIGMA),
         "imu": {"toml": s.imu.text},
     }

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from os import PathLike
@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment import ESTIMATORS, Dwell
+from alignment import Dwell
 from alignment.arrays import Array
-from stand.evaluation.review_curves import curves, innovation_curves, singular
+from stand.evaluation.review_curves import method_curves, method_innovations
 from stand.evaluation.run_result import RunResult, result_json
 from stand.evaluation.score import (
     Refusal,
@@ -22,21 +22,23 @@ from stand.evaluation.score import (
     Truths,
     evaluate_each,
     spreads,
-    suited,
 )
 from stand.folder import folder_beside, recording_folder, refuse_existing, write_file
 from stand.motion.plan import PlannedStep
 from stand.motion.polynomial import MotionKind
 from stand.physics.mjcf import contents_of
-from stand.recording.curves import AngleCurves, InnovationCurves, Phase, innovations_csv
+from stand.recording.curves import AngleCurves, Phase, innovations_csv
 from stand.recording.mcap.writer import EPOCH_NS, McapWriter
 from stand.recording.metadata import (
     MODEL_FOLDER,
+    NEVER,
     RUN,
+    SETTLED,
     describe_estimate,
     describe_schedule,
     describe_site,
 )
+from stand.recording.reviewing import open_review
 from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
 from stand.samples import CHANNELS, ImuBlock, TruthBlock
@@ -67,7 +69,8 @@ def run(
     ----------
     settings : Settings
     out : path, optional
-        Folder for `run.mcap`, `run.rrd`, `result.json`; else `run_id` among the recordings.
+        Folder for `run.mcap`, `run.rrd`, `result.json` and, of a filter, `innovations.csv`; else
+        `run_id` among the recordings.
     force : bool
         Replace an existing recording.
     progress : callable
@@ -131,16 +134,17 @@ class _Run:
             )
             text = json.dumps(result_json(result), indent=1, allow_nan=False)
             write_file(self.folder / "result.json", text + "\n")
-            found = self._innovations(dwells, [r.method for r in refusals])
-            attached = {"result.json": ("application/json", text.encode())}
+            refused = [r.method for r in refusals]
+            answered = [method for method in methods_of(self.settings) if method not in refused]
+            site, options = self.settings.site, self.settings.options
+            found = method_innovations(answered, dwells, site, options)
             if found:
-                attached["innovations.csv"] = ("text/csv", innovations_csv(found).encode())
-            mcap.close(attached, _settled(begins))
+                write_file(self.folder / "innovations.csv", innovations_csv(found))
+            mcap.close(metadata=_settled(begins))
             with review.result() as rrd:
                 for event in sorted(self.events):
                     rrd.event(*event)
-                refused = [r.method for r in refusals]
-                rrd.angles(self._curves(dwells, attitudes, refused, collector))
+                rrd.angles(self._curves(answered, dwells, attitudes, collector))
                 rrd.innovations(found)
                 rrd.documents(report_document(result), config_document(result))
                 rrd.close()
@@ -158,12 +162,13 @@ class _Run:
         moving = [step.label for step, rests in steps if not rests.all()]
         collector = DwellCollector(self.plan.stretches, self.settings.rate_hz, moving)
         waiting: list[Future[None]] = []
-        done, total = 0, self.simulation.total
+        done, total, steps_over = 0, self.simulation.total, 0
         for block in self.simulation.blocks():
             lag = self.simulation.following(block)
             truth, readings = block.truth, block.readings
             waiting.append(background.submit(_write_review, review, truth, readings, lag))
             self._watch_saturation(mcap, readings)
+            steps_over = self._note_settling(mcap, float(truth.t_ns[-1]) * 1e-9, steps_over)
             mcap.write(truth, readings)
             collector.add(truth, readings)
             done += len(truth)
@@ -173,6 +178,15 @@ class _Run:
         for future in waiting:
             future.result()
         return collector
+
+    def _note_settling(self, mcap: McapWriter, t: float, first: int) -> int:
+        """From when the rests count that are over by `t` [s], from step `first` on: for who finds
+        the recording interrupted. How many steps are over.
+        """
+        records = self.simulation.records_until(t, first)
+        for name, values in _settled(begins_of(records)).items():
+            mcap.metadata(name, values)
+        return first + len(records)
 
     def _tell_settling(self, mcap: McapWriter, records: Sequence[StepRecord]) -> None:
         for record in records:
@@ -219,10 +233,8 @@ class _Run:
         )
 
     def _open_review(self) -> Any:
-        from stand.recording.review import ReviewWriter
-
         settings = self.settings
-        return ReviewWriter(
+        return open_review(
             self.folder / "run.rrd",
             model=self.stand,
             run_id=self._unique_id(),
@@ -294,35 +306,18 @@ class _Run:
 
     def _curves(
         self,
+        answered: Sequence[str],
         dwells: Sequence[Dwell],
         attitudes: Sequence[Rotation],
-        refused: Collection[str],
         collector: DwellCollector,
     ) -> list[AngleCurves]:
-        s = self.settings
         at_end = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
-        found = []
-        for method in methods_of(s):
-            make = ESTIMATORS[method].tracks
-            if make is None or method in refused:
-                continue
-            for dwell in suited(method, dwells):
-                for track in make(dwell, s.site, s.options):
-                    true = collector.true_at(track.label, track.t) or at_end[track.label]
-                    if not singular(track, at_end[track.label]):
-                        found.append(curves(track, true))
-        return found
 
-    def _innovations(
-        self, dwells: Sequence[Dwell], refused: Collection[str]
-    ) -> list[InnovationCurves]:
+        def true_at(label: str, t: Array) -> Rotation:
+            return collector.true_at(label, t) or at_end[label]
+
         s = self.settings
-        return [
-            innovation_curves(method, dwell, make(dwell, s.site, s.options))
-            for method in methods_of(s)
-            if (make := ESTIMATORS[method].innovations) is not None and method not in refused
-            for dwell in suited(method, dwells)
-        ]
+        return method_curves(answered, dwells, attitudes, true_at, s.site, s.options)
 
 
 def _write_review(
@@ -339,8 +334,8 @@ def _abandon_review(review: "Future[Any]") -> None:
 
 def _settled(begins: Mapping[str, float | None]) -> dict[str, dict[str, str]]:
     """The metadata record of dwells that count from a later time than was planned."""
-    told = {label: "never" if t is None else repr(t) for label, t in begins.items()}
-    return {"settled": told} if told else {}
+    told = {label: NEVER if t is None else repr(t) for label, t in begins.items()}
+    return {SETTLED: told} if told else {}
 
 
 def _phase(step: PlannedStep) -> Phase:

@@ -1,6 +1,6 @@
 """The blocks of samples that flow from the stand to the recording."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
 
 import numpy as np
@@ -76,6 +76,10 @@ class TruthBlock:
                 shape = getattr(self, true).shape
                 set_owned(self, **{said: (getattr(self, said), shape, float)})
 
+    def part(self, rows: slice) -> "TruthBlock":
+        """Some of the samples."""
+        return TruthBlock(*(getattr(self, field.name)[rows] for field in fields(self)))
+
     def __len__(self) -> int:
         return len(self.t_ns)
 
@@ -127,6 +131,10 @@ class ImuBlock:
         _own_readings(self)
         flags = np.zeros((len(self), 6), bool) if self.saturated is None else self.saturated
         set_owned(self, saturated=(flags, (len(self), 6), bool))
+
+    def part(self, rows: slice) -> "ImuBlock":
+        """Some of the samples."""
+        return ImuBlock(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def increments(self, rate_hz: int) -> tuple[Array, Array]:
         """delta-theta [rad] and delta-v [m/s] (n, 3) of samples of length 1 / `rate_hz`."""

@@ -20,7 +20,6 @@ DOORS = {
     "ruckig": ("stand.motion.moves",),
     "typer": ("stand.cli",),
     "rich": ("stand.cli", "stand.report.console"),
-    "allantools": ("alignment.allan",),
     "matplotlib": ("stand.report",),
     "jinja2": ("stand.report",),
     "tomllib": ("stand.toml_files",),
@@ -31,6 +30,7 @@ OURS = ("alignment", "stand")
 STOREYS = (
     (
         "errors",
+        "bounds",
         "versions",
         "toml_files",
         "columns",
@@ -42,7 +42,7 @@ STOREYS = (
     ),
     ("motion", "physics", "vehicle", "simulation"),
     ("recording", "evaluation", "rehearsal"),
-    ("report", "recorded_run", "recorded_drive", "api", "results", "cli", "__main__"),
+    ("report", "recorded_run", "recorded_drive", "recovered", "api", "results", "cli", "__main__"),
 )
 
 
@@ -292,7 +292,7 @@ def test_the_house_keeps_its_rules():
 
 
 def test_alignment_stands_on_arrays_alone():
-    allowed = {"alignment", "numpy", "scipy", "allantools"} | set(sys.stdlib_module_names)
+    allowed = {"alignment", "numpy", "scipy"} | set(sys.stdlib_module_names)
     for module, wanted in graph(ROOT).items():
         if within(module, "alignment"):
             assert {target.split(".")[0] for target in wanted} <= allowed, module

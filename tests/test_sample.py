@@ -120,7 +120,8 @@ def test_it_is_small_and_all_else_is_ignored():
     assert tracked == [
         "recordings/README.md", "recordings/sample/result.json", "recordings/sample/run.mcap"
     ]  # fmt: skip
-    assert sum((ROOT / name).stat().st_size for name in tracked) < 500_000
+    # at 5 Hz half of it is the index: a chunk holds a second, that a kill costs no more
+    assert sum((ROOT / name).stat().st_size for name in tracked) < 700_000
     names = ("sample/run.rrd", "sample/report.html", "another/run.mcap")
     ignored = [f"recordings/{name}" for name in names]
     asked = ["git", "check-ignore", *ignored]

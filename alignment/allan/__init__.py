@@ -1,6 +1,6 @@
 """Allan analysis: noise terms of a unit at rest, each with its interval, or a refusal.
 
-Readings -> `stretches` (those without gaps, of each rest) -> `deviation` (allantools) ->
+Readings -> `stretches` (those without gaps, of each rest) -> `deviation` ->
 `fit` of the five `terms`, weighted by `covariance` -> `analysis`: what the record shows, and how
 long it must be to show the rest.
 """

@@ -68,10 +68,10 @@ def deviation(signal: Array | Sequence[Array], interval: float) -> Deviation:
 
     Notes
     -----
-    ``v(m) = <(x_{k+2m} - 2 x_{k+m} + x_k)^2> / (2 m^2)``, x the running sum (NIST SP 1065 eq. 11,
-    by allantools). An averaging time of more than 32 samples starts at every m/32nd sample only,
-    which costs less than 1 % of its certainty (white x excepted, see `covariance`). Stretches are
-    pooled by the number of their squares; what lies between them is in none.
+    ``v(m) = <(x_{k+2m} - 2 x_{k+m} + x_k)^2> / (2 m^2)``, x the running sum (NIST SP 1065 eq.
+    11). An averaging time of more than 32 samples starts at every m/32nd sample only, which costs
+    less than 1 % of its certainty (white x excepted, see `covariance`). Stretches are pooled by
+    the number of their squares; what lies between them is in none.
     """
     every = [signal] if isinstance(signal, np.ndarray) else list(signal)
     longest = max(map(len, every), default=0)
@@ -102,16 +102,10 @@ def _variances(signal: Array, m: np.ndarray) -> Array:
 
 def variances(phase: Array, m: np.ndarray) -> Array:
     """Overlapping Allan variances (k,) of the running sum `phase` (n + 1,) at m (k,) samples."""
-    import allantools  # brings scipy.stats, 1.5 s of start-up
-
     found = np.zeros(len(m))
-    strides = np.array([stride(int(k)) for k in m])
-    for step in np.unique(strides):
-        phase_here, rows = np.ascontiguousarray(phase[::step]), np.flatnonzero(strides == step)
-        # Everything in samples: taus that are whole numbers cannot be rounded to other ones.
-        taus, deviations, _, _ = allantools.oadev(
-            phase_here, rate=1.0, data_type="phase", taus=m[rows] // step
-        )
-        assert list(taus) == list(m[rows] // step)
-        found[rows] = (deviations / step) ** 2
+    for row, k in enumerate(map(int, m)):
+        step = stride(k)
+        x, lag = phase[::step], k // step
+        bends = x[2 * lag :] - 2 * x[lag:-lag] + x[: -2 * lag]
+        found[row] = (bends @ bends) / (2 * (lag * step) ** 2 * len(bends))
     return found

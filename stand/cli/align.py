@@ -19,7 +19,7 @@ from stand.cli.options import (
     quick_imports,
     words,
 )
-from stand.cli.progress import print_json, progress, working
+from stand.cli.progress import print_json, progress, tell_left_behind, working
 
 if TYPE_CHECKING:
     from stand.recording.log_form import LogForm
@@ -198,6 +198,7 @@ def import_log(
             raise StandError("missing --out X.mcap: the recording to write")
         _show_inspection(file, topic, as_json)
         return
+    tell_left_behind(out)
     with quick_imports():
         from stand.recording.importing import import_log as imported
 

@@ -15,7 +15,7 @@ import typer
 from stand.cli.align import align, allan, import_log
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
 from stand.cli.progress import Stopped
-from stand.cli.review import report, view
+from stand.cli.review import recover, report, view
 from stand.cli.run import drive, run
 from stand.cli.stretches import stretches
 from stand.cli.study import compare, export, rehearse
@@ -48,6 +48,7 @@ COMMANDS = {
     "allan": allan,
     "stretches": stretches,
     "report": report,
+    "recover": recover,
     "check-imu": check_imu,
     "check-table": check_table,
     "new": new,

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -13,6 +15,16 @@ if TYPE_CHECKING:
 
 class Stopped(Exception):
     """Ctrl-C ended the work early, and what was done is told."""
+
+
+def tell_left_behind(target: Path) -> None:
+    """Say what an interrupted writer of this target has left there."""
+    from stand.errors import printable
+    from stand.folder import left_of
+
+    for left in left_of(target):
+        told = f"{left.path}: of an interrupted run; stand recover {shlex.quote(str(target))}"
+        print(f"stand: {printable(told)} brings back what is whole", file=sys.stderr)
 
 
 def print_json(value: Any) -> None:

@@ -1,4 +1,4 @@
-"""Commands on a recording: `stand report`, `stand view`."""
+"""Commands on a recording: `stand report`, `stand recover`, `stand view`."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from stand.cli.options import ForceOption, LatitudeOption, quick_imports
-from stand.cli.progress import working
+from stand.cli.options import ForceOption, JsonOption, LatitudeOption, quick_imports
+from stand.cli.progress import print_json, working
 
 
 def report(
@@ -55,6 +55,44 @@ def report(
             options = {"imu": imu, "latitude_deg": latitude, "force": force}
             page = write_log_page(log, out, **options)
     print(page)
+
+
+def recover(
+    place: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Where they lie, the target of one, or an MCAP that is cut off; else recordings."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Bring back what interrupted recordings hold: run, drive, import; killed, or without power.
+
+    A recording is written in chunks of a second of simulated time at most, and each is in the
+    file within a second of its making. After a kill at most the second that was being made is
+    lost, after a power cut also what the disk had not taken: a second more. The rest comes back
+    with index, review and result.json; a stretch that is cut is refused by name.
+
+    Example: stand recover recordings/six-position_stim300_seed0
+    """
+    with quick_imports():
+        import stand
+
+    with working("looking", as_json):
+        found = stand.recover(place)
+    if as_json:
+        from dataclasses import asdict
+
+        texts = [asdict(one) for one in found]
+        print_json([t | {k: t[k] and str(t[k]) for k in ("found", "out")} for t in texts])
+    elif not found:
+        print(f"nothing of an interrupted run in {place or 'recordings'}")
+    else:
+        from stand.errors import printable
+
+        print("\n".join(printable(line) for one in found for line in one.lines()))
+    if any(one.out is None for one in found):
+        raise typer.Exit(1)
 
 
 def view(

@@ -19,7 +19,7 @@ from stand.cli.options import (
     quick_imports,
     words,
 )
-from stand.cli.progress import print_json, progress
+from stand.cli.progress import print_json, progress, tell_left_behind
 
 if TYPE_CHECKING:
     from stand.evaluation.drive_result import DriveResult
@@ -74,7 +74,11 @@ def run(
     with quick_imports():
         import stand
         from stand.evaluation.run_result import result_json
-        from stand.recording import review  # noqa: F401  here rather than amid the samples
+        from stand.folder import recording_folder
+        from stand.recording.reviewing import can_review
+        from stand.simulation.settings import run_id
+
+        reviewed = can_review()  # imports rerun here rather than amid the samples
 
     settings = stand.settings(
         procedure,
@@ -90,17 +94,19 @@ def run(
         true_table=true_table,
         sequences=None if sequences is None else sequences.value,
     )
+    tell_left_behind(recording_folder(out, run_id(settings)))
     with progress(f"{settings.procedure.id}, {settings.imu.id}", as_json) as report:
         result = stand.run(settings, out, force=force, progress=report)
     if as_json:
         print_json(result_json(result) | {"out": str(result.out)})
     else:
-        _show_run(result)
+        _show_run(result, reviewed)
 
 
-def _show_run(result: RunResult) -> None:
+def _show_run(result: RunResult, reviewed: bool) -> None:
     from rich.markup import escape
 
+    from stand.recording.reviewing import MISSING
     from stand.report.console import console, show
     from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
     from stand.report.judged import judged
@@ -127,7 +133,11 @@ def _show_run(result: RunResult) -> None:
     for line in refusal_lines(result.refusals):
         out.print(line, style="bold yellow", markup=False)
     where = escape(str(result.out))
-    out.print(f"\nRecorded in [bold]{where}[/bold]: run.mcap, run.rrd, result.json", soft_wrap=True)
+    files = "run.mcap, run.rrd, result.json" if reviewed else "run.mcap, result.json"
+    out.print(f"\nRecorded in [bold]{where}[/bold]: {files}", soft_wrap=True)
+    if not reviewed:
+        out.print(MISSING, markup=False, soft_wrap=True)
+        return
     out.print(f"Review it: stand view {escape(shlex.quote(str(result.out)))}", soft_wrap=True)
 
 
@@ -157,7 +167,10 @@ def drive(
     with quick_imports():
         import stand
         from stand.evaluation.drive_result import result_json
+        from stand.folder import recording_folder
 
+    name = f"{Path(scenario).stem}_{Path(imu).stem}_seed{seed}"
+    tell_left_behind(recording_folder(out, name))
     with progress(f"{Path(scenario).stem}, {Path(imu).stem}", as_json) as report:
         result = stand.drive(
             scenario, imu, rate_hz=rate, seed=seed, out=out, force=force, progress=report

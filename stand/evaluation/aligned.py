@@ -13,6 +13,7 @@ from stand.evaluation.score import (
     Refusal,
     Score,
     evaluate_each,
+    refusal_to_json,
     score_to_json,
     spread_to_json,
     spreads,
@@ -121,9 +122,11 @@ def align(
     _check_labels([dwell.label for dwell in dwells])
     _check_methods(first.path, methods, site)
     doubts = _doubts(logs, methods, site, options)
-    scores, refusals = evaluate_each(dwells, truths, site, options, methods)
+    scores, refused = evaluate_each(dwells, truths, site, options, methods)
+    refusals = [*(lost for log in logs for lost in log.lost), *refused]
     if refusals and not scores:
-        raise StandError(f"{first.path}: {refusals[0].reason}")
+        named = f"{refusals[0].stretch}: " if refusals[0].stretch else ""
+        raise StandError(f"{first.path}: {named}{refusals[0].reason}")
     rows: list[Scatter] = []
     if windows_s:
         answered = [m for m in methods if any(s.estimate.method == m for s in scores)]
@@ -236,6 +239,6 @@ def alignment_json(found: Alignment) -> dict[str, Any]:
         "latitude_deg": None if latitude is None else latitude / DEG,
         "estimates": [score_to_json(s, found.noise_only) for s in found.scores],
         "spreads": [spread_to_json(s) for s in spreads(found.scores)],
-        "refusals": [{"method": r.method, "reason": r.reason} for r in found.refusals],
+        "refusals": [refusal_to_json(r) for r in found.refusals],
         "unstated": [] if found.imu is None else list(unstated(found.imu)),
     }

@@ -33,6 +33,7 @@ from stand.recording.mcap.reader import ImuLog
 from stand.recording.metadata import (
     RUN,
     epoch_of,
+    interrupted_at,
     planned_stretches,
     recorded_imu,
     settled_stretches,
@@ -128,7 +129,7 @@ def analyse(
     except AlignmentError as error:
         raise type(error)(f"{path}: {error}") from error
     title = f"{spec.title} ({spec.id})" if spec else None
-    notes += _notes(result, known)
+    notes += [*_interrupted(log), *_notes(result, known)]
     return AllanReport(str(path), log.topic, result, sheet, sheet_title=title, notes=tuple(notes))
 
 
@@ -195,7 +196,17 @@ def _dwells(path: Path, log: ImuLog) -> list[Rest]:
     """The dwells of a recording of ours, from when the table had settled."""
     with located(path):
         stretches = settled_stretches(planned_stretches(log.metadata), log.metadata)
-    return [(s.label, s.t_from, s.t_to) for s in stretches if s.joint is None]
+        end = interrupted_at(log.metadata)
+    return [
+        (s.label, s.t_from, min(s.t_to, end))
+        for s in stretches
+        if s.joint is None and s.t_from < end
+    ]
+
+
+def _interrupted(log: ImuLog) -> list[str]:
+    end = interrupted_at(log.metadata)
+    return [f"the recording was interrupted at {end:.3f} s"] if isfinite(end) else []
 
 
 def _still(

@@ -1,14 +1,53 @@
 """Tracks and innovations of the methods as curves for the review."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment import Dwell
+from alignment import ESTIMATORS, Dwell, Options, Site
 from alignment.against_truth import angle_errors
 from alignment.angles import angles_from_C_nb, near_singular
+from alignment.arrays import Array
 from alignment.estimate import AttitudeTrack, angle_sigmas, determined
 from alignment.methods.fine import Innovations
+from stand.evaluation.score import suited
 from stand.recording.curves import AngleCurves, InnovationCurves
+
+TrueAt = Callable[[str, Array], Rotation]
+"""True attitude in a stretch, by its label, at times [s]: one, or one for each of them."""
+
+
+def method_curves(
+    methods: Sequence[str],
+    dwells: Sequence[Dwell],
+    attitudes: Sequence[Rotation],
+    true_at: TrueAt,
+    site: Site,
+    options: Options,
+) -> list[AngleCurves]:
+    """Every track of the methods, which have all answered; `attitudes` are at the dwells' ends."""
+    at_end = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
+    return [
+        curves(track, true_at(track.label, track.t))
+        for method in methods
+        if (make := ESTIMATORS[method].tracks) is not None
+        for dwell in suited(method, dwells)
+        for track in make(dwell, site, options)
+        if not singular(track, at_end[track.label])
+    ]
+
+
+def method_innovations(
+    methods: Sequence[str], dwells: Sequence[Dwell], site: Site, options: Options
+) -> list[InnovationCurves]:
+    """The innovations of the methods, which have all answered."""
+    return [
+        innovation_curves(method, dwell, make(dwell, site, options))
+        for method in methods
+        if (make := ESTIMATORS[method].innovations) is not None
+        for dwell in suited(method, dwells)
+    ]
 
 
 def innovation_curves(method: str, dwell: Dwell, found: Innovations) -> InnovationCurves:

@@ -5,7 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from alignment.units import DEG
-from stand.evaluation.score import Refusal, Score, Spread, score_to_json, spread_to_json
+from stand.evaluation.score import (
+    Refusal,
+    Score,
+    Spread,
+    refusal_to_json,
+    score_to_json,
+    spread_to_json,
+)
 from stand.imu import unstated
 from stand.motion.plan import Plan
 from stand.samples import CHANNELS
@@ -52,6 +59,6 @@ def result_json(result: RunResult) -> dict[str, Any]:
         "versions": versions(),
         "estimates": [score_to_json(scored) for scored in result.scores],
         "spreads": [spread_to_json(spread) for spread in result.spreads],
-        "refusals": [{"method": r.method, "reason": r.reason} for r in result.refusals],
+        "refusals": [refusal_to_json(r) for r in result.refusals],
         "unstated": list(unstated(s.imu)),
     }

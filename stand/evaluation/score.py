@@ -124,10 +124,17 @@ def circular(estimate: AttitudeEstimate) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A method that would not answer, and why."""
+    """A method that would not answer, or a `stretch` that no method was asked about; why."""
 
     method: str
     reason: str
+    stretch: str = ""
+
+
+def refusal_to_json(refusal: Refusal) -> dict[str, str]:
+    """One refusal for machines."""
+    who = {"stretch": refusal.stretch} if refusal.stretch else {"method": refusal.method}
+    return who | {"reason": refusal.reason}
 
 
 def evaluate_each(

@@ -15,9 +15,9 @@ from functools import cache
 from math import ceil, factorial, log2, pi, sqrt
 
 import numpy as np
-from scipy.linalg import expm
 
 from alignment.arrays import Array
+from alignment.fixed_order import exponential, product
 from stand.imu.recursion import Recursion
 from stand.samples import Sampling
 
@@ -107,7 +107,7 @@ class LowPass:
         self._direct, self._kick = sigma * unit.direct, sigma * unit.kick
         before = np.zeros(3, complex)
         if start is not None:
-            before = sigma * (start @ unit.start).view(complex)[:, 0]
+            before = sigma * np.ascontiguousarray(product(start, unit.start)).view(complex)[:, 0]
         self._memory = Recursion(complex(phi[0]), before)
         self._last = np.full((3, 4), np.nan)
 
@@ -204,15 +204,15 @@ def noise_innovations(w0: float, sampling: Sampling) -> NoiseInnovations:
     step = w0 / 2**doublings
     F, Q = _over_a_step(step)
     for _ in range(doublings):
-        Q = Q + F @ Q @ F.T
-        F = F @ F
+        Q = Q + product(F, Q, F.T)
+        F = product(F, F)
     row = 2 if sampling is Sampling.MEAN else 0
     A, h = F[:2, :2], F[row, :2]
     P, size, gain = Q[:2, :2], 0.0, np.zeros(2)
     for _ in range(_ROUNDS):
-        size = float(h @ P @ h + Q[row, row])
-        gain = (A @ P @ h + Q[:2, row]) / size
-        P = A @ P @ A.T + Q[:2, :2] - size * np.outer(gain, gain)
+        size = float(product(h, P, h) + Q[row, row])
+        gain = (product(A, P, h) + Q[:2, row]) / size
+        P = product(A, P, A.T) + Q[:2, :2] - size * np.outer(gain, gain)
     pole = step * (-1 + 1j) / sqrt(2)
     own = (gain[1] - pole.conjugate() * gain[0]) / (2j * pole.imag)
     # from units of the step: of noise, of the filter's output, of a mean over several steps
@@ -229,9 +229,9 @@ def _over_a_step(w0: float) -> tuple[Array, Array]:
     flow = np.array([[0, 1, 0], [-(w0**2), -sqrt(2) * w0, 0], [1, 0, 0]])
     drive = np.zeros((3, 3))
     drive[1, 1] = 1.0
-    both = expm(np.block([[-flow, drive], [np.zeros((3, 3)), flow.T]]))
+    both = exponential(np.block([[-flow, drive], [np.zeros((3, 3)), flow.T]]))
     F = both[3:, 3:].T
-    Q = F @ both[:3, 3:]
+    Q = product(F, both[:3, 3:])
     return F, (Q + Q.T) / 2
 
 

@@ -30,6 +30,7 @@ from alignment.units import (
     STANDARD_GRAVITY,
 )
 from stand import toml_files as catalogue
+from stand.bounds import Celsius, Offset, StatedLimit, StatedNumber
 from stand.errors import StandError
 from stand.imu.bands import ACCEL_BANDS, GYRO_BANDS, REFERENCE
 from stand.imu.processes import DEFAULT_CORNERS
@@ -43,7 +44,7 @@ Source = Annotated[str, Field(min_length=1)]
 Kind = Literal["typical", "1 sigma", "maximum", "unspecified", "assumed"]
 
 
-Place = tuple[float, float, float]
+Place = tuple[Offset, Offset, Offset]
 
 # names that sheets use, of keys that come without a unit
 SHEET_NAMES = {"noise_density": "angle_random_walk|velocity_random_walk"}
@@ -80,7 +81,7 @@ NAMED_WHEN_ABSENT = {
 class Stated(catalogue.Entry):
     """A value as a data sheet states it; `unspecified`: the source does not say which kind."""
 
-    value: Annotated[float, Field(ge=0)]
+    value: StatedNumber
     kind: Kind
     source: Source
 
@@ -88,7 +89,7 @@ class Stated(catalogue.Entry):
 class Limit(Stated):
     """A stated value that must be above zero: a range, a bandwidth, a resolution."""
 
-    value: Annotated[float, Field(gt=0)]
+    value: StatedLimit
 
 
 class Places(catalogue.Entry):
@@ -289,10 +290,8 @@ class ImuEntry(catalogue.Entry):
     title: str
     grade: str
     evidence: Literal["A", "B", "C", "none"]
-    bias_corners_s: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=1)] = (
-        DEFAULT_CORNERS
-    )
-    reference_temperature_C: float = 25.0
+    bias_corners_s: Annotated[tuple[StatedLimit, ...], Field(min_length=1)] = DEFAULT_CORNERS
+    reference_temperature_C: Celsius = 25.0
     gyro: GyroEntry  # pyright: ignore[reportInvalidTypeForm]
     accel: AccelEntry  # pyright: ignore[reportInvalidTypeForm]
     sampling: SamplingEntry = SamplingEntry()

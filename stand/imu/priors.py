@@ -1,10 +1,12 @@
 """What the data sheets of unit and table tell an estimator before the readings."""
 
 from collections.abc import Sequence
+from math import sqrt
 
 import numpy as np
 
 from alignment import Priors
+from alignment.fixed_order import norm
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
 from stand.imu.processes import plateau
@@ -83,9 +85,9 @@ def placement(table: Table) -> tuple[float, float, float]:
         max(getattr(e, f"{name}_arc_s") for e in errors)
         for name in ("encoder", "non_orthogonality", "wobble")
     ]
-    zeros = np.linalg.norm([e.placement_arc_s for e in errors]) / np.sqrt(3)
+    zeros = norm([e.placement_arc_s for e in errors]) / sqrt(3)
     tilt, azimuth = geometry.base_tilt_arc_s, geometry.base_azimuth_arc_s
-    base = np.linalg.norm([tilt, tilt, azimuth]) / np.sqrt(3)
-    turn = np.linalg.norm(bent)
+    base = norm([tilt, tilt, azimuth]) / sqrt(3)
+    turn = norm(bent)
     seat = np.hypot(geometry.mounting_arc_s, zeros)
     return float(turn) * ARC_SECOND, float(seat) * ARC_SECOND, float(base) * ARC_SECOND

@@ -9,6 +9,7 @@ stationary variance is kept exactly.
 """
 
 from collections.abc import Callable, Sequence
+from math import exp
 
 import numpy as np
 
@@ -78,7 +79,7 @@ class BiasInstability:
         self, streams: Sequence[np.random.Generator], corners: Sequence[float], step: float
     ) -> None:
         self._streams = streams
-        decay = np.exp(-step / np.asarray(corners))
+        decay = np.array([exp(-step / corner) for corner in corners])
         self._kick = np.sqrt(1 - decay**2)
         self._sigma = 1.0 / plateau(corners)
         stationary = np.stack([s.standard_normal(len(corners)) for s in streams])

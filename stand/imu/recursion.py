@@ -1,13 +1,10 @@
-"""First-order recursions, block after block with the same bits wherever the blocks are cut.
+"""First-order recursions, block after block with the same bits wherever the blocks are cut."""
 
-What SciPy's `lfilter` does, by LAPACK's banded triangular solver: importing `scipy.signal` would
-take half a second at every start of the command, `scipy.linalg` is there already.
-"""
+from typing import Any
 
-import numpy as np
-from scipy.linalg import lapack
+from numpy.typing import NDArray
 
-from alignment.arrays import Array
+from alignment.fixed_order import recursion
 
 
 class Recursion:
@@ -26,17 +23,12 @@ class Recursion:
         The last output.
     """
 
-    def __init__(self, factor: complex, state: Array) -> None:
-        self._factor, self.state = factor, state
-        self._band = np.empty((2, 0))
+    def __init__(self, factor: complex, state: NDArray[Any]) -> None:
+        self._factor = factor
+        self.state: Any = state
 
-    def apply(self, u: Array) -> Array:
+    def apply(self, u: NDArray[Any]) -> Any:
         """The next outputs (r, n) for the next inputs (r, n >= 1)."""
-        stacked = np.hstack([self.state[:, None], u])
-        size = stacked.shape[1]
-        if self._band.shape[1] != size:
-            self._band = np.asfortranarray(np.repeat([[1.0], [-self._factor]], size, axis=1))
-        solve = lapack.ztbtrs if np.iscomplexobj(stacked) else lapack.dtbtrs  # pyright: ignore[reportAttributeAccessIssue]
-        y, _ = solve(self._band, stacked.T, uplo="L", diag="U", overwrite_b=True)
-        self.state = y[-1].copy()
-        return y[1:].T
+        y = recursion([self._factor], u, self.state[:, None])
+        self.state = y[:, -1].copy()
+        return y

@@ -8,18 +8,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache
-from math import comb
+from math import comb, cos, pi
 
 import numpy as np
 from numpy.polynomial import chebyshev, polynomial
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solveh_banded
 
 from alignment.arrays import Array, owned
+from alignment.fixed_order import product, recursion
 
 FIT_DEGREE = 9
 FIT_PER_PERIOD = 10  # pieces of a sine: then fitted to 1e-10 of its acceleration
 BLOCK = 4096  # pieces worked out at once: temporary arrays stay small
+_SETTLED = 48  # rows of the splines' equations until their factors change no more
 SAME_KNOT = 1e-9  # s: knots of several motions nearer than this are one
 
 
@@ -150,8 +151,12 @@ def _fitted(angles: Callable[[Array], Array], knots: Array) -> Array:
 @cache
 def _chebyshev(degree: int) -> tuple[Array, Array]:
     """Points of [0, 1] with both ends, and the matrix from values there to powers of u."""
-    x = -np.cos(np.pi * np.arange(degree + 1) / degree)
-    series = np.linalg.inv(chebyshev.chebvander(x, degree))
+    x = np.array([-cos(pi * i / degree) for i in range(degree + 1)])
+    # of T_k at these points the inverse is a cosine transform's, ends and first and last counted
+    # by half
+    k, ends = np.arange(degree + 1), np.where(np.arange(degree + 1) % degree, 1.0, 2.0)
+    cosines = np.array([[cos(pi * i * j / degree) for j in k] for i in k])
+    series = (2 / degree) * (-1.0) ** k[:, None] * cosines / np.outer(ends, ends)
     in_x = np.stack(
         [np.pad(chebyshev.cheb2poly(c), (0, degree + 1))[: degree + 1] for c in series.T]
     )
@@ -159,7 +164,7 @@ def _chebyshev(degree: int) -> tuple[Array, Array]:
     for _ in range(degree):  # powers of x = 2 u - 1
         in_u.append(polynomial.polymul(in_u[-1], [-1.0, 2.0]))
     powers = np.stack([np.pad(p, (0, degree + 1 - len(p))) for p in in_u])
-    return (x + 1) / 2, (in_x @ powers).T
+    return (x + 1) / 2, product(in_x, powers).T
 
 
 def splined(samples: Array, step: float, start: float = 0.0) -> Motion:
@@ -173,17 +178,58 @@ def splined(samples: Array, step: float, start: float = 0.0) -> Motion:
     Cardinal B-splines: coefficients from the banded collocation matrix (1, 26, 66, 26, 1)/120,
     which forgets at 0.43 per step: a knot 48 steps away counts 3e-18.
     """
-    n = len(samples)
-    bands = np.repeat([[1.0], [26.0], [66.0]], n, axis=1) / 120
     # beyond the ends the B-spline coefficients are the end samples: exact where those rest
     right = np.array(samples, dtype=float)
     right -= samples[0]
     last = right[-1].copy()
     right[-1] -= last * 27 / 120
     right[-2] -= last / 120
-    c = solveh_banded(bands, right, check_finite=False)
+    c = _collocated(right)
     ends = np.zeros((2, c.shape[1])), np.repeat(last[None], 2, axis=0)
     return b_spline(np.concatenate([ends[0], c, ends[1]]), step, start, samples[0])
+
+
+def _collocated(right: Array) -> Array:
+    """Solution (n, joints) of the banded equations with right sides (n, joints), n >= 2.
+
+    By factors ``L D L^T``, whose rows no longer change after some: from there on a recursion.
+    """
+    one, two, pivots = _factors()
+    size = min(len(right), len(pivots))
+    y = np.array(right[:size])
+    for k in range(1, size):
+        y[k] -= one[k] * y[k - 1] + (two[k] * y[k - 2] if k > 1 else 0.0)
+    feedback = -one[-1], -two[-1]
+    last = np.stack([y[-1], y[-2]], axis=1)
+    y = np.concatenate([y, recursion(feedback, right[size:].T, last).T])
+    y[:size] /= pivots[:size, None]
+    y[size:] /= pivots[-1]
+    none = np.zeros((y.shape[1], 2))
+    after = recursion(feedback, y[: size - 1 : -1].T, none).T[::-1] if size < len(y) else y[size:]
+    c = np.concatenate([y[:size], after, np.zeros((2, y.shape[1]))])
+    for k in range(size - 1, -1, -1):
+        c[k] -= one[min(k + 1, len(one) - 1)] * c[k + 1] + two[min(k + 2, len(two) - 1)] * c[k + 2]
+    return c[:-2]
+
+
+@cache
+def _factors() -> tuple[Array, Array, Array]:
+    """Of (1, 26, 66, 26, 1)/120: below the diagonal of L, once and twice, and the pivots D.
+
+    Row k differs from the rows far down by 0.43^(2 k): 48 rows are all that do.
+    """
+    outer, inner, middle = 1 / 120, 26 / 120, 66 / 120
+    one, two, pivots = np.zeros((3, _SETTLED))
+    for k in range(_SETTLED):
+        if k > 1:
+            two[k] = outer / pivots[k - 2]
+        if k > 0:
+            mixed = two[k] * pivots[k - 2] * one[k - 1] if k > 1 else 0.0
+            one[k] = (inner - mixed) / pivots[k - 1]
+        pivots[k] = middle
+        pivots[k] -= one[k] ** 2 * pivots[k - 1] if k > 0 else 0.0
+        pivots[k] -= two[k] ** 2 * pivots[k - 2] if k > 1 else 0.0
+    return one, two, pivots
 
 
 def b_spline(weights: Array, step: float, start: float = 0.0, level: ArrayLike = 0.0) -> Motion:
@@ -199,12 +245,12 @@ def b_spline(weights: Array, step: float, start: float = 0.0, level: ArrayLike =
         Added to the angles [rad]: what all weights have in common only rounds the derivatives.
     """
     k = len(weights) - 5
-    to_powers = _cardinal() / (step ** np.arange(5.0, -1.0, -1.0))[:, None]
+    to_powers = _cardinal() / np.array([[step**power] for power in range(5, -1, -1)])
     coefficients = np.empty((6, k, weights.shape[1]))
     for first in range(0, k, BLOCK):
         block = weights[first : first + BLOCK + 5]
         windows = np.stack([block[i : len(block) - 5 + i] for i in range(6)])
-        coefficients[:, first : first + BLOCK] = np.tensordot(to_powers, windows, axes=1)
+        coefficients[:, first : first + BLOCK] = np.einsum("pi,ikj->pkj", to_powers, windows)
     coefficients[-1] += level
     coefficients.flags.writeable = False
     return Motion(start + step * np.arange(k + 1), coefficients)

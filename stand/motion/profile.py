@@ -11,10 +11,10 @@ import numpy as np
 
 from alignment.arrays import Array
 from alignment.units import DEG
+from stand.bounds import LONGEST_S
 from stand.columns import Columns, read_columns
 from stand.errors import StandError, unknown
 from stand.motion.polynomial import Motion
-from stand.procedure.steps import LONGEST_STEP
 from stand.table.joints import JOINTS
 
 TIME = "time_s"
@@ -110,8 +110,8 @@ def _times(columns: Columns) -> Array:
         allowed = f"must be {SHORTEST_STEP:g} s or more after the line before, {given[row - 1]:.9g}"
         raise columns.fault(row, TIME, f"{given[row]:.9g}", allowed)
     t = given - given[0]
-    if t[-1] > LONGEST_STEP:
-        allowed = f"must be within {LONGEST_STEP:g} s of the first"
+    if t[-1] > LONGEST_S:
+        allowed = f"must be within {LONGEST_S:g} s of the first"
         raise columns.fault(len(t) - 1, TIME, f"{given[-1]:.9g}", allowed)
     return t
 

@@ -22,6 +22,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from alignment.arrays import Array, set_owned
+from alignment.fixed_order import product
 from stand.errors import StandError
 from stand.physics.mjcf import motor_of
 from stand.table.joints import JOINTS
@@ -163,9 +164,9 @@ def _add_body(
     axes = data.ximat[fixed].reshape(-1, 3, 3)
     own = np.einsum("nij,nj,nkj->ik", axes, model.body_inertia[fixed], axes)
     mass = masses.sum()
-    center = masses @ centers / max(mass, 1e-300)
+    center = product(masses, centers) / max(mass, 1e-300)
     arms = centers - center
-    spread = (masses * (arms**2).sum(axis=1)).sum() * np.eye(3) - (masses * arms.T) @ arms
+    spread = (masses * (arms**2).sum(axis=1)).sum() * np.eye(3) - product(masses * arms.T, arms)
     total = own + spread
     added = parent.add_body(
         name=model.body(body).name,

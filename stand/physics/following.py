@@ -157,9 +157,10 @@ class Account:
             tally.add(low, rows.part(low - first, high - first), self._within)
             self._done += tally.last <= end
 
-    def followed(self) -> list[Followed]:
-        """One record per span that is over."""
-        return [self._record(tally) for tally in self._tallies[: self._done]]
+    def followed(self, first: int = 0, last: int | None = None) -> list[Followed]:
+        """One record per span that is over, of spans `first` to `last` - 1."""
+        over = self._done if last is None else min(self._done, last)
+        return [self._record(tally) for tally in self._tallies[first:over]]
 
     def _record(self, tally: _Tally) -> Followed:
         steps = tally.last - tally.first

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.fixed_order import product
 from stand.physics.mjcf import SITE
 from stand.table.joints import JOINTS
 from stand.table.table_errors import TableErrors
@@ -43,7 +44,7 @@ def with_errors(model: mujoco.MjModel, errors: TableErrors) -> mujoco.MjModel:
         lean = errors.non_orthogonality[JOINTS.index(name)]
         axis = np.cos(lean) * data.xaxis[joint] + np.sin(lean) * data.xaxis[carrier]
         body = model.jnt_bodyid[joint]
-        built.jnt_axis[joint] = data.xmat[body].reshape(3, 3).T @ axis
+        built.jnt_axis[joint] = product(data.xmat[body].reshape(3, 3).T, axis)
     base = model.jnt_bodyid[model.joint(JOINTS[0]).id]
     tilt = Rotation.from_rotvec([*errors.base_tilt, errors.base_azimuth])
     built.body_quat[base] = _wxyz(tilt * _rotation(model.body_quat[base]))

@@ -21,6 +21,7 @@ import numpy as np
 
 from alignment.arrays import Array, IntArray
 from alignment.earth import EARTH_RATE
+from alignment.fixed_order import product
 from alignment.units import STANDARD_GRAVITY
 from stand.motion.polynomial import Motion
 
@@ -166,7 +167,7 @@ def longest_steps(rule: Rule, motion: Motion, pieces: IntArray, waves: Waves) ->
     n = rule.order
     half = np.diff(motion.knots)[pieces] / 2
     size = _sizes(motion, pieces, half)
-    angle = _series(size @ np.ones(size.shape[2]), half, n + 3)
+    angle = _series(size.sum(axis=2), half, n + 3)
     angle += _waving(size, half, n + 3, waves)
     turned = _exponential(angle[: n + 1])
     outermost = np.argmax(size[1:].any(axis=0), axis=1)
@@ -209,7 +210,7 @@ def _waving(sizes: Array, half: Array, orders: int, waves: Waves) -> Array:
         own = axes[moving[axes]]
         height = np.hypot(cosine, sine)[moving[axes]]
         turned = _series(sizes[:, :, own], half[:, None], orders) * order[moving[axes]]
-        total[1:] += (_exponential(turned) @ height)[1:]
+        total[1:] += product(_exponential(turned), height)[1:]
     return total
 
 

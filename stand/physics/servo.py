@@ -249,6 +249,10 @@ class Servo:
             self._take()
         return self._account.followed()
 
+    def followed_so_far(self, first: int, last: int) -> list[Followed]:
+        """The same of spans `first` to `last` - 1, those that `covering` has passed."""
+        return self._account.followed(first, last)
+
     def _time(self, number: int) -> float:
         return self._start + self.step * number
 

@@ -27,6 +27,7 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array, IntArray
 from alignment.cross import cross
 from alignment.earth import Site
+from alignment.fixed_order import product
 from stand.motion.polynomial import Motion
 from stand.physics.mjcf import SENSORS, SITE
 from stand.physics.quadrature import Law, Steps
@@ -122,8 +123,8 @@ def lean_model(
         body.add_joint(
             name=name,
             type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=C_wb.T @ axis,
-            pos=C_wb.T @ (anchor - origin),
+            axis=product(C_wb.T, axis),
+            pos=product(C_wb.T, anchor - origin),
             armature=ARMATURE,
         )
     body.add_site(name=SITE)
@@ -153,7 +154,7 @@ def _hinges(
         yield name, axis, anchor
         if errors.wobble[number]:
             body = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3)
-            first = body @ across(model.jnt_axis[joint])
+            first = product(body, across(model.jnt_axis[joint]))
             yield f"{name}_nod_first", first, anchor
             yield f"{name}_nod_second", np.cross(axis, first), anchor
 

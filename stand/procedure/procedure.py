@@ -16,12 +16,12 @@ from alignment import ESTIMATORS, Options, Site
 from alignment.angles import SequenceRule
 from alignment.units import ARC_SECOND, DEG
 from stand import toml_files as catalogue
+from stand.bounds import Duration, Offset, Time
 from stand.errors import StandError, unknown
 from stand.procedure.steps import (
     Background,
     DwellStep,
     LimitsEntry,
-    Positive,
     RateStep,
     Step,
     SweepStep,
@@ -64,7 +64,7 @@ class EstimateEntry(catalogue.Entry):
     """What to estimate from every dwell, in order of the report."""
 
     methods: tuple[str, ...]
-    offset_window_s: Positive = 10.0
+    offset_window_s: Duration = 10.0
     sequences: Literal["regular", "published"] = "regular"
 
     @field_validator("methods")
@@ -85,7 +85,7 @@ class EstimateEntry(catalogue.Entry):
 class TemperatureEntry(catalogue.Entry):
     """Temperature of the unit over the run: straight lines between points, constant outside."""
 
-    time_s: tuple[float, ...]
+    time_s: tuple[Time, ...]
     temperature_C: tuple[Annotated[float, Field(ge=-100, le=200)], ...]
 
     @model_validator(mode="after")
@@ -107,7 +107,7 @@ class PayloadEntry(catalogue.Entry):
     """
 
     mass_kg: Annotated[float, Field(ge=0, le=200)] = 0.0
-    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
 
 
 _AngleLimit = Annotated[float, Field(gt=0, le=180)]

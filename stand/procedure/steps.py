@@ -10,15 +10,10 @@ from pydantic import AfterValidator, Field, model_validator
 
 from alignment.angles import Sequence
 from stand import toml_files as catalogue
+from stand.bounds import Acceleration, Amplitude, Angle, Duration, Jerk, PositiveAcceleration, Rate
 from stand.errors import unknown
 from stand.table.joints import JOINTS
 
-LONGEST_STEP = 30 * 86400.0  # s
-
-Positive = Annotated[float, Field(gt=0)]
-Limit = Annotated[float, Field(ge=1e-3)]
-AngleDeg = Annotated[float, Field(ge=-36000, le=36000)]
-Duration = Annotated[float, Field(gt=0, le=LONGEST_STEP)]
 FrequencyHz = Annotated[float, Field(ge=1e-4, le=200)]
 Fade = Annotated[float, Field(ge=1e-2, le=3600)]
 
@@ -58,22 +53,22 @@ Joint = Annotated[str, AfterValidator(_joint)]
 class RampsEntry(catalogue.Entry):
     """Limits of a change of rate; never beyond the table's own."""
 
-    acceleration_deg_s2: Limit | None = None
-    jerk_deg_s3: Limit | None = None
+    acceleration_deg_s2: Acceleration | None = None
+    jerk_deg_s3: Jerk | None = None
 
 
 class LimitsEntry(RampsEntry):
     """Limits of a move, for every axis that moves; never beyond the table's own."""
 
-    rate_deg_s: Limit | None = None
+    rate_deg_s: Rate | None = None
 
 
 class AttitudeEntry(catalogue.Entry):
     """An instrument attitude: turns from north-up-east, by `sequence` (methods.md section 0)."""
 
-    roll: AngleDeg = 0.0
-    yaw: AngleDeg = 0.0
-    pitch: AngleDeg = 0.0
+    roll: Angle = 0.0
+    yaw: Angle = 0.0
+    pitch: Angle = 0.0
     sequence: Annotated[Sequence, Field(strict=False)] = Sequence.YAW_PITCH_ROLL
 
 
@@ -90,7 +85,7 @@ class MoveStep(LimitsEntry):
 
     kind: Literal["move"]
     label: Text
-    joints_deg: dict[str, AngleDeg] | None = None
+    joints_deg: dict[str, Angle] | None = None
     attitude_deg: AttitudeEntry | None = None
 
     @model_validator(mode="after")
@@ -125,7 +120,7 @@ class RateStep(TurningEntry):
 
     kind: Literal["rate"]
     label: Text
-    rate_deg_s: AngleDeg
+    rate_deg_s: Angle
 
     @model_validator(mode="after")
     def _turns(self) -> "RateStep":
@@ -139,7 +134,7 @@ class SweepStep(TurningEntry):
 
     kind: Literal["sweep"]
     label: Text
-    rates_deg_s: Annotated[tuple[AngleDeg, ...], Field(min_length=1, max_length=1000)]
+    rates_deg_s: Annotated[tuple[Angle, ...], Field(min_length=1, max_length=1000)]
 
     @model_validator(mode="after")
     def _turns(self) -> "SweepStep":
@@ -171,9 +166,9 @@ class SineMotion(Waving):
 class ScorsbyMotion(Waving):
     """The three base axes at once: one period, a quarter of it between roll and pitch."""
 
-    amplitude_deg: Annotated[dict[str, Positive], AfterValidator(_base_axes)]
+    amplitude_deg: Annotated[dict[str, Amplitude], AfterValidator(_base_axes)]
     period_s: Annotated[float, Field(ge=0.1, le=3600)]
-    phase_deg: Annotated[dict[str, float], AfterValidator(_base_axes)] | None = None
+    phase_deg: Annotated[dict[str, Angle], AfterValidator(_base_axes)] | None = None
 
 
 class ConingMotion(Waving):
@@ -232,7 +227,7 @@ class SwayMotion(Waving):
 class VibrationEntry(catalogue.Entry):
     """Broad-band jitter of one axis: even density of angular acceleration between two bounds."""
 
-    rms_deg_s2: Positive
+    rms_deg_s2: PositiveAcceleration
     low_hz: FrequencyHz
     high_hz: FrequencyHz
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import ceil, floor, isfinite
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE
 from alignment.sampling import bursts, evened, repeats
 from stand.errors import StandError, located
-from stand.evaluation.score import Truths
+from stand.evaluation.score import Refusal, Truths
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
 from stand.recording.entrance import OpenLog, Progress, open_log, unseen
 from stand.recording.log_form import LogForm
@@ -24,6 +25,7 @@ from stand.recording.metadata import (
     LoggedStretch,
     drive_of,
     epoch_of,
+    interrupted_at,
     planned_stretches,
     settings_of,
     settled_stretches,
@@ -32,6 +34,8 @@ from stand.recording.named_stretches import StretchesEntry
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
 from stand.table.kinematics import C_NW
 
+NAMED = 5  # stretches that were not reached: more are counted
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Log:
@@ -39,7 +43,8 @@ class Log:
 
     `imu`: the samples as they lie in the file, with its metadata; `readings`: all of them on the
     log's own clock. `doubts`: what its way into the
-    file did to the samples of a foreign log, in words.
+    file did to the samples of a foreign log, in words. `lost`: the stretches that are not whole,
+    because the recording was interrupted.
     """
 
     path: str
@@ -53,6 +58,7 @@ class Log:
     imu: ImuLog
     readings: ImuReadings
     doubts: tuple[str, ...] = ()
+    lost: tuple[Refusal, ...] = ()
 
 
 def load_log(
@@ -129,9 +135,10 @@ def _parted(
         site, options, methods = settings_of(metadata)
         planned = planned_stretches(metadata)
         drive = drive_of(metadata)
-        stretches = settled_stretches(planned, metadata)
+        end = interrupted_at(metadata)
+        stretches, lost = _whole(settled_stretches(planned, metadata), end)
     if named is not None:
-        stretches = named.stretches()
+        stretches, lost = named.stretches(), ()
         site, options, methods = named.settings(site, options, methods)
     vehicle = vehicle or (None if drive is None else Vehicle())
     t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
@@ -154,7 +161,7 @@ def _parted(
             if turn_joint is not None:
                 axis = unit_vector(turn_axis)
                 chosen = replace(chosen, joint=turn_joint, axis_b=axis, nominal=None)
-            stretches = [chosen]
+            stretches, lost = [chosen], ()
         turning = any(stretch.joint is not None for stretch in stretches)
         encoders = Encoders(file.joints(), origin, counted=simulated) if turning else None
         dwells = [_dwell(path, stretch, readings, encoders) for stretch in stretches]
@@ -173,7 +180,34 @@ def _parted(
         imu=imu,
         readings=readings,
         doubts=imu.doubts + doubts,
+        lost=lost,
     )
+
+
+def _whole(
+    stretches: Sequence[LoggedStretch], end: float
+) -> tuple[list[LoggedStretch], tuple[Refusal, ...]]:
+    """The stretches that are over by `end` [s]; the others by name, with what would do."""
+    whole = [s for s in stretches if s.t_to <= end + EDGE]
+    told = floor(end * 1e3) / 1e3 if isfinite(end) else end  # inward: it lies within the record
+    begun = [s for s in stretches if s.t_from < end <= s.t_to - EDGE]
+    later = [s for s in stretches if s.t_from >= end]
+    lost = [
+        Refusal(
+            method="",
+            reason=f"cut off at {told:.3f} s, planned to {s.t_to:.3f} s: the recording was "
+            f"interrupted; --from {ceil(s.t_from * 1e3) / 1e3:.3f} --to {told:.3f} uses what is "
+            "there",
+            stretch=s.label,
+        )
+        for s in begun
+    ]
+    if later:
+        more = f" and {len(later) - NAMED} more" if len(later) > NAMED else ""
+        names = ", ".join(s.label for s in later[:NAMED]) + more
+        reason = f"not reached: the recording was interrupted at {told:.3f} s"
+        lost.append(Refusal(method="", reason=reason, stretch=names))
+    return whole, tuple(lost)
 
 
 def _as_sampled(t: Array, imu: ImuLog) -> tuple[Array, tuple[str, ...]]:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import pi
+from math import inf, pi
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json, RootModel
@@ -67,6 +67,8 @@ FIX_UNITS = {
 }
 SCHEDULE = "schedule"  # the steps as they ran
 MODEL_FOLDER = "model/"  # of the attached files of a stand of one's own
+SETTLED = "settled"  # from when the dwells of a servo run count; the last such record has all
+INTERRUPTED = "interrupted"  # of a recording that was brought back: until when it goes
 NEVER = "never"  # of a dwell in the record `settled`: the table did not come to rest
 
 
@@ -189,8 +191,9 @@ def _unit(numbers: tuple[float, ...]) -> tuple[float, ...]:
     return numbers
 
 
-Quaternion = Annotated[tuple[float, float, float, float], AfterValidator(_unit)]
-UnitVector = Annotated[tuple[float, float, float], AfterValidator(_unit)]
+_Part = Annotated[float, Field(ge=-2, le=2)]  # of what has length 1, which is checked then
+Quaternion = Annotated[tuple[_Part, _Part, _Part, _Part], AfterValidator(_unit)]
+UnitVector = Annotated[tuple[_Part, _Part, _Part], AfterValidator(_unit)]
 SkewedAxes = tuple[UnitVector, UnitVector, UnitVector]
 
 
@@ -222,7 +225,9 @@ class SiteRecord(_Record):
         )
 
 
-Angles = Annotated[tuple[float, ...], Field(min_length=len(JOINTS), max_length=len(JOINTS))]
+# of an axis that turned on through all of the longest procedure
+_Angle = Annotated[float, Field(ge=-1e12, le=1e12)]
+Angles = Annotated[tuple[_Angle, ...], Field(min_length=len(JOINTS), max_length=len(JOINTS))]
 
 
 class TurningRecord(_Record):
@@ -254,6 +259,12 @@ class ScheduleRecord(_Record):
 
 class SettledRecord(RootModel[dict[str, Annotated[float, Field(ge=-_LATEST)]]]):
     """When each dwell had settled; also infinity, for what never did."""
+
+
+class InterruptedRecord(_Record):
+    """Until when a recording goes that was brought back, counted from its epoch."""
+
+    t_s: Seconds
 
 
 class EstimateRecord(_Record):
@@ -333,11 +344,18 @@ def planned_stretches(metadata: Metadata) -> list[LoggedStretch]:
     ]
 
 
+def interrupted_at(metadata: Metadata) -> float:
+    """When a recording was interrupted [s]; infinity: it is whole."""
+    if INTERRUPTED not in metadata:
+        return inf
+    return _read(metadata, INTERRUPTED, InterruptedRecord).t_s
+
+
 def settled_stretches(planned: Sequence[LoggedStretch], metadata: Metadata) -> list[LoggedStretch]:
     """The stretches from when the table had settled; what never did is left out."""
-    record = metadata.get("settled", {})
+    record = metadata.get(SETTLED, {})
     times = {label: text for label, text in record.items() if text != NEVER}
-    begins = checked(f"{_DAMAGED}: settled", times, SettledRecord).root
+    begins = checked(f"{_DAMAGED}: {SETTLED}", times, SettledRecord).root
     settled = [
         replace(s, t_from=max(s.t_from, begins.get(s.label, s.t_from)))
         for s in planned

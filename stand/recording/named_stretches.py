@@ -13,10 +13,11 @@ from alignment import Options, Priors, Site
 from alignment.angles import C_nb_from_angles
 from alignment.units import DEG
 from stand import toml_files as catalogue
+from stand.bounds import Angle
 from stand.errors import StandError
 from stand.imu.priors import placement
 from stand.procedure.procedure import EstimateEntry, SiteEntry
-from stand.procedure.steps import AngleDeg, AttitudeEntry, Text
+from stand.procedure.steps import AttitudeEntry, Text
 from stand.recording.encoders import unit_vector
 from stand.recording.metadata import LoggedStretch, Seconds
 from stand.table.table import load_table
@@ -68,8 +69,8 @@ class TurnNamed(StretchEntry):
 
     kind: Literal["turn"]
     axis: Literal["X1", "Y1", "Z1"] | tuple[float, float, float]
-    rate_deg_s: AngleDeg | None = None
-    angle_deg: AngleDeg = 0.0
+    rate_deg_s: Angle | None = None
+    angle_deg: Angle = 0.0
     joint: Text | None = None
 
     @model_validator(mode="after")

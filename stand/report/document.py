@@ -322,8 +322,8 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def refusal_lines(refusals: Sequence[Refusal]) -> list[str]:
-    """One line for each method that would not answer."""
-    return [f"{r.method} gives no estimate: {r.reason}" for r in refusals]
+    """One line for each method that would not answer, and each stretch that is not whole."""
+    return [f"{r.stretch or r.method} gives no estimate: {r.reason}" for r in refusals]
 
 
 def report_document(result: RunResult) -> str:
@@ -341,9 +341,16 @@ def report_document(result: RunResult) -> str:
     tables = score_tables(result.scores, s.imu)
     if result.records:
         tables.append(motion_table(result.records))
+    return verdict_document(head, tables, result.refusals)
+
+
+def verdict_document(
+    head: Sequence[str], tables: Sequence[TableData], refusals: Sequence[Refusal]
+) -> str:
+    """Some lines, the tables of the estimates, and what gave none."""
     body = [markdown(table) for table in tables]
-    refused = [f"{line}\n" for line in refusal_lines(result.refusals)]
-    note = [ANGLE_NOTE, ""] if result.scores else []
+    refused = [f"{line}\n" for line in refusal_lines(refusals)]
+    note = [ANGLE_NOTE, ""] if tables else []
     return "\n".join([*head, *body, *refused, *note])
 
 
@@ -351,6 +358,11 @@ def config_document(result: RunResult) -> str:
     """The files that made the run."""
     s = result.settings
     parts = (("Procedure", s.procedure), ("IMU", s.imu), ("Table", s.table))
+    return files_document([(name, part.id, part.text) for name, part in parts])
+
+
+def files_document(parts: Sequence[tuple[str, str, str]]) -> str:
+    """Files in closed fences: what each is, its id and its text."""
     return "\n".join(
-        f"## {name}: {part.id}\n\n```toml\n{part.text.rstrip()}\n```\n" for name, part in parts
+        f"## {name}: {id_}\n\n```toml\n{text.rstrip()}\n```\n" for name, id_, text in parts
     )

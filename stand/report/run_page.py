@@ -87,6 +87,7 @@ def page(file: Path, latitude_deg: float | None = None) -> str:
     scores, refusals = evaluate_each(
         log.dwells, log.truths, site, log.options, [m for m in log.methods if m in ESTIMATORS]
     )
+    refusals = [*log.lost, *refusals]
     total = max([s["t_to_s"] for s in steps] or [d.t_to for d in log.dwells], default=0.0)
     texts = {
         key: (run.get(key, key), recorded.metadata[key]["toml"])
@@ -252,10 +253,10 @@ def _gallery(recorded: _Recorded, file: Path) -> Gallery:
     if main is None:
         return gallery(positions)
     with TemporaryDirectory() as folder, located(file):
-        return gallery(positions, _own_model(file, MODEL_FOLDER + main, Path(folder)))
+        return gallery(positions, attached_model(file, MODEL_FOLDER + main, Path(folder)))
 
 
-def _own_model(file: Path, main: str, folder: Path) -> Path:
+def attached_model(file: Path, main: str, folder: Path) -> Path:
     """The MJCF `main` that is attached to a recording, written into a folder with its files."""
     attached = read_attachments(file)
     if main not in attached:

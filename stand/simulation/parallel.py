@@ -5,8 +5,8 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
@@ -20,6 +20,9 @@ _LARGEST_CHUNK = 8  # runs handed to a process at once
 _AHEAD = 4  # chunks per process that are asked for before they are fetched
 # of linear algebra: with a process per core, threads of its own would only wait for one another
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+_QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"
+_HEARD_S = 0.1  # after which an interrupt that was noted is acted upon
 
 T = TypeVar("T")
 Trial = Callable[[int], Any]
@@ -62,15 +65,16 @@ def campaign(
     chunks = (seeds[k : k + size] for k in range(0, len(seeds), size))
     context = multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
     before = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(ready,)) as pool:
+    with (
+        _interrupts_noted() as noted,
+        ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(ready,)) as pool,
+    ):
         try:
             coming: deque[Future[list[T]]] = deque()
-            with _interrupts_wait(), _one_thread_each():
-                for chunk in islice(chunks, _AHEAD * workers):
-                    coming.append(pool.submit(_share, chunk))
+            _hand_out(pool, coming, islice(chunks, _AHEAD * workers))
             while coming:
-                found = coming.popleft().result()
-                coming.extend(pool.submit(_share, chunk) for chunk in islice(chunks, 1))
+                found = _awaited(coming.popleft(), noted)
+                _hand_out(pool, coming, islice(chunks, 1))
                 yield from found
         except BrokenProcessPool as error:
             raise StandError(
@@ -81,6 +85,23 @@ def campaign(
             for process in set(multiprocessing.active_children()) - before:
                 process.terminate()
             raise
+
+
+def _hand_out(
+    pool: ProcessPoolExecutor, coming: deque[Future[list[Any]]], chunks: Iterable[Sequence[int]]
+) -> None:
+    """Ask for chunks. Any of them may start a process: the pool does so as they are needed."""
+    with _interrupts_wait(), _environment_of_processes():
+        coming.extend(pool.submit(_share, chunk) for chunk in chunks)
+
+
+def _awaited(future: Future[T], noted: Sequence[int]) -> T:
+    """Its result; `KeyboardInterrupt` where an interrupt was noted."""
+    while not future.done() and not noted:
+        wait([future], timeout=_HEARD_S)
+    if noted:
+        raise KeyboardInterrupt
+    return future.result()
 
 
 class RunFailed(RuntimeError):
@@ -113,10 +134,36 @@ def _interrupts_wait() -> Iterator[None]:
 
 
 @contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Processes started meanwhile have one thread for linear algebra, if nobody asked for more."""
-    unset = [name for name in _THREADS if name not in os.environ]
-    os.environ.update(dict.fromkeys(unset, "1"))
+def _interrupts_noted() -> Iterator[list[int]]:
+    """Ctrl-C, and SIGTERM where it is taken for that, only make a note meanwhile.
+
+    Raised wherever it comes, it may come within a callback of the pool or of the garbage
+    collector, where Python prints it and goes on.
+    """
+    noted: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield noted
+        return
+    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    heard = {number: handler for number, handler in before.items() if callable(handler)}
+    for number in heard:
+        signal.signal(number, lambda n, _: noted.append(n))
+    try:
+        yield noted
+    finally:
+        for number, handler in heard.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _environment_of_processes() -> Iterator[None]:
+    """Processes started meanwhile have one thread for linear algebra, if nobody asked for more.
+
+    And the one of Python's that clears up behind a command that is killed says nothing of it.
+    """
+    own = dict.fromkeys(_THREADS, "1") | {"PYTHONWARNINGS": _QUIET}
+    unset = [name for name in own if name not in os.environ]
+    os.environ.update({name: own[name] for name in unset})
     try:
         yield
     finally:

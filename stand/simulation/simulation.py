@@ -38,7 +38,8 @@ from stand.table.joints import StandModel
 from stand.table.table import Table
 from stand.table.table_errors import TableErrors
 
-BLOCK = 1000  # samples, or a second of them if that is more: a chunk of the recording
+BLOCK = 1000  # samples, or a second of them if that is more
+SERVO_BLOCK_S = 20.0  # of a simulated servo, which takes less than a second to step through
 
 
 class Block(NamedTuple):
@@ -123,6 +124,8 @@ class Simulation:
     def blocks(self) -> Iterator[Block]:
         """The samples in order of time, once; the truth is worked out one block ahead."""
         size = max(BLOCK, self.settings.rate_hz)
+        if not isinstance(self._drive, Motion):
+            size = min(size, round(SERVO_BLOCK_S * self.settings.rate_hz))
         starts = range(0, self.total, size)
         with ThreadPoolExecutor(1, thread_name_prefix="truth") as ahead:
             coming: Future[_Sensing] | None = None
@@ -166,6 +169,21 @@ class Simulation:
         return tuple(
             _step_record(step, done, limits)
             for step, done in zip(self.plan.steps, self._drive.followed(), strict=True)
+        )
+
+    def records_until(self, t: float, first: int = 0) -> tuple[StepRecord, ...]:
+        """The same of the steps from number `first` on that end by `t` [s], a time that the
+        blocks have reached.
+        """
+        if isinstance(self._drive, Motion):
+            return ()
+        last, steps = first, self.plan.steps
+        while last < len(steps) and steps[last].t_to <= t:
+            last += 1
+        followed = self._drive.followed_so_far(first, last)
+        return tuple(
+            _step_record(step, done, self.settings.table.torque)
+            for step, done in zip(steps[first:last], followed, strict=True)
         )
 
 

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json
 
 from alignment.arrays import Array, set_owned
 from alignment.units import ARC_SECOND
+from stand.bounds import Time
 from stand.table.joints import JOINTS
 from stand.toml_files import checked
 
@@ -94,7 +95,9 @@ def _all_axes(values: dict[str, float]) -> dict[str, float]:
     return values
 
 
-_ByAxis = Annotated[dict[str, Annotated[float, Field(ge=0)]], AfterValidator(_all_axes)]
+# arc seconds, seconds and percent of a limit: of an axis that ran away, and some orders beyond
+_Size = Annotated[float, Field(ge=0, le=1e12)]
+_ByAxis = Annotated[dict[str, _Size], AfterValidator(_all_axes)]
 
 
 class _Read(BaseModel):
@@ -108,14 +111,14 @@ class _Step(_Read):
 
     label: str
     kind: str
-    t_from_s: float
-    t_to_s: float
+    t_from_s: Time
+    t_to_s: Time
     following_max_arc_s: _ByAxis
     following_rms_arc_s: _ByAxis
     saturated_s: _ByAxis
     torque_percent: _ByAxis
     rests: bool
-    settled_after_s: float | None
+    settled_after_s: Time | None
 
     def record(self) -> StepRecord:
         """The same in SI."""

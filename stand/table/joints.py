@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alignment.arrays import Array, set_owned
+from alignment.fixed_order import norm, product
 
 JOINTS: tuple[str, ...] = ("base_roll", "base_pitch", "base_yaw", "outer", "middle", "inner")
 
@@ -112,5 +113,5 @@ def across(axis: Array) -> Array:
     After east comes north, then up, then east again.
     """
     line = np.eye(3)[(np.abs(axis).argmax() + 1) % 3]
-    line = line - (line @ axis) * axis
-    return line / np.linalg.norm(line)
+    line = line - product(line, axis) * axis
+    return line / norm(line)

@@ -11,13 +11,21 @@ from pydantic import Field, model_validator
 from alignment.arrays import Array, set_owned
 from alignment.units import ARC_SECOND, DEG
 from stand import toml_files as catalogue
+from stand.bounds import (
+    Angle,
+    Duration,
+    Friction,
+    PositiveAcceleration,
+    PositiveJerk,
+    PositiveRate,
+    Stiffness,
+    Torque,
+)
 from stand.errors import unknown
 from stand.table.joints import JOINTS
 
 _TURN = 2 * pi
 _BREAKAWAY = 10 * ARC_SECOND  # what bristles bend before an axis slips, where nothing is stated
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 ArcSeconds = Annotated[float, Field(ge=0, le=36000)]
 PerTurn = Annotated[int, Field(ge=1, le=10000)]
 
@@ -30,17 +38,17 @@ class MotorEntry(catalogue.Entry):
     Coulomb and static level, Stribeck rate, and the stiffness of the bristles.
     """
 
-    torque_Nm: Positive
+    torque_Nm: Torque
     bandwidth_hz: Annotated[float, Field(gt=0, le=200)]
     damping: Annotated[float, Field(gt=0, le=5)] = 1.0
-    integral_s: Positive | None = None
-    viscous_Nm_s: NotNegative = 0.0
-    cogging_Nm: NotNegative = 0.0
+    integral_s: Duration | None = None
+    viscous_Nm_s: Friction = 0.0
+    cogging_Nm: Friction = 0.0
     cogging_per_turn: PerTurn = 36
-    coulomb_Nm: NotNegative = 0.0
-    static_Nm: NotNegative | None = None
-    stribeck_deg_s: Positive = 0.5
-    bristle_Nm_rad: Positive | None = None
+    coulomb_Nm: Friction = 0.0
+    static_Nm: Friction | None = None
+    stribeck_deg_s: PositiveRate = 0.5
+    bristle_Nm_rad: Stiffness | None = None
 
     @model_validator(mode="after")
     def _friction(self) -> "MotorEntry":
@@ -73,10 +81,10 @@ class AxisErrorsEntry(catalogue.Entry):
 class AxisEntry(catalogue.Entry):
     """Limits of one axis. Without `travel_deg` it turns without end (slip rings)."""
 
-    travel_deg: tuple[float, float] | None = None
-    rate_deg_s: Positive
-    acceleration_deg_s2: Positive
-    jerk_deg_s3: Positive
+    travel_deg: tuple[Angle, Angle] | None = None
+    rate_deg_s: PositiveRate
+    acceleration_deg_s2: PositiveAcceleration
+    jerk_deg_s3: PositiveJerk
     motor: MotorEntry | None = None
     errors: AxisErrorsEntry = AxisErrorsEntry()
 

@@ -1,6 +1,6 @@
 """Drives: a path, satellite fixes with their errors and outages, as TOML; and readings of them."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass
 from typing import Annotated
@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from alignment import ImuReadings, Priors
 from alignment.angles import C_nb_from_angles, Sequence, angles_from_C_nb
 from alignment.arrays import Array
+from alignment.fixed_order import norm
 from alignment.methods.vectors import Fixes
 from alignment.units import DEG
 from stand import toml_files as catalogue
@@ -34,8 +35,6 @@ Speed = Annotated[float, Field(ge=0, le=FASTEST)]
 Angle = Annotated[float, Field(ge=-36000, le=36000)]  # 100 turns, as in procedures
 Slope = Annotated[float, Field(ge=-60, le=60)]
 Time = Annotated[float, Field(ge=0, le=1e9)]
-
-Progress = Callable[[float], None]
 
 FOLDER = "trajectories"
 _BLOCK = 8192  # samples given to the unit at once
@@ -233,18 +232,21 @@ def path_of(start: Start, legs: Ordered[Leg]) -> Path:
     return Path(start, speed, heading, climb, roll)
 
 
-def sense(path: Path, rate_hz: int, progress: Progress = lambda done: None) -> Sensed:
-    """What perfect sensors report along the whole path: means over samples."""
+def sense_blocks(path: Path, rate_hz: int) -> Iterator[Sensed]:
+    """What perfect sensors report along the path, means over samples, some seconds at a time."""
     count = int(path.duration * rate_hz + 1e-6)
-    w, f = [], []
-    for first in range(0, count, _BLOCK):
-        last = min(first + _BLOCK, count)
-        block = path.means(np.arange(first, last + 1) / rate_hz)
-        w.append(block[0])
-        f.append(block[1])
-        progress(last / count)
-    ticks = np.arange(1, count + 1)
-    return Sensed(ticks * (10**9) // rate_hz, np.concatenate(w), np.concatenate(f))
+    size = max(_BLOCK // rate_hz, 1) * rate_hz
+    for first in range(0, count, size):
+        last = min(first + size, count)
+        w, f = path.means(np.arange(first, last + 1) / rate_hz)
+        yield Sensed(np.arange(first + 1, last + 1) * (10**9) // rate_hz, w, f)
+
+
+def sense(path: Path, rate_hz: int) -> Sensed:
+    """The same along the whole path."""
+    blocks = list(sense_blocks(path, rate_hz))
+    names = ("t_ns", "w_ib_b", "f_b")
+    return Sensed(*(np.concatenate([getattr(b, name) for b in blocks]) for name in names))
 
 
 def reported(sensed: Sensed, unit: Imu) -> ImuBlock:
@@ -254,6 +256,11 @@ def reported(sensed: Sensed, unit: Imu) -> ImuBlock:
         part = slice(k, k + _BLOCK)
         own = Sensed(sensed.t_ns[part], sensed.w_ib_b[part], sensed.f_b[part])
         blocks.append(unit.report(own))
+    return joined(blocks)
+
+
+def joined(blocks: Ordered[ImuBlock]) -> ImuBlock:
+    """Blocks that follow one another as one."""
     columns = ([getattr(block, name) for block in blocks] for name in ImuBlock.__slots__)
     return ImuBlock(*map(np.concatenate, columns))
 
@@ -270,9 +277,7 @@ def priors_of(imu: ImuSpec, gravity: float) -> Priors:
     """
     return Priors(
         gyro_bias=float(np.hypot(imu.gyro.bias, imu.gyro.instability)),
-        accel_bias=float(
-            np.linalg.norm([imu.accel.bias, imu.accel.instability, imu.accel.scale * gravity])
-        ),
+        accel_bias=float(norm([imu.accel.bias, imu.accel.instability, imu.accel.scale * gravity])),
         gyro_walk=imu.gyro.noise,
         accel_walk=imu.accel.noise,
         gyro_axes=imu.gyro.axes,

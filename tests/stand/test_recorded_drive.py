@@ -95,7 +95,8 @@ def test_a_drive_leaves_a_recording_a_result_and_a_figure(driven):
         reader = make_reader(file, validate_crcs=True)
         attached = {a.name: a.data for a in reader.iter_attachments()}
     assert attached["drive.toml"].decode() == SHORT
-    assert json.loads(attached["result.json"]) == result
+    # what estimators make of it lies beside: their last digits are of the processor
+    assert set(attached) == {"drive.toml", "imu.toml"}
 
 
 def test_the_result_tells_error_sigma_and_need_of_every_solution(driven):

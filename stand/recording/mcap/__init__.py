@@ -14,10 +14,17 @@ from stand.recording.mcap.reader import (
     read_truth,
     read_velocities,
 )
-from stand.recording.mcap.writer import EPOCH_NS, McapWriter, Satellites, write_drive, write_imu_log
+from stand.recording.mcap.writer import (
+    EPOCH_NS,
+    DriveWriter,
+    McapWriter,
+    Satellites,
+    write_imu_log,
+)
 
 __all__ = [
     "EPOCH_NS",
+    "DriveWriter",
     "FixLog",
     "ImuLog",
     "JointLog",
@@ -32,6 +39,5 @@ __all__ = [
     "read_metadata",
     "read_truth",
     "read_velocities",
-    "write_drive",
     "write_imu_log",
 ]

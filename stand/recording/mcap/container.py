@@ -4,17 +4,21 @@ Messages of one part have one length, so a chunk is a few matrices of bytes whos
 scattered into time order; no Python object exists per message. mcap.dev/spec has the format.
 """
 
+import os
+import struct
+import time
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from io import BytesIO
 from os import SEEK_END
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 import zstandard
-from mcap.data_stream import RecordBuilder
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -51,7 +55,10 @@ MESSAGE_HEAD = np.dtype(
         ("publish_time", "<u8"),
     ]
 )
-OPCODE_AND_SIZE = 9
+_HEAD = struct.Struct("<BQ")
+OPCODE_AND_SIZE = _HEAD.size
+SYNC_S = 1.0
+"""What the operating system holds for longer is brought to the disk with the next chunk."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +94,11 @@ class _Index:
 
 
 class Container:
-    """An MCAP file being written; every chunk reaches the operating system as it is written.
+    """An MCAP file being written; every chunk reaches the operating system as it is written, and
+    the disk within a second: the first survives a process that is killed, the second a power cut.
 
-    As a context manager it finishes the file, or abandons it after an exception.
+    As a context manager it finishes the file, or abandons it after an exception. `profile` as in
+    its head.
 
     Raises
     ------
@@ -97,7 +106,9 @@ class Container:
         The file cannot be created, or what follows cannot be written.
     """
 
-    def __init__(self, path: str | Path, topics: Sequence[Topic]) -> None:
+    def __init__(
+        self, path: str | Path, topics: Sequence[Topic] = (), profile: str = "ros2"
+    ) -> None:
         self._path = path
         try:
             self._file = open(path, "wb")  # noqa: SIM115 (lives as long as the container)
@@ -109,7 +120,8 @@ class Container:
         self._index = _Index()
         self._position = 0
         self._crc = 0
-        head = _records([Header("ros2", _LIBRARY), *self._schemas, *self._channels])
+        self._synced = time.monotonic()
+        head = _records([Header(profile, _LIBRARY), *self._schemas, *self._channels])
         self._write(MAGIC + head)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
@@ -141,25 +153,76 @@ class Container:
         record = Chunk(
             "zstd", self._compressor.compress(data), last, first, zlib.crc32(data), len(data)
         )
+        entries: dict[int, list[NDArray[np.uint64]]] = {}
+        for part, places in zip(parts, starts, strict=True):
+            pairs = np.stack([part.log_time, places], axis=1).astype("<u8")
+            entries.setdefault(part.topic + 1, []).append(pairs)
+        self._indexed_chunk(record, {c: np.concatenate(pairs) for c, pairs in entries.items()})
+
+    def copied_chunk(self, record: Chunk, pairs: Mapping[int, NDArray[np.uint64]]) -> None:
+        """A chunk of another file as it is, indexed anew.
+
+        `pairs` by channel: (log time, place in the expanded chunk) of its messages, (n, 2).
+        """
+        for channel, own in pairs.items():
+            self._index.counts[channel] = self._index.counts.get(channel, 0) + len(own)
+        self._indexed_chunk(record, pairs)
+
+    def copied(self, opcode: int, content: bytes) -> None:
+        """A record of another file as it is: a Schema, Channel, Metadata or Attachment."""
+        start = self._position
+        self._write(_HEAD.pack(opcode, len(content)) + content)
+        size = self._position - start
+        stream = ReadDataStream(BytesIO(content))
+        if opcode == Opcode.SCHEMA:
+            self.known(schema=Schema.read(stream))
+        elif opcode == Opcode.CHANNEL:
+            self.known(channel=Channel.read(stream))
+        elif opcode == Opcode.METADATA:
+            name = Metadata.read(stream).name
+            self._index.metadata.append(MetadataIndex(start, size, name))
+        elif opcode == Opcode.ATTACHMENT:
+            a = Attachment.read(stream)
+            self._index.attachments.append(
+                AttachmentIndex(
+                    start, size, a.create_time, a.log_time, len(a.data), a.name, a.media_type
+                )
+            )
+
+    def known(self, schema: Schema | None = None, channel: Channel | None = None) -> None:
+        """A definition that lies in the file already; the summary repeats it."""
+        if schema is not None and schema.id not in [s.id for s in self._schemas]:
+            self._schemas.append(schema)
+        if channel is not None and channel.id not in [c.id for c in self._channels]:
+            self._channels.append(channel)
+
+    def _indexed_chunk(self, record: Chunk, pairs: Mapping[int, NDArray[np.uint64]]) -> None:
+        """Write a chunk and a MessageIndex record per channel; flush, and sync in time."""
         position = self._position
         self._write(_records([record]))
         size = self._position - position
-        index_offsets = self._message_indexes(parts, starts)
+        places = {}
+        for channel, own in pairs.items():
+            places[channel] = self._position
+            self._write(_message_index(channel, own))
         self._index.chunks.append(
             ChunkIndex(
                 chunk_length=size,
                 chunk_start_offset=position,
                 compression=record.compression,
                 compressed_size=len(record.data),
-                message_end_time=last,
+                message_end_time=record.message_end_time,
                 message_index_length=self._position - position - size,
-                message_index_offsets=index_offsets,
-                message_start_time=first,
-                uncompressed_size=len(data),
+                message_index_offsets=places,
+                message_start_time=record.message_start_time,
+                uncompressed_size=record.uncompressed_size,
             )
         )
         with self._told():
             self._file.flush()
+            if time.monotonic() - self._synced > SYNC_S:
+                os.fsync(self._file.fileno())
+                self._synced = time.monotonic()
 
     def finish(self) -> None:
         """Write what follows the data, close the file, and read back what every reader needs.
@@ -178,6 +241,8 @@ class Container:
         end = summary + offsets + _records([footer]) + MAGIC
         self._write(end)
         with self._told():
+            self._file.flush()
+            os.fsync(self._file.fileno())
             self._file.close()
             with open(self._path, "rb") as file:
                 size = file.seek(0, SEEK_END)
@@ -228,20 +293,6 @@ class Container:
             _scatter(data, places + MESSAGE_HEAD.itemsize, part.payload)
             self._index.counts[channel] = count + len(places)
         return data
-
-    def _message_indexes(
-        self, parts: Sequence[Part], offsets: Sequence[IntArray]
-    ) -> dict[int, int]:
-        """Write one MessageIndex record per channel of a chunk; their places in the file."""
-        entries: dict[int, list[NDArray[np.uint64]]] = {}
-        for part, starts in zip(parts, offsets, strict=True):
-            pairs = np.stack([part.log_time, starts], axis=1).astype("<u8")
-            entries.setdefault(part.topic + 1, []).append(pairs)
-        places = {}
-        for channel, pairs in entries.items():
-            places[channel] = self._position
-            self._write(_message_index(channel, np.concatenate(pairs)))
-        return places
 
     def _summary_groups(self) -> list[tuple[Opcode, Sequence[McapRecord]]]:
         return [

@@ -133,7 +133,7 @@ def _check_ends(file: BinaryIO) -> None:
     size = file.seek(0, 2)
     file.seek(max(size - len(MAGIC), 0))
     if size < 2 * len(MAGIC) + _FOOTER_SIZE or file.read() != MAGIC:
-        raise StandError("cut off before its end; `mcap recover` saves its whole chunks")
+        raise StandError("cut off before its end; stand recover saves what is whole")
 
 
 def records(
@@ -165,6 +165,24 @@ def records(
             crc = _checked_crc(opcode, head, content, crc)
         if opcode in wanted:
             yield opcode, content
+
+
+def whole_records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """(opcode, content) of the records of a file that may be cut off: up to DataEnd, or to the
+    first that is not whole.
+    """
+    end = file.seek(0, 2)
+    file.seek(len(MAGIC))
+    while True:
+        head = file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            return
+        opcode, size = _HEAD.unpack(head)
+        if opcode == 0 or size > end - file.tell():  # zeros: what a power cut leaves
+            return
+        yield opcode, file.read(size)
+        if opcode == Opcode.DATA_END:
+            return
 
 
 def _checked_crc(opcode: int, head: bytes, content: bytes, crc: int) -> int:
@@ -249,15 +267,21 @@ def segments(file: BinaryIO, found: Directory) -> Iterator[Segment]:
         if not is_chunk:
             loose += _HEAD.pack(opcode, len(content)) + content
         if loose and (is_chunk or len(loose) > _SEGMENT_BYTES):
-            yield _segment(bytes(loose), found)
+            yield segment(bytes(loose), found)
             loose.clear()
         if is_chunk:
-            yield _segment(_chunk_data(content), found)
-    yield _segment(bytes(loose), found)
+            yield segment(expanded(parsed(Chunk.read, content)), found)
+    yield segment(bytes(loose), found)
 
 
-def _chunk_data(content: bytes) -> bytes:
-    chunk = parsed(Chunk.read, content)
+def expanded(chunk: Chunk) -> bytes:
+    """What a chunk holds, its length and checksum compared.
+
+    Raises
+    ------
+    StandError
+        It is damaged, or larger than `MOST_CHUNK_BYTES`.
+    """
     if chunk.compression not in _COMPRESSIONS:
         known = ", ".join(_COMPRESSIONS.values())
         raise StandError(f"unknown compression {chunk.compression!r}: known: {known}")
@@ -294,7 +318,7 @@ def _from_lz4(data: bytes, size: int) -> bytes:
 _DECOMPRESS = {"": lambda data, size: data, "lz4": _from_lz4, "zstd": _from_zstd}
 
 
-def _segment(data: bytes, found: Directory) -> Segment:
+def segment(data: bytes, found: Directory) -> Segment:
     """Finds the messages; the loop does no more than step from record to record."""
     places = []
     at, end, head_at, message = 0, len(data), _HEAD.unpack_from, int(Opcode.MESSAGE)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -89,7 +90,10 @@ _FIX, _VELOCITY = len(_DRIVE_TOPICS) - 2, len(_DRIVE_TOPICS) - 1
 
 
 class McapWriter:
-    """Writes a run block by block; each block is one chunk, safe against the writer's death.
+    """Writes a run block by block, in chunks of a second of the run at most.
+
+    What is written is safe against the writer's death: `stand.recording.mcap.rebuild` brings back
+    every whole chunk.
 
     Parameters
     ----------
@@ -147,7 +151,7 @@ class McapWriter:
         self._container.chunk(self._lasting_parts(model, robot_description))
 
     def write(self, truth: TruthBlock, imu: ImuBlock) -> None:
-        """Append one block as one chunk.
+        """Append one block, in chunks of a second.
 
         Raises
         ------
@@ -157,6 +161,14 @@ class McapWriter:
         if len(truth) == 0:
             return
         self._check_times(truth, imu)
+        for rows in _whole_seconds(truth.t_ns):
+            self._write_chunk(truth.part(rows), imu.part(rows))
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """A metadata record now: what the file says of what has been written so far."""
+        self._container.metadata(name, values)
+
+    def _write_chunk(self, truth: TruthBlock, imu: ImuBlock) -> None:
         stamps = self._epoch_ns + truth.t_ns
         parts = [
             Part(_IMU, stamps, self._imu_messages(stamps, imu)),
@@ -371,19 +383,8 @@ class Satellites:
         )
 
 
-def write_drive(
-    path: str | Path,
-    *,
-    truth: TruthBlock,
-    imu: ImuBlock,
-    satellites: Satellites,
-    epoch_ns: int = EPOCH_NS,
-    metadata: Mapping[str, Mapping[str, str]],
-    attachments: Mapping[str, tuple[str, bytes]],
-    rate_noise: ArrayLike,
-    force_noise: ArrayLike,
-) -> None:
-    """Write a vehicle's drive, in chunks of a second.
+class DriveWriter:
+    """Writes a vehicle's drive block by block, in chunks of a second at most.
 
     What the IMU said and what it should have said as in `McapWriter`, the fixes on /gnss/fix and
     /gnss/velocity, of an antenna at the IMU's place.
@@ -392,9 +393,8 @@ def write_drive(
     ----------
     path : str or Path
         Overwritten if it exists.
-    truth, imu : TruthBlock, ImuBlock
-        Of equal times; joints are not recorded.
     satellites : Satellites
+        All of the drive; each goes with the samples up to its time.
     epoch_ns, metadata, attachments, rate_noise, force_noise
         As for `McapWriter`.
 
@@ -403,33 +403,61 @@ def write_drive(
     StandError
         The file cannot be created.
     """
-    with Container(path, _DRIVE_TOPICS) as container:
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        satellites: Satellites,
+        epoch_ns: int = EPOCH_NS,
+        metadata: Mapping[str, Mapping[str, str]],
+        attachments: Mapping[str, tuple[str, bytes]],
+        rate_noise: ArrayLike,
+        force_noise: ArrayLike,
+    ) -> None:
+        self._satellites, self._epoch_ns = satellites, epoch_ns
+        self._rate_noise = owned(rate_noise, "rate_noise", (3,))
+        self._force_noise = owned(force_noise, "force_noise", (3,))
+        self._fixes = 0  # written so far
+        self._container = Container(path, _DRIVE_TOPICS)
         for name, values in metadata.items():
-            container.metadata(name, values)
+            self._container.metadata(name, values)
         for name, (media_type, data) in attachments.items():
-            container.attachment(name, media_type, data, epoch_ns)
-        seconds = _seconds(imu.t_ns)
-        ends = [int(imu.t_ns[rows.stop - 1]) for rows in seconds]
-        # a fix goes with the samples up to its time, one behind the last sample with the last
-        bounds = [0, *np.searchsorted(satellites.t_ns, ends[:-1], "right"), len(satellites.t_ns)]
-        for rows, first, last in zip(seconds, bounds[:-1], bounds[1:], strict=True):
-            stamps = epoch_ns + imu.t_ns[rows]
-            own = (stamps, truth.w_ib_b[rows], truth.f_b[rows])
+            self._container.attachment(name, media_type, data, epoch_ns)
+
+    def write(self, truth: TruthBlock, imu: ImuBlock) -> None:
+        """Append samples, of equal times, with the fixes up to them; joints are not recorded."""
+        for rows in _whole_seconds(imu.t_ns):
+            stamps = self._epoch_ns + imu.t_ns[rows]
+            w, f = imu.w_ib_b[rows], imu.f_b[rows]
             said = cdr.imu_messages(
-                stamps, imu.w_ib_b[rows], imu.f_b[rows], frame_id=IMU_FRAME,
-                rate_noise=rate_noise, force_noise=force_noise,
-            )  # fmt: skip
-            container.chunk(
-                [
-                    Part(_IMU, stamps, said),
-                    Part(
-                        _TRUTH,
-                        stamps,
-                        cdr.imu_messages(*own, frame_id=IMU_FRAME, q=truth.q_wb[rows]),
-                    ),
-                    *_satellite_parts(satellites, slice(first, last), epoch_ns),
-                ]
+                stamps,
+                w,
+                f,
+                frame_id=IMU_FRAME,
+                rate_noise=self._rate_noise,
+                force_noise=self._force_noise,
             )
+            true = _truth_messages(stamps, truth.part(rows))
+            fixes = self._satellite_parts(until_ns=int(imu.t_ns[rows.stop - 1]))
+            self._container.chunk([Part(_IMU, stamps, said), Part(_TRUTH, stamps, true), *fixes])
+
+    def _satellite_parts(self, until_ns: int | None) -> list[Part]:
+        """The fixes due by `until_ns` (None: all)."""
+        t_ns = self._satellites.t_ns
+        last = len(t_ns) if until_ns is None else int(np.searchsorted(t_ns, until_ns, "right"))
+        rows, self._fixes = slice(self._fixes, last), last
+        return _satellite_parts(self._satellites, rows, self._epoch_ns)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self._container.chunk(self._satellite_parts(until_ns=None))
+            self._container.finish()
+        else:
+            self._container.abandon()
 
 
 def _satellite_parts(satellites: Satellites, rows: slice, epoch_ns: int) -> list[Part]:
@@ -441,6 +469,12 @@ def _satellite_parts(satellites: Satellites, rows: slice, epoch_ns: int) -> list
         stamps, satellites.v[rows], frame_id=ENU_FRAME, variance=satellites.v_variance
     )
     return [Part(_FIX, stamps, fixes), Part(_VELOCITY, stamps, velocities)]
+
+
+def _whole_seconds(t_ns: IntArray) -> list[slice]:
+    """Slices of samples by second of the run; that at 1.0 s, an interval's end, is the first's."""
+    bounds = np.flatnonzero(np.diff((t_ns - 1) // _CHUNK_NS)) + 1
+    return [slice(int(a), int(b)) for a, b in pairwise([0, *bounds, len(t_ns)]) if b > a]
 
 
 def _seconds(t_ns: IntArray) -> list[slice]:

@@ -122,6 +122,14 @@ def test_plateau_of_gauss_markov_processes():
     assert plateau(np.array([100.0]))[0] == pytest.approx(1.0, abs=0.02)
 
 
+def test_variances_are_those_of_allantools():
+    """The same sums in another order: 1e-12."""
+    phase = np.cumsum(np.random.default_rng(5).normal(size=3000))
+    m = np.array([1, 2, 4, 8, 16, 32])  # beyond that every second start is left out
+    _, theirs, _, _ = allantools.oadev(phase, rate=1.0, data_type="phase", taus=m)
+    np.testing.assert_allclose(variances(phase, m), theirs**2, rtol=1e-12)
+
+
 # Uncertainty -------------------------------------------------------------------------------------
 
 

@@ -5,7 +5,6 @@ import json
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 from rerun.chunk import RrdReader
 from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
@@ -285,9 +284,8 @@ axes = { base_roll = { rms_deg = 2, frequency_hz = 0.2 } }
 
 def test_a_filters_innovations_are_recorded_and_its_errors_are_those_of_the_time(tmp_path):
     result = recorded(made(SWAYING, imu="ring-laser"), tmp_path / "run")
-    with open(result.out / "run.mcap", "rb") as file:
-        attached = {a.name: a.data for a in make_reader(file).iter_attachments()}
-    rows = list(csv.DictReader(attached["innovations.csv"].decode().splitlines()))
+    text = (result.out / "innovations.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(text.splitlines()))
     assert {r["label"] for r in rows} == {"swaying"}
     assert len(rows) >= 1200  # ten updates a second or more
     late = [r for r in rows if float(r["time_s"]) > 60]

@@ -25,6 +25,7 @@ from stand.recording.entrance import read_imu as read_any
 from stand.recording.log_form import LogForm
 from stand.recording.mcap import (
     EPOCH_NS,
+    DriveWriter,
     ImuLog,
     McapWriter,
     Satellites,
@@ -36,7 +37,6 @@ from stand.recording.mcap import (
     read_truth,
     read_velocities,
     schemas,
-    write_drive,
     write_imu_log,
 )
 from stand.recording.mcap.decode import (
@@ -367,7 +367,7 @@ def test_exception_leaves_no_footer(tmp_path):
     with pytest.raises(ZeroDivisionError), writer(path) as file:  # noqa: PT012
         file.write(*blocks(10))
         _ = 1 / 0
-    with pytest.raises(StandError, match=r"run.mcap: cut off before its end; `mcap recover`"):
+    with pytest.raises(StandError, match=r"run.mcap: cut off before its end; stand recover"):
         read_imu(path)
 
 
@@ -819,8 +819,8 @@ def test_faults_of_the_file(tmp_path, run):
         ".": "is a folder, must be an MCAP file",
         "text.csv": "not an MCAP file",
         "empty.mcap": "not an MCAP file",
-        "cut.mcap": "cut off before its end; `mcap recover` saves its whole chunks",
-        "magic.mcap": "cut off before its end; `mcap recover` saves its whole chunks",
+        "cut.mcap": "cut off before its end; stand recover saves what is whole",
+        "magic.mcap": "cut off before its end; stand recover saves what is whole",
     }
     for name, text in cases.items():
         for read in (read_imu, read_metadata, read_truth):
@@ -1066,16 +1066,15 @@ def write_road(path, n=2500):
     t_ns = np.array([0, 1000, 2000, 2600]) * MS
     place = np.array([[0.5, -3.0, 10.0], [0.6, 3.0, 20.0], [-0.7, 0.1, 30.0], [0.8, 0.2, 40.0]])
     satellites = Satellites(t_ns, place, np.arange(12.0).reshape(4, 3), 25.0, 0.0025)
-    write_drive(
+    with DriveWriter(
         path,
-        truth=truth,
-        imu=imu,
         satellites=satellites,
         metadata=METADATA,
         attachments={"drive.toml": ("application/toml", b"leg = []")},
         rate_noise=RATE_NOISE,
         force_noise=FORCE_NOISE,
-    )
+    ) as file:
+        file.write(truth, imu)
     return truth, imu, satellites
 
 
