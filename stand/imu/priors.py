@@ -11,7 +11,7 @@ from stand.imu.processes import plateau
 from stand.table.joints import JOINTS
 from stand.table.table import Table
 
-GIMBALS = JOINTS[3:]
+BASE, GIMBALS = JOINTS[:3], JOINTS[3:]
 ALIKE = (
     "instability",
     "random_walk",
@@ -35,7 +35,7 @@ def priors_of(
     changes with the attitude, and is told by its own name. On a `rocking` base the unit moves
     about the base's axes, `arm` [m] away.
     """
-    turn, seat, nominal = (0.0, 0.0, 0.0) if table is None else _placement(table)
+    turn, seat, nominal, azimuth = (0.0, 0.0, 0.0, 0.0) if table is None else _placement(table)
     slow = _slow_part(imu.corners)
     return Priors(
         gyro_bias=float(np.hypot(imu.gyro.bias, slow * imu.gyro.instability)),
@@ -50,6 +50,7 @@ def priors_of(
         turn=turn,
         seat=seat,
         nominal=nominal,
+        azimuth=azimuth,
         lever_arm=arm if rocking else 0.0,
     )
 
@@ -69,12 +70,12 @@ def _slow_part(corners: Sequence[float]) -> float:
     return float(np.sqrt(lasting)) / plateau(corners)
 
 
-def _placement(table: Table) -> tuple[float, float, float]:
-    """`turn`, `seat` and `nominal` of a table [rad], each of one axis.
+def _placement(table: Table) -> tuple[float, float, float, float]:
+    """`turn`, `seat`, `nominal` and `azimuth` of a table [rad], each of one axis.
 
     A position is off by its encoders and by what bends the turn to it: axes that are not square
     or wobble. The seat is the instrument's mounting on gimbals whose zeros are off. Base and
-    zeros move all attitudes alike.
+    zeros move all attitudes alike: about level axes by the base's tilt, about down by its azimuth.
     """
     errors = [table.entry.axis[joint].errors for joint in GIMBALS]
     geometry = table.entry.geometry
@@ -83,8 +84,12 @@ def _placement(table: Table) -> tuple[float, float, float]:
         for name in ("encoder", "non_orthogonality", "wobble")
     ]
     zeros = np.linalg.norm([e.placement_arc_s for e in errors]) / np.sqrt(3)
-    tilt, azimuth = geometry.base_tilt_arc_s, geometry.base_azimuth_arc_s
-    base = np.linalg.norm([tilt, tilt, azimuth]) / np.sqrt(3)
-    turn = np.linalg.norm(bent)
-    seat = np.hypot(geometry.mounting_arc_s, zeros)
-    return float(turn) * ARC_SECOND, float(seat) * ARC_SECOND, float(base) * ARC_SECOND
+    roll, pitch, yaw = (table.entry.axis[joint].errors.placement_arc_s for joint in BASE)
+    sizes = (
+        np.linalg.norm(bent),
+        np.hypot(geometry.mounting_arc_s, zeros),
+        np.hypot(geometry.base_tilt_arc_s, max(roll, pitch)),
+        np.hypot(geometry.base_azimuth_arc_s, yaw),
+    )
+    turn, seat, nominal, azimuth = (float(size) * ARC_SECOND for size in sizes)
+    return turn, seat, nominal, azimuth
