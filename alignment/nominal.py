@@ -96,8 +96,9 @@ def sequence_of(nominal: Rotation, rule: SequenceRule) -> Sequence:
 
 
 def placed_covariance(priors: Priors) -> Array:
-    """Covariance (3, 3) [rad^2] of the true attitude about the nominal one: the table's errors."""
-    return (priors.turn**2 + priors.seat**2 + priors.nominal**2) * np.eye(3)
+    """Covariance (3, 3) about n [rad^2] of the true attitude from the nominal one: the table's."""
+    base = np.diag([priors.nominal, priors.nominal, priors.azimuth]) ** 2
+    return np.asarray((priors.turn**2 + priors.seat**2) * np.eye(3) + base)
 
 
 def track_ends(readings: ImuReadings) -> np.ndarray:

@@ -32,8 +32,9 @@ class Priors:
     seat : float
         Constant rotation of the instrument against the table's frame [rad], each axis: the axes
         about which the table turns are off by as much in b.
-    nominal : float
-        How far the attitudes the table is told are off as a whole [rad]: where its base stands.
+    nominal, azimuth : float
+        How far the attitudes the table is told are off as a whole [rad], about each level axis and
+        about down: where its base stands.
     lever_arm : float
         Uncertainty of the instrument's place from the point that stays [m].
     gyro_random_walk, accel_random_walk : float
@@ -66,6 +67,7 @@ class Priors:
     turn: float = 0.0
     seat: float = 0.0
     nominal: float = 0.0
+    azimuth: float = 0.0
     lever_arm: float = 0.0
     gyro_random_walk: float = 0.0
     accel_random_walk: float = 0.0

@@ -201,6 +201,7 @@ def with_data_sheet(options: Options, imu: str | ImuSpec | None) -> Options:
         turn=known.turn,
         seat=known.seat,
         nominal=known.nominal,
+        azimuth=known.azimuth,
         lever_arm=known.lever_arm,
     )
     return replace(options, priors=priors)

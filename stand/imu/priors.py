@@ -1,7 +1,7 @@
 """What the data sheets of unit and table tell an estimator before the readings."""
 
 from collections.abc import Sequence
-from math import sqrt
+from math import hypot, sqrt
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from stand.imu.processes import plateau
 from stand.table.joints import JOINTS
 from stand.table.table import Table
 
-GIMBALS = JOINTS[3:]
+BASE, GIMBALS = JOINTS[:3], JOINTS[3:]
 ALIKE = (
     "instability",
     "random_walk",
@@ -36,7 +36,7 @@ def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
     changes with the attitude, and is told by its own name. Where a base rocks or a table turns the
     unit moves about axes that are some `arm` [m] away.
     """
-    turn, seat, nominal = (0.0, 0.0, 0.0) if table is None else placement(table)
+    turn, seat, nominal, azimuth = (0.0, 0.0, 0.0, 0.0) if table is None else placement(table)
     slow = _slow_part(imu.corners)
     return Priors(
         gyro_bias=float(np.hypot(imu.gyro.bias, slow * imu.gyro.instability)),
@@ -51,6 +51,7 @@ def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
         turn=turn,
         seat=seat,
         nominal=nominal,
+        azimuth=azimuth,
         lever_arm=arm,
         gyro_axes=imu.gyro.axes,
         accel_axes=imu.accel.axes,
@@ -72,12 +73,12 @@ def _slow_part(corners: Sequence[float]) -> float:
     return float(np.sqrt(lasting)) / plateau(corners)
 
 
-def placement(table: Table) -> tuple[float, float, float]:
-    """`turn`, `seat` and `nominal` of a table [rad], each of one axis.
+def placement(table: Table) -> tuple[float, float, float, float]:
+    """`turn`, `seat`, `nominal` and `azimuth` of a table [rad], each of one axis.
 
     A position is off by its encoders and by what bends the turn to it: axes that are not square
     or wobble. The seat is the instrument's mounting on gimbals whose zeros are off. Base and
-    zeros move all attitudes alike.
+    zeros move all attitudes alike: about level axes by the base's tilt, about down by its azimuth.
     """
     errors = [table.entry.axis[joint].errors for joint in GIMBALS]
     geometry = table.entry.geometry
@@ -86,8 +87,12 @@ def placement(table: Table) -> tuple[float, float, float]:
         for name in ("encoder", "non_orthogonality", "wobble")
     ]
     zeros = norm([e.placement_arc_s for e in errors]) / sqrt(3)
-    tilt, azimuth = geometry.base_tilt_arc_s, geometry.base_azimuth_arc_s
-    base = norm([tilt, tilt, azimuth]) / sqrt(3)
-    turn = norm(bent)
-    seat = np.hypot(geometry.mounting_arc_s, zeros)
-    return float(turn) * ARC_SECOND, float(seat) * ARC_SECOND, float(base) * ARC_SECOND
+    roll, pitch, yaw = (table.entry.axis[joint].errors.placement_arc_s for joint in BASE)
+    sizes = (
+        norm(bent),
+        hypot(geometry.mounting_arc_s, zeros),
+        hypot(geometry.base_tilt_arc_s, max(roll, pitch)),
+        hypot(geometry.base_azimuth_arc_s, yaw),
+    )
+    turn, seat, nominal, azimuth = (float(size) * ARC_SECOND for size in sizes)
+    return turn, seat, nominal, azimuth

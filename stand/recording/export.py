@@ -145,9 +145,8 @@ def _stretches_text(log: Log) -> str:
 def _placed_by(table: str, log: Log) -> bool:
     """Whether the recording's priors of placement are those of this table."""
     known = log.options.priors
-    return np.allclose(
-        placement(load_table(table)), (known.turn, known.seat, known.nominal), rtol=1e-9
-    )
+    told = (known.turn, known.seat, known.nominal, known.azimuth)
+    return np.allclose(placement(load_table(table)), told, rtol=1e-9)
 
 
 def _entry(stretch: LoggedStretch, log: Log) -> list[str]:

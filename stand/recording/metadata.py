@@ -42,6 +42,7 @@ PRIOR_UNITS = {
     "turn": "rad",
     "seat": "rad",
     "nominal": "rad",
+    "azimuth": "rad",
     "lever_arm": "m",
     "gyro_random_walk": "rad_s_rt_s",
     "accel_random_walk": "m_s2_rt_s",
@@ -389,7 +390,10 @@ def settings_of(metadata: Metadata) -> tuple[Site, Options, tuple[str, ...]]:
     estimate = _read(metadata, "estimate", EstimateRecord)
     keys = {name: f"prior_{name}_{unit}" for name, unit in PRIOR_UNITS.items()}
     there = metadata.get("estimate", {})
-    sigmas = _sigmas(dict.fromkeys(keys.values(), "0") | dict(there), "estimate", keys)
+    # before the base's azimuth had a number of its own, one was told of all three axes
+    missing = dict.fromkeys(keys.values(), "0")
+    missing[keys["azimuth"]] = there.get(keys["nominal"], "0")
+    sigmas = _sigmas(missing | dict(there), "estimate", keys)
     priors = replace(
         Priors(), **sigmas, gyro_axes=estimate.gyro_axes, accel_axes=estimate.accel_axes
     )

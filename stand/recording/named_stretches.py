@@ -135,10 +135,9 @@ class StretchesEntry(catalogue.Entry):
         if self.estimate is not None:
             options, methods = self.estimate.options(), self.estimate.methods
         if self.table is not None:
-            turn, seat, nominal = placement(load_table(self.table))
-            options = Options(
-                options.offset_window, options.rule, Priors(turn=turn, seat=seat, nominal=nominal)
-            )
+            turn, seat, nominal, azimuth = placement(load_table(self.table))
+            priors = Priors(turn=turn, seat=seat, nominal=nominal, azimuth=azimuth)
+            options = Options(options.offset_window, options.rule, priors)
         return (site if self.site is None else self.site.site()), options, methods
 
 

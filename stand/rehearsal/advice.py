@@ -287,9 +287,10 @@ def _in_words(change: Change) -> str:
 def _nothing(quantity: str, before: Data, tried: Sequence[_Trial]) -> Advice:
     """What stands in the way of the best that was tried, and how far that went."""
 
-    def off(trial: _Trial) -> tuple[float, float]:
-        expanded = _judged(trial.result.judgements, quantity).expanded
-        return (float("inf") if expanded is None else expanded), trial.result.duration.total
+    def off(trial: _Trial) -> tuple[bool, float, float]:
+        judged = _judged(trial.result.judgements, quantity)
+        size = judged.beyond if judged.expanded is None else judged.expanded
+        return judged.expanded is None, size, trial.result.duration.total
 
     best = min(tried, key=off)
     judged = _judged(best.result.judgements, quantity)
@@ -310,7 +311,8 @@ def _in_the_way(result: Rehearsal, judged: Judgement) -> str:
     """The largest part of what a judgement is of."""
     rows = rows_of(judged.quantity, (p for p in result.predictions if p.method == judged.method))
     worst = next((p for p in rows if p.label == judged.label), None)
-    what = judged.reason or "the errors of the unit"
+    first = judged.reason.partition("; ")[0]  # what it cannot be told from follows
+    what = f"{judged.method}, {first}," if first else "the errors of the unit"
     if worst is not None and worst.contributions:
         first = worst.contributions[0]
         what = f"{first.source} ({first.sigma / worst.per:.3g} {worst.unit})"

@@ -83,7 +83,7 @@ def prediction(
         what = "sigma" if sigma >= abs(bias) else "error that is known"
         reason = f"{what} of {total / unit[1]:.3g} {unit[0]} is beyond first order"
         reason = "; ".join(part for part in (f"not determined: {reason}", why()) if part)
-        return Prediction(**known, sigma=None, contributions=(), reason=reason)
+        return Prediction(**known, sigma=None, contributions=(), reason=reason, beyond=total)
     named = sorted((sizes | {KNOWN: abs(bias)}).items(), key=lambda item: -item[1])
     contributions = tuple(Contribution(name, s) for name, s in named if s > 1e-6 * total)
     return Prediction(**known, sigma=sigma, contributions=contributions, bias=bias)

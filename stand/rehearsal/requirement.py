@@ -1,7 +1,6 @@
 """What is required against what is predicted: the verdict, by guard band."""
 
 from collections.abc import Iterable, Sequence
-from math import inf
 
 from alignment import ESTIMATORS
 from stand.procedure.procedure import RequireEntry
@@ -45,7 +44,7 @@ def _judged(
     for method in methods:
         rows = rows_of(quantity, (p for p in predictions if p.method == method))
         if rows:
-            worst.append(max(rows, key=_size))
+            worst.append(max(rows, key=lambda p: p.rank))
     if not worst:
         return Judgement(
             quantity=quantity,
@@ -58,7 +57,7 @@ def _judged(
             verdict=Verdict.INDETERMINATE,
             reason=f"no method of this procedure tells {quantity}",
         )
-    best = min(worst, key=_size)
+    best = min(worst, key=lambda p: p.rank)
     verdict = _verdict(best.rms, limit, require)
     return Judgement(
         quantity=quantity,
@@ -71,11 +70,8 @@ def _judged(
         verdict=verdict,
         reason=best.reason,
         bias=best.bias,
+        beyond=best.beyond,
     )
-
-
-def _size(prediction: Prediction) -> float:
-    return inf if prediction.rms is None else prediction.rms
 
 
 def _verdict(rms: float | None, limit: float, require: RequireEntry) -> Verdict:

@@ -6,7 +6,7 @@ Angles and biases are in SI inside; each prediction says in which unit it is tol
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from math import hypot
+from math import hypot, inf
 from pathlib import Path
 
 from stand.rehearsal.rocking_allowed import AdmissibleRocking
@@ -177,6 +177,8 @@ class Prediction:
         Why it is not determined; '' where it is.
     bias : float
         The same in every run [SI]: by the table's errors that the procedure sets.
+    beyond : float
+        What first order has it at [SI] where that is too much to be a number.
     """
 
     method: str
@@ -189,6 +191,12 @@ class Prediction:
     contributions: tuple[Contribution, ...]
     reason: str = ""
     bias: float = 0.0
+    beyond: float = inf
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """By which predictions are better or worse: those with a number before those without."""
+        return not self.determined, self.beyond if self.rms is None else self.rms
 
     @property
     def rms(self) -> float | None:
@@ -240,6 +248,8 @@ class Judgement:
     reason : str
     bias : float
         Of the table's known errors [rad].
+    beyond : float
+        Of a prediction without a number: what first order has it at [rad].
     """
 
     quantity: str
@@ -252,6 +262,7 @@ class Judgement:
     verdict: Verdict
     reason: str = ""
     bias: float = 0.0
+    beyond: float = inf
 
     @property
     def rms(self) -> float | None:

@@ -247,6 +247,9 @@ def _cell(rows: Sequence[Achieved], untold: int) -> str:
 def summary(made: Iterable[Case]) -> str:
     """How many numbers were compared, which are off, and how long it all takes."""
     every = [(one, a) for one in made for a in one.found.achieved if a.ratio is not None]
+    empty = sum(
+        not one.found.done and any(p.determined for p in one.result.predictions) for one in made
+    )
     off = [(one, a) for one, a in every if a.agrees is False]
     alone = sum(a.agrees_alone is False for _, a in every)
     missed = sum(not a.ratio[1] <= 1 <= a.ratio[2] for _, a in every if a.ratio)
@@ -263,7 +266,9 @@ def summary(made: Iterable[Case]) -> str:
     ]
     spent = sum(one.found.seconds for one in made)
     runs = sum(one.found.done for one in made)
-    lines.append(f"\n{runs} runs, {spent / 3600:.2g} h.")
+    lines.append(
+        f"\n{len(made)} cases, {empty} of them without runs yet; {runs} runs, {spent / 3600:.2g} h."
+    )
     return "\n".join(lines)
 
 

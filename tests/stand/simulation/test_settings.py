@@ -20,7 +20,7 @@ from stand.table.table import load_table, without_errors
 from stand.toml_files import ids
 
 ARC_SECOND = pi / 180 / 3600
-PLACEMENT = ("turn", "seat", "nominal")
+PLACEMENT = ("turn", "seat", "nominal", "azimuth")
 PROCEDURES = {name: load_procedure(name) for name in ids("procedures")}
 IMUS = {name: load_imu(name) for name in ids("imus")}
 TABLES = {name: load_table(name) for name in ids("tables")}
@@ -82,16 +82,18 @@ def test_every_unit_and_table_of_the_catalogue_is_told_as_its_sheet_says(procedu
             assert p.lever_arm == pytest.approx(arm, rel=1e-4)
             assert (p.gyro_walk, p.accel_walk) == (unit.gyro.noise, unit.accel.noise)
             geometry = table.entry.geometry
-            tilt, azimuth = geometry.base_tilt_arc_s, geometry.base_azimuth_arc_s
-            by_hand = sqrt((2 * tilt**2 + azimuth**2) / 3) * ARC_SECOND
-            assert p.nominal == pytest.approx(by_hand, rel=1e-12)
+            # the base's own axes stand off its zeros as well
+            base = [table.entry.axis[joint].errors.placement_arc_s for joint in JOINTS[:3]]
+            tilt = hypot(geometry.base_tilt_arc_s, max(base[:2])) * ARC_SECOND
+            azimuth = hypot(geometry.base_azimuth_arc_s, base[2]) * ARC_SECOND
+            assert (p.nominal, p.azimuth) == pytest.approx((tilt, azimuth), rel=1e-12)
             gimbals = [table.entry.axis[joint].errors for joint in JOINTS[3:]]
             zeros = sqrt(sum(e.placement_arc_s**2 for e in gimbals) / 3)
             seat = hypot(geometry.mounting_arc_s, zeros) * ARC_SECOND
             assert p.seat == pytest.approx(seat, rel=1e-12)
             # a table without errors has none to state, all else is as it was
             true = settings(loaded, unit, table, true_table=True).options.priors
-            assert true == replace(p, turn=0.0, seat=0.0, nominal=0.0)
+            assert true == replace(p, turn=0.0, seat=0.0, nominal=0.0, azimuth=0.0)
 
 
 def test_a_rehearsal_that_changes_the_procedure_is_told_anew():
