@@ -1,5 +1,6 @@
 """The answer of an estimator: an attitude, how sure it is, and what was found on the way."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,6 +90,8 @@ class AttitudeEstimate:
     biases, bias_sigmas : (6,) or None
         Of gyros [rad/s], then accelerometers [m/s^2], on X1, Y1, Z1, where the method finds
         them, with their standard deviations.
+    sway : mapping or None
+        What a method found of the base's rocking, by name, SI.
     """
 
     method: str
@@ -104,6 +107,7 @@ class AttitudeEstimate:
     flags: tuple[str, ...] = ()
     biases: Array | None = None
     bias_sigmas: Array | None = None
+    sway: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         shapes = {"covariance": (3, 3), "biases": (6,), "bias_sigmas": (6,)}

@@ -5,7 +5,7 @@ leaves the sway's own angular rate out; the covariance here does not.
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -229,7 +229,7 @@ def two_gyro(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     -------
     list of AttitudeEstimate
         ``C_nb`` of the mean attitude. Its covariance holds the sway's own rate; a flag gives the
-        published bound, which does not.
+        published bound, which does not. `sway`: [S1] (16), the fields of `Sway` and that bound.
 
     Raises
     ------
@@ -285,6 +285,7 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
         + saturation_doubt(dwell.label, readings)
         + heading_doubt(covariance)
         + _doubts(readings, sway, latitude),
+        sway=asdict(sway) | {"bound": sway_bound(sway, latitude)},
     )
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stand.cli.align import align, allan, import_log
-from stand.cli.catalogue import check_imu, list_entries
+from stand.cli.catalogue import check_imu, check_table, list_entries, new
 from stand.cli.progress import Stopped
 from stand.cli.review import report, view
 from stand.cli.run import drive, run
@@ -49,6 +49,8 @@ COMMANDS = {
     "stretches": stretches,
     "report": report,
     "check-imu": check_imu,
+    "check-table": check_table,
+    "new": new,
     "view": view,
 }
 for name, command in COMMANDS.items():

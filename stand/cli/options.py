@@ -45,6 +45,14 @@ class Catalogue(StrEnum):
     methods = "methods"
 
 
+class Template(StrEnum):
+    """What `stand new` can write."""
+
+    imu = "imu"
+    table = "table"
+    procedure = "procedure"
+
+
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for machines, no tables.")]
 LatitudeOption = Annotated[
     float | None, typer.Option(metavar="DEG", help="Geodetic latitude; else the file's own.")

@@ -1,7 +1,8 @@
 """Estimates set against what was true and what was nominal, and their JSON form."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -216,9 +217,23 @@ def score_to_json(scored: Score, noise_only: bool = False) -> dict[str, object]:
         entry["error_latitude_deg"] = scored.latitude_error / DEG
     entry |= _named("error_nominal_", scored.error_nominal)
     entry |= _biases("bias", e.biases) | _biases("sigma_bias", e.bias_sigmas)
+    if e.sway is not None:
+        entry["sway"] = _sway_json(e.sway)
     entry |= {"undetermined": e.undetermined, "noise_only": noise_only}
     entry["flags"] = list(e.flags)
     return entry
+
+
+def _sway_json(sway: Mapping[str, float]) -> dict[str, float]:
+    """Mean tilts, rms of the sway about both axes, its covariance, the published bound."""
+    return {
+        "mean_beta_deg": sway["beta"] / DEG,
+        "mean_gamma_deg": sway["gamma"] / DEG,
+        "rms_beta_deg": sqrt(sway["variance_beta"]) / DEG,
+        "rms_gamma_deg": sqrt(sway["variance_gamma"]) / DEG,
+        "covariance_deg2": sway["covariance"] / DEG**2,
+        "published_bound_deg": sway["bound"] / DEG,
+    }
 
 
 def _named(prefix: str, angles: Array | None) -> dict[str, object]:

@@ -10,6 +10,7 @@ from stand.physics.dynamics import inertias, required_torque, weights_model
 from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Truth
 from stand.rehearsal.accuracy import predict
+from stand.rehearsal.admissible import admissible
 from stand.rehearsal.feasibility import durations, feasibility
 from stand.rehearsal.requirement import judge
 from stand.rehearsal.result import Duration, Finding, Inputs, Rehearsal, Severity
@@ -50,7 +51,12 @@ def rehearse(settings: Settings) -> Rehearsal:
     predictions, observed = predict(scene, methods)
     required = settings.procedure.entry.require
     judgements = judge(required, limits_of(settings), methods, predictions)
+    heading = limits_of(settings).get("heading")
+    rocking = []
+    if required is not None and heading is not None:
+        rocking = admissible(scene, methods, predictions, heading / required.coverage)
     findings = [
+        *(Finding(Severity.WARNING, "rocking", r.label, r.text) for r in rocking),
         *from_margins(steps),
         *from_sheet(settings.unit),
         *from_servos(scene),
@@ -66,6 +72,7 @@ def rehearse(settings: Settings) -> Rehearsal:
         judgements=tuple(judgements),
         advice=(),
         findings=tuple(sorted(findings, key=lambda f: f.severity is not Severity.ERROR)),
+        rocking=tuple(rocking),
     )
 
 

@@ -9,6 +9,7 @@ from enum import StrEnum
 from math import hypot
 from pathlib import Path
 
+from stand.rehearsal.rocking_allowed import AdmissibleRocking
 from stand.rehearsal.verification import Verification
 
 QUANTITIES = ("heading", "pitch", "roll")  # what a requirement may name
@@ -336,7 +337,8 @@ class Rehearsal:
 
     `feasibility` step by step; `duration`; `predictions` of every method, stretch and quantity;
     `observability` of every method; `judgements` of what is required; `advice` for each that
-    fails; `findings`: traps and doubts, errors first; `verification` where runs were asked for.
+    fails; `findings`: traps and doubts, errors first; `verification` where runs were asked for;
+    `rocking` of the base that methods admit, where it rocks and a heading is required.
     """
 
     inputs: Inputs
@@ -348,6 +350,7 @@ class Rehearsal:
     advice: tuple[Advice, ...]
     findings: tuple[Finding, ...]
     verification: Verification | None = None
+    rocking: tuple[AdmissibleRocking, ...] = ()
 
     @property
     def feasible(self) -> bool:

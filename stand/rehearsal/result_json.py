@@ -12,6 +12,7 @@ from stand.rehearsal.result import (
     StepDuration,
     StepFeasibility,
 )
+from stand.rehearsal.rocking_allowed import admissible_json
 from stand.rehearsal.verification import Achieved, Verification
 
 
@@ -34,6 +35,7 @@ def rehearsal_json(result: Rehearsal) -> dict[str, Any]:
             "versions": dict(i.versions),
         },
         "judgements": [_judgement(j) for j in result.judgements],
+        "admissible_rocking": [admissible_json(r) for r in result.rocking],
         "findings": [
             {"severity": f.severity.value, "kind": f.kind, "step": f.step, "text": f.text}
             for f in result.findings

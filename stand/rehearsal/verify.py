@@ -20,7 +20,7 @@ from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.evaluation.score import ANGLES, suited
+from stand.evaluation.score import ANGLES, Truths, suited
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
 from stand.rehearsal.sums import Key, RunErrors, Sums
 from stand.rehearsal.verification import Achieved, Verification
@@ -209,7 +209,10 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
         dwells, attitudes = trials.readings(seed)
     except StandError as error:  # a sway drawn anew may be beyond the table
         return RunErrors({}, dict.fromkeys(methods, f"seed {seed}: {error}"))
-    truths = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
+    truths = {
+        d.label: Truths(C, mean=mean)
+        for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
+    }
     biases = trials.biases(seed)
     found, untold, refusals = {}, set(), {}
     for method in methods:
@@ -222,7 +225,9 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
         for e in estimates:
             if e.label in truths:
                 untold |= {(e.method, e.window, e.label, name) for name in e.undetermined}
-                for key, error in errors_of(e, truths[e.label], biases).items():
+                truth = truths[e.label].of(method)
+                assert truth is not None  # it is a run of ours
+                for key, error in errors_of(e, truth, biases).items():
                     found.setdefault(key, error)  # biases by the first of several fits
     return RunErrors(found, refusals, frozenset(untold))
 

@@ -31,6 +31,7 @@ from stand.report.gallery import Position, gallery
 from stand.report.junit import junit
 from stand.report.page import render, span_text
 from stand.report.provenance import provenance
+from stand.report.rocking import rocking
 from stand.report.tables import TableData
 from stand.report.verified import fact, outcome, section
 from stand.report.wording import (
@@ -114,6 +115,7 @@ def page(result: Rehearsal) -> str:
         "reasons": [(j.quantity, j.reason) for j in result.judgements if j.reason],
         "findings": [_found(f.severity, f.step, f.text) for f in _before(result)],
         "advice": [_advised(a) for a in result.advice],
+        "rocking": next((rocking(r) for r in result.rocking if len(r.curve)), None),
         "duration": _duration(result),
         "timeline": timeline(bars, result.duration.total) if bars else None,
         "broken": list(_broken(result.feasibility)),

@@ -22,6 +22,7 @@ from alignment.information.sway_law import (
 from alignment.methods.two_gyro import Sway, azimuth, azimuth_as_published, sway_bound, sway_of
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, STANDARD_GRAVITY
 from stand.evaluation.published.row import Row, Verdict, solved, verdict_of
+from stand.rehearsal.admissible import turned
 
 LATITUDE = 48.5 * DEG
 TILTED = (8 * DEG, -5 * DEG)  # mean tilts where the general bound is tried
@@ -446,19 +447,11 @@ def _open_rows() -> list[Row]:
     ]
 
 
-DAMPING = 0.1  # of the chart's rocking: a resonance
-
-
 def admissible(frequencies: Array, seconds: float) -> Array:
     """Rocking [rad rms] that leaves `REQUIRED` of azimuth to two real gyros, by frequency [Hz].
 
-    The base turns from start to end by ``sqrt(2 D (1 - rho))``, rho the correlation of a resonance
-    of damping d over the record: ``exp(-d w T) (cos u + d w T sin(u)/u)``, with
-    ``u = w T sqrt(1 - d^2)``. What is slow against the record turns little.
+    What the base turns from start to end, `stand.rehearsal.admissible.turned`, is the error.
     """
-    phase = 2 * np.pi * frequencies * seconds
-    rung = phase * np.sqrt(1 - DAMPING**2)
-    rho = np.exp(-DAMPING * phase) * (np.cos(rung) + DAMPING * phase * np.sinc(rung / np.pi))
-    apart = 1 - rho
-    north = EARTH_RATE * np.cos(LATITUDE)
-    return np.asarray(REQUIRED * north * seconds / np.sqrt(2 * apart))
+    return np.asarray(
+        REQUIRED * EARTH_RATE * np.cos(LATITUDE) * seconds / turned(frequencies, seconds)
+    )

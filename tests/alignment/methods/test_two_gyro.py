@@ -513,3 +513,19 @@ def test_a_turning_stretch_has_no_mean_attitude():
     turning = Dwell("T", 0.0, 20.0, ImuReadings(t, w, f), None, turn)
     with pytest.raises(AlignmentError, match="T: turns at a constant rate"):
         two_gyro([turning], HERE, Options())
+
+
+def test_the_sway_comes_as_numbers():
+    """[S1] (16): mean tilts, variances, and the bound, of the estimate as of its samples."""
+    rng = np.random.default_rng(8)
+    n, T = 4000, 200.0
+    beta, gamma = radians(2) + 1e-3 * rng.normal(size=n), radians(-1) + 2e-3 * rng.normal(size=n)
+    C = attitudes(0.3, beta, gamma)
+    w = np.einsum("nji,j->ni", C, W * np.array([cos(LAT), 0, -sin(LAT)]))
+    f = np.einsum("nji,j->ni", C, [0, 0, -G])
+    t = (np.arange(n) + 1) * T / n
+    (found,) = two_gyro([Dwell("d", 0.0, T, ImuReadings(t, w, f))], HERE, Options())
+    sway = sway_of(f)
+    assert found.sway["beta"] == pytest.approx(np.mean(beta), rel=1e-12)
+    assert found.sway["variance_gamma"] == pytest.approx(np.var(gamma, ddof=1), rel=1e-9)
+    assert found.sway["bound"] == sway_bound(sway, LAT)

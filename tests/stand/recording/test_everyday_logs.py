@@ -154,4 +154,3 @@ def test_a_bag_like_an_mcap(tmp_path):
         answers.append((found.heading, found.latitude, found.heading_sigma))
     assert answers[0] == answers[1]
     assert np.degrees(answers[0][0]) == pytest.approx(30.0, abs=0.02)
-    assert pytest.approx(7.2921e-5, rel=1e-4) == EARTH

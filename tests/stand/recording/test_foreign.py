@@ -183,7 +183,10 @@ def test_faults_of_units(csv):
         ("0,0,0,0,0,0,1\n1,0,nan,0,0,0,1\n", "row 2, column gy = nan: must be finite"),
         ("h,,,,,,\n0,0,0,0,0,0,1\n1,0,0,0,0,inf,1\n", "row 2, column ay = inf: must be finite"),
         ("0,0,0,0,0,0,1\n1,0,0,0,0,0,1e400\n", "row 2, column az = inf: must be finite"),
-        ("0,0,0,0,0,0,1\n1,0,0,0,0,0,1e308\n", "row 2, column az = 1e+308: must be finite"),
+        (
+            "0,0,0,0,0,0,1\n1,0,0,0,0,0,1e308\n",
+            "row 2, column az = 1e+308: must be at most 1e+09 m/s^2 (are the unit and the columns right?)",
+        ),
         (
             "1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n2,0,0,0,0,0,1\n",
             "row 3, column t = 2 s: must be above the row before, 2 s, by a nanosecond at least",

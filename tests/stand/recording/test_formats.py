@@ -3,6 +3,7 @@
 import builtins
 import gzip
 import io
+import struct
 
 import lz4.frame
 import numpy as np
@@ -14,6 +15,7 @@ from written_logs import at_rest, mcap, ros1_bag, stamps, ulog
 import stand
 from stand.errors import StandError
 from stand.recording.entrance import read_imu
+from stand.recording.formats.matlab import read_mat
 from stand.recording.log_form import LogForm
 
 W, F = at_rest()
@@ -87,16 +89,37 @@ def test_npz(tmp_path, save):
 def test_mat(tmp_path):
     from scipy.io import savemat
 
-    struct = {"time": T[:, None], "gyro_rad_s": W, "acc_m_s2": F}
+    inside = {"time": T[:, None], "gyro_rad_s": W, "acc_m_s2": F}
     for name, variables, form in (
         ("a.mat", {"t": T, "gyro": W, "acc": F, "fs": 100.0}, LogForm(**UNITS)),
-        ("b.mat", {"imu": struct, "note": "bench"}, LogForm()),
+        ("b.mat", {"imu": inside, "note": "bench"}, LogForm()),
         ("c.mat", {"data": MATRIX}, LogForm(columns="t,gx,gy,gz,ax,ay,az", **UNITS)),
     ):
         for compressed in (False, True):
             savemat(tmp_path / name, variables, do_compression=compressed)
             check(read_imu(tmp_path / name, form=form), relative=True)
     assert read_imu(tmp_path / "b.mat", "imu").topic.startswith("imu: columns time, gyro_x [")
+
+
+def test_a_mat_of_another_byte_order_by_hand(tmp_path):
+    """Big endian: one matrix (3, 2) of doubles called ab, its columns 1, 2, 3 and 4, 5, 6."""
+
+    def element(kind, data):
+        return struct.pack(">II", kind, len(data)) + data.ljust(-(-len(data) // 8) * 8, b"\0")
+
+    name = struct.pack(">I", 2 << 16 | 1) + b"ab\0\0"  # small: within its own head
+    body = element(6, struct.pack(">II", 6, 0)) + element(5, struct.pack(">ii", 3, 2)) + name
+    body += element(9, np.arange(1.0, 7.0).astype(">f8").tobytes())
+    data = b"MATLAB 5.0 MAT-file".ljust(124) + b"\1\0MI" + element(14, body)
+    (tmp_path / "a.mat").write_bytes(data)
+    table = read_mat(tmp_path / "a.mat", None)
+    assert (table.rows, table.width) == (3, 2)
+    np.testing.assert_array_equal(table.column(1), [4, 5, 6])
+    (tmp_path / "a.mat").write_bytes(data[:-8])
+    with pytest.raises(
+        StandError, match=r"a\.mat: damaged before byte 128: an element of 96 bytes, 88 are"
+    ):
+        read_mat(tmp_path / "a.mat", None)
 
 
 @pytest.mark.parametrize("head", [b"", b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512)])

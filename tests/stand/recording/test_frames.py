@@ -8,6 +8,7 @@ from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 
 from stand.recording.mcap import EPOCH_NS
+from stand.recording.mcap.frames import tf_rows
 
 ROCKING = """
 title = "Rocking, with every error of the table"
@@ -122,3 +123,13 @@ def test_saturation_is_marked_at_each_sample(tmp_path, stand_command):
     assert {m.data for _, m in marked} == {0b000010}  # the second channel alone
     assert told["saturated_samples"]["gyro Y1"] == beyond.sum()
     assert stamps[0] > EPOCH_NS
+
+
+def test_transforms_are_of_the_first_sample_in_each_period():
+    """Every 20 ms; the first of all has them, whatever its time."""
+    t_ns = np.array([15, 19, 20, 39, 45, 61]) * 1_000_000
+    assert tf_rows(t_ns, None).tolist() == [0, 2, 4, 5]
+    assert tf_rows(t_ns, 14_000_000).tolist() == [2, 4, 5]
+    assert tf_rows(t_ns[1:], 15_000_000).tolist() == [1, 3, 4]
+    assert tf_rows(np.array([15_000_000, 25_000_000]), None).tolist() == [0, 1]
+    assert tf_rows(np.array([70_000_000]), None).tolist() == [0]

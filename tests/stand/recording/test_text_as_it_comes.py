@@ -321,3 +321,13 @@ def test_a_look_at_any_numbers(tmp_path):
     rows = [[*row[:4], "1e200", "1e200", "1e200"] for row in TEXT]
     path = written(tmp_path / "a.csv", rows, head="t,gx,gy,gz,ax,ay,az\n")
     assert "--accel-unit UNIT" in inspect(path).command
+
+
+@pytest.mark.parametrize(
+    ("width", "guess"), [(6, "-,-,-,-,-,-"), (7, "t,gx,gy,gz,ax,ay,az"), (8, "-,-,-,-,-,-,-,-")]
+)
+def test_seven_columns_without_names_are_a_time_and_six_channels(tmp_path, width, guess):
+    rows = [",".join(f"{0.01 * k + 0.1 * c:.3f}" for c in range(width)) for k in range(20)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    assert f" --columns {guess} " in inspect(path).lines()[-1]

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from alignment import ESTIMATORS, AttitudeEstimate
-from alignment.angles import Sequence
+from alignment.angles import Sequence, angles_from_C_nb
 from alignment.errors import AlignmentError
 from stand.errors import StandError
 from stand.imu import ImuSpec, load_imu, without
@@ -34,7 +34,7 @@ from stand.rehearsal.verify import errors_of, first_seed, with_verification
 from stand.report.rehearsal_tables import headline, tables
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import RunFailed, campaign
-from stand.simulation.settings import assembled
+from stand.simulation.settings import assembled, settings
 from stand.table.table import load_table
 
 DEG = pi / 180
@@ -606,3 +606,18 @@ def test_ctrl_c_prints_and_writes_what_was_made(tmp_path):
     assert told.strip() == f"stand: interrupted: {found['runs']} of 100000 runs were made"
     assert (tmp_path / "report" / "rehearsal.html").is_file()
     assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_two_gyro_is_verified_by_the_mean_attitude():
+    """On a rocking base the attitude at the end, where the sway fades, is another."""
+    asked = settings("random-sway", "ring-laser", rate_hz=5, methods=("two-gyro",))
+    found = with_verification(rehearse(asked), asked, 1)
+    dwells, attitudes = Trials(asked).readings(first_seed(asked))
+    (e,) = ESTIMATORS["two-gyro"].estimate(dwells, asked.site, asked.options)
+    assert e.C_nb is not None
+    mean, end, told = (
+        angles_from_C_nb(e.sequence, C)[2] for C in (*attitudes.means, *attitudes, e.C_nb)
+    )
+    achieved = row(found, "two-gyro", "swaying", "pitch").sigma  # of one run: its error
+    assert achieved == pytest.approx(abs(told - mean), rel=1e-6)
+    assert abs(told - end) != pytest.approx(abs(told - mean), rel=0.1)

@@ -1,0 +1,94 @@
+"""How much a base may rock: by hand for two gyros, and that what is admitted is predicted so."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from pages import checked
+
+from alignment.units import DEG
+from stand.procedure.procedure import procedure_from
+from stand.rehearsal.admissible import turned
+from stand.rehearsal.rehearse import rehearse
+from stand.rehearsal.result_json import rehearsal_json
+from stand.report.rehearsal import page
+from stand.simulation.settings import settings
+from stand.toml_files import Source
+
+TEXT = """
+title = "Rocking"
+table = "rocking-platform"
+[site]
+latitude_deg = 48.5
+[estimate]
+methods = ["two-gyro", "inertial"]
+[require]
+heading_deg = {limit}
+coverage = 2
+[[step]]
+kind = "dwell"
+label = "rocked"
+duration_s = 120
+[[background]]
+kind = "sine"
+fade_s = 4
+[background.axes]
+base_roll = {{ amplitude_deg = {amplitude}, frequency_hz = 0.2 }}
+"""
+
+
+def rehearsed(tmp_path, limit=2.0, amplitude=1.0, imu="hg9900"):
+    path = tmp_path / "rocking.toml"
+    path.write_text(TEXT.format(limit=limit, amplitude=amplitude))
+    return rehearse(settings(str(path), imu, rate_hz=50))
+
+
+def test_two_gyros_by_hand(tmp_path):
+    """1 deg about a sensor's own axis over T is 1 deg/T of rate; sqrt 2 for both ends."""
+    result = rehearsed(tmp_path)
+    by_means, carried = result.rocking
+    assert by_means.method == "two-gyro"
+    assert by_means.planned / DEG == pytest.approx(1 / 2**0.5, rel=0.02)  # rms of a sine
+    assert by_means.frequency == pytest.approx(0.2, rel=0.01)
+    assert by_means.allowed / DEG == 1.0
+    # W cos lat T/sqrt 2 of what is left of 1 deg beside the sensors; rho of 24 periods is nothing
+    north, T = 9.96651 / 3600, 120.0
+    left = (1.0 - (by_means.sensors / DEG) ** 2) ** 0.5
+    assert by_means.rms / DEG == pytest.approx(left * north * T / 2**0.5 * DEG, rel=1e-3)
+    assert by_means.sensors / DEG < 0.2
+    # rocking of eight such periods is far below what it adds to the carried attitude
+    assert not np.isfinite(carried.rms)
+    texts = [f.text for f in result.findings if f.kind == "rocking"]
+    assert texts[0].startswith("two-gyro: rocking of up to 0.0041 deg rms at 0.2 Hz")
+    assert "ten times the planned 0.69 deg rms" in texts[1]
+
+
+def test_slow_rocking_turns_little():
+    T = 100.0
+    f = np.array([1e-5, 5.0])
+    slow, fast = turned(f, T)
+    assert fast == pytest.approx(2**0.5, rel=1e-9)
+    assert slow == pytest.approx(2 * pi * 1e-5 * T, rel=1e-2)
+
+
+def test_sensors_that_are_too_much_admit_nothing(tmp_path):
+    found = rehearsed(tmp_path, limit=0.01).rocking
+    assert [r.rms for r in found] == [0.0, 0.0]
+    assert "no rocking" in found[0].text
+    assert "the sensors alone leave" in found[0].text
+
+
+def test_machines_and_the_page(tmp_path):
+    result = rehearsed(tmp_path)
+    told = rehearsal_json(result)["admissible_rocking"]
+    assert [r["method"] for r in told] == ["two-gyro", "inertial"]
+    assert told[0]["admissible_rms_deg"] == pytest.approx(0.0041, abs=5e-5)
+    assert told[1]["admissible_rms_deg"] is None
+    assert len(told[0]["chart"]["frequency_hz"]) == len(told[0]["chart"]["admissible_rms_deg"])
+    assert "How much the base may rock" in checked(page(result)).said
+
+
+def test_a_base_that_rests_is_not_asked():
+    still = TEXT.format(limit=1, amplitude=1).split("[[background]]")[0]
+    made = settings(procedure_from(Source("p", "p.toml", still)), "hg9900", rate_hz=50)
+    assert rehearse(made).rocking == ()
