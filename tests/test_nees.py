@@ -27,23 +27,6 @@ LONGEST_S = 300.0  # of a generated rest
 
 
 RUNS_OF = {"six-position-published": 8, "scorsby": 1, "random-sway": 1, "rate-sweep": 1}
-# what does not keep its promise yet, by what is at fault
-OPEN = {
-    "six-position-published": "two-position of icm42688p: two of eight runs state a heading that "
-    "is not determined, and a tilt that is off by up to 77 sigmas",
-    "static": "fine of stim300 in an hour: heading is known to 23 deg, whose second order turns "
-    "with the Earth into 0.5 deg of tilt; 0.06 deg is stated",
-}
-
-
-def marked(cases):
-    """The cases, those of `OPEN` as what must fail."""
-    return [
-        pytest.param(case, marks=pytest.mark.xfail(reason=OPEN[case], strict=True))
-        if case in OPEN
-        else case
-        for case in cases
-    ]
 
 
 def short(procedure, imu):
@@ -52,7 +35,7 @@ def short(procedure, imu):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", marked(ids("procedures")))
+@pytest.mark.parametrize("name", ids("procedures"))
 def test_sigmas_of_the_catalogue_are_kept(name):
     runs = RUNS_OF.get(name, RUNS)
     found = [p for imu in IMUS for p in promises(short(load_procedure(name), imu), runs)]

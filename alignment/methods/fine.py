@@ -57,6 +57,7 @@ _ROUNDS = 3  # of them and the filter itself, after the first
 _SYMMETRIC = 8  # updates after which rounding's asymmetry is taken out
 _CAREFUL = 32  # updates by roots of the covariance: the first take a metre to a micrometre
 _CHUNK = 2048  # updates whose matrices are held at once
+_HUNDREDTH = 100.0  # a noisy regressor is to tell no more than one of this of a prior's variance
 _CONSISTENT = 5.0  # standard errors by which the innovations' mean square may exceed one
 _SHOWN = 0.5  # rad: a track begins when heading is known to this
 
@@ -300,7 +301,25 @@ def _update_variance(carried: Carried, noise: Noise, priors: Priors) -> float:
     hundred times less of the arm than its prior, which costs heading nothing.
     """
     walk = float(np.mean(noise.gyro**2)) * float(carried.t[-1] - carried.t[0])
-    return STILL**2 + 100 * priors.lever_arm**2 * walk
+    return STILL**2 + _HUNDREDTH * priors.lever_arm**2 * walk
+
+
+def _heave_density(carried: Carried, noise: Noise, priors: Priors, gravity: float) -> float:
+    """Of white noise along the vertical [m^2/s^3]: what the gyros' own walk makes of gravity there.
+
+    A reference that walked off by d is level no more: of an accelerometer's bias b it carries
+    ``d b`` into the vertical, of gravity ``g d^2/2``. The first passes for a turn that would tell
+    b from a tilt, for no noise of first order covers it there; the second, which a first order
+    does not have, is then taken for b. After a time T d has a variance of
+    ``s^2 = ARW^2 T + B^2 T^2`` and before it less, ``T s^2/2`` in all: this noise leaves b a
+    hundredth of its prior's information, and is no smaller than ``g d^2/2`` (``E d^4 = 8 s^4`` of
+    two axes). Heading and tilt stand in the horizontal; of the bias along the vertical all but
+    7 s parts are still found.
+    """
+    span = float(carried.t[-1] - carried.t[0])
+    walked = float(np.mean(noise.gyro**2)) * span + (priors.gyro_instability * span) ** 2
+    bias = priors.accel_bias**2 + (gravity * priors.accel_scale) ** 2
+    return span * walked * (_HUNDREDTH / 2 * bias + 2 / 3 * gravity**2 * walked)
 
 
 def _settle(
@@ -541,7 +560,15 @@ def error_matrices(
         else:
             F[:, 3:6, column] = driven
             F[:, 6:9, column] = spans / 2 * driven
-    return F, _walks(model, carried, C_ni, push, steps, size), H
+    Q = _walks(model, carried, C_ni, push, steps, size)
+    up = gravity / np.linalg.norm(gravity, axis=1, keepdims=True)
+    heave = _heave_density(carried, model.noise, model.priors, model.site.gravity)
+    added = heave * spans * up[:, :, None] * up[:, None, :]
+    Q[:, 3:6, 3:6] += added
+    Q[:, 6:9, 3:6] += spans / 2 * added
+    Q[:, 3:6, 6:9] += spans / 2 * added
+    Q[:, 6:9, 6:9] += spans**2 / 3 * added
+    return F, Q, H
 
 
 def _walks(

@@ -33,6 +33,7 @@ _POLE = 1e-3  # least horizontal part of Earth rate
 _ANOTHER = np.radians(1.0)  # two ends farther apart than this are two attitudes
 _GRAVITY = 9.81  # m/s^2, to start from
 _DOUBTED = 0.05  # part of Earth rate: a component known worse may have either sign
+_DIFFERENCES = np.repeat([1e-8, 1e-3], 3)  # rad/s, m/s^2: parts in 10^4 of Earth rate and gravity
 _LATITUDE_START = 0.999  # sine of the latitude to start from: not at a pole
 
 
@@ -287,6 +288,14 @@ def _likeliest(ends: list[tuple[_State, Array]]) -> tuple[_State, Array]:
     return state, margins.min(axis=0)
 
 
+def _by_cost(ends: list[tuple[_State, Array]]) -> list[tuple[_State, Array]]:
+    """The ends, of each run its best first: of two that are one valley's the deeper counts."""
+    costs = np.stack([cost for _, cost in ends])
+    order, runs = np.argsort(costs, axis=0, kind="stable"), np.arange(costs.shape[1])
+    C, x, u = (np.stack(parts)[order, runs] for parts in zip(*(s for s, _ in ends), strict=True))
+    return [((C[k], x[k], u[k]), costs[order, runs][k]) for k in range(len(ends))]
+
+
 def _angle(C: Array, other: Array) -> Array:
     """Of the turns (r,) between attitudes (r, 3, 3) [rad]."""
     return np.asarray(Rotation.from_matrix(C @ np.swapaxes(other, -1, -2)).magnitude())
@@ -298,12 +307,12 @@ def _others(
     """How far other ends lie from the one taken, and their probabilities.
 
     Differences (e, r, 3n + p - 3) of all attitudes and of what else is sought; weights (e, r),
-    ``exp(-margin/2)`` over the sum of all, each end counted once.
+    ``exp(-margin/2)`` over the sum of all, each attitude counted once.
     """
     least = np.min([cost for _, cost in ends], axis=0)
     placed = _placed(taken[0], taken[2], problem)
     apart, odds, seen = [], [], [taken[0]]
-    for (C, x, u), cost in ends:
+    for (C, x, u), cost in _by_cost(ends):
         new = np.all([_angle(C, other) > _ANOTHER for other in seen], axis=0)
         turned = _placed(C, u, problem) @ np.swapaxes(placed, -1, -2)
         turns = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(len(x), -1)
@@ -352,27 +361,48 @@ def _descended(
 
     A step that raises the cost is tried again at a quarter: where Earth rate is small beside the
     biases heading is nearly free, and whole steps would leap about for ever.
+    Runs that steps of the first order lead nowhere are those of coarse units, whose errors' squares
+    are more than the noise: they go on with all of the Jacobian.
     """
-    state = start[0].copy(), start[1].copy(), _no_errors(problem, len(y))
-    system = _linearised(state, y, sigma, problem)
-    costs = _cost(system, state[1], problem)
-    parts, active = np.ones(len(y)), np.arange(len(y))
+    C, x = start[0].copy(), start[1].copy()
+    system = _linearised((C, x, _no_errors(problem, len(y))), y, sigma, problem)
+    state = C, x, system.weighed(np.zeros_like(x))
+    costs, stuck = _walked(state, y, sigma, problem)
+    if len(stuck):
+        rest = _of(state, stuck)
+        costs[stuck], _ = _walked(rest, y[stuck], sigma[stuck], problem, whole=True)
+        for all_, new in zip(state, rest, strict=True):
+            all_[stuck] = new
+    return state, costs
+
+
+def _walked(
+    state: _State, y: Array, sigma: Array, problem: _Problem, whole: bool = False
+) -> tuple[Array, IntArray]:
+    """Costs (r,) where steps from a state end, which is moved there, and the runs still on the way.
+
+    `whole`: with all of the Jacobian.
+    """
+    system = _linearised(state, y, sigma, problem, whole)
+    costs = _cost(system, state, problem)
+    parts, active, stuck = np.ones(len(y)), np.arange(len(y)), np.zeros(len(y), dtype=bool)
     for _ in range(_ITERATIONS):
         then, changes = _stepped(_of(state, active), system, parts[active], problem)
-        tried = _linearised(then, y[active], sigma[active], problem)
-        cost = _cost(tried, then[1], problem)
+        tried = _linearised(then, y[active], sigma[active], problem, whole)
+        cost = _cost(tried, then, problem)
         better = cost <= costs[active] + _LEVEL
         taken = active[better]
-        for whole, new in zip(state, then, strict=True):
-            whole[taken] = new[better]
+        for all_, new in zip(state, then, strict=True):
+            all_[taken] = new[better]
         costs[taken] = cost[better]
         parts[active] = np.where(better, np.minimum(1.0, 2 * parts[active]), parts[active] / 4)
-        going = (changes >= _CONVERGED) & (parts[active] > _SHORTEST)
+        stuck[active] = changes >= _CONVERGED
+        going = stuck[active] & (parts[active] > _SHORTEST)
         system = _either(better, tried, system, going)
         active = active[going]
         if not len(active):
             break
-    return state, costs
+    return costs, np.flatnonzero(stuck)
 
 
 def _of(state: _State, runs: IntArray) -> _State:
@@ -397,8 +427,11 @@ def _stepped(
     step, _ = _step(system, x, problem)
     # beyond a radian the linear system says nothing
     turn = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
-    step = step * (parts[:, None] / np.maximum(turn, 1.0))
-    found = system.weighed(step)
+    step = step / np.maximum(turn, 1.0)
+    t, parts = problem.turned.shape[2], parts[:, None]
+    placed = u[:, :t] + parts * (system.weighed(step) - u)[:, :t]
+    step = step * parts
+    found = np.concatenate([placed, system.weighed(step)[:, t:]], axis=1)
     changes = np.concatenate([step / problem.units, found - u], axis=1)
     then = x.copy()
     then[:, 3:] += step[:, 3:]
@@ -521,11 +554,13 @@ def _vectors(x: Array, problem: _Problem) -> tuple[Array, Array, Array]:
     return w_n, np.stack([zero, zero, -g], axis=-1), by_lat
 
 
-def _predicted(state: _State, problem: _Problem) -> tuple[Array, Array, Array]:
+def _predicted(state: _State, problem: _Problem, whole: bool = False) -> tuple[Array, Array, Array]:
     """Readings (r, 6n), their Jacobian (r, 6n, p), and what each weighed error adds (r, 6n, q).
 
     To first order in the instrument's errors: that they change what a turn does to the readings is
-    left out of the Jacobian, not of the readings.
+    left out of the Jacobian, not of the readings, unless it is to be `whole`. What their squares
+    tell is no knowledge, for the errors are stated to first order alone; but where a coarse unit's
+    exceed the noise a step that leaves them out climbs the walls of the valley.
     """
     C, x, u = state
     runs, n, t = len(x), len(problem.relative), problem.turned.shape[2]
@@ -544,9 +579,29 @@ def _predicted(state: _State, problem: _Problem) -> tuple[Array, Array, Array]:
     if problem.heavier:
         J[..., 3:, -1] = felt[..., 3:] / np.linalg.norm(f_n, axis=1)[:, None, None]
     constants = constant_columns(felt[..., :3], felt[..., 3:], problem.priors)
+    if whole and constants.shape[-1]:
+        moved = J.copy()
+        moved[..., 3:9] = 0.0
+        J = J + _by_reading(felt, u[:, t:], problem.priors) @ moved
     weighed = np.concatenate([by_turn @ problem.turned, constants], axis=-1)
     y = felt + np.einsum("rkiq,rq->rki", constants, u[:, t:]) + x[:, None, 3:9]
     return y.reshape(runs, -1), J.reshape(runs, 6 * n, -1), weighed.reshape(runs, 6 * n, -1)
+
+
+def _by_reading(felt: Array, u: Array, priors: Priors) -> Array:
+    """How what the constant errors (r, q) add changes with what is felt (r, n, 6): (r, n, 6, 6).
+
+    Central differences, exact but for rounding and the cubic's own ``h^2``: all else is linear,
+    quadratic or, the asymmetry, linear on either side of zero.
+    """
+    found = np.empty((*felt.shape, 6))
+    for k, h in enumerate(_DIFFERENCES):
+        aside = h * np.eye(6)[k]
+        columns = [
+            constant_columns(x[..., :3], x[..., 3:], priors) for x in (felt + aside, felt - aside)
+        ]
+        found[..., k] = np.einsum("rniq,rq->rni", (columns[0] - columns[1]) / (2 * h), u)
+    return found
 
 
 def _placed(C: Array, u: Array, problem: _Problem) -> Array:
@@ -570,13 +625,15 @@ class _System:
     """The readings about a state, whitened by noise, drift and weighed errors together.
 
     `J` (r, 6n, p), `A` (r, 6n, q) and `innovation` (r, 6n): what is left of the readings without
-    the weighed errors. `plain` (r, 6n, p): the Jacobian in units of the noise alone.
+    the weighed errors. `plain` (r, 6n, p): the Jacobian in units of the noise alone. `left`
+    (r, 6n): what is left with the placements as they are, whitened by all but them.
     """
 
     J: Array
     A: Array
     innovation: Array
     plain: Array
+    left: Array
 
     def weighed(self, step: Array) -> Array:
         """The likeliest weighed errors (r, q) after a step (r, p)."""
@@ -584,22 +641,41 @@ class _System:
         return np.asarray((np.swapaxes(self.A, -1, -2) @ left[..., None])[..., 0])
 
 
-def _linearised(state: _State, y: Array, sigma: Array, problem: _Problem) -> _System:
-    predicted, J, A = _predicted(state, problem)
+def _linearised(
+    state: _State, y: Array, sigma: Array, problem: _Problem, whole: bool = False
+) -> _System:
+    predicted, J, A = _predicted(state, problem, whole)
     J, A = J / sigma[..., None], A / sigma[..., None]
-    residual = (y - predicted) / sigma + (A @ state[2][..., None])[..., 0]
-    S = A @ np.swapaxes(A, -1, -2) + np.eye(A.shape[1])
-    S += problem.drift / (sigma[:, :, None] * sigma[:, None, :])
+    t, u = problem.turned.shape[2], state[2]
+    left = (y - predicted) / sigma + (A[..., t:] @ u[:, t:, None])[..., 0]
+    residual = left + (A[..., :t] @ u[:, :t, None])[..., 0]
+    S = np.eye(A.shape[1]) + problem.drift / (sigma[:, :, None] * sigma[:, None, :])
+    S = S + A[..., t:] @ np.swapaxes(A[..., t:], -1, -2)
     L = np.linalg.cholesky(S)
+    left = np.linalg.solve(L, left[..., None])[..., 0]
+    if t:
+        L = np.linalg.cholesky(S + A[..., :t] @ np.swapaxes(A[..., :t], -1, -2))
     p = problem.count
-    whole = np.linalg.solve(L, np.concatenate([J, residual[..., None], A], axis=-1))
-    return _System(whole[..., :p], whole[..., p + 1 :], whole[..., p], J)
+    solved = np.linalg.solve(L, np.concatenate([J, residual[..., None], A], axis=-1))
+    return _System(
+        J=solved[..., :p],
+        A=solved[..., p + 1 :],
+        innovation=solved[..., p],
+        plain=J,
+        left=left,
+    )
 
 
-def _cost(system: _System, x: Array, problem: _Problem) -> Array:
-    """Chi-square (r,) of a state: of its readings and of its priors."""
-    priors = x[:, 3:] / problem.sigmas
-    return np.asarray(np.sum(system.innovation**2, axis=-1) + np.sum(priors**2, axis=-1))
+def _cost(system: _System, state: _State, problem: _Problem) -> Array:
+    """Chi-square (r,) of a state: of its readings, of its priors, and of placements as they are.
+
+    Placements turn readings by sine and cosine: with those that were likeliest a step ago the cost
+    of the likeliest would be another function at each of them, and no step better. The
+    instrument's errors are linear in the readings, and whatever they are the cost is the same.
+    """
+    _, x, u = state
+    parts = system.left, x[:, 3:] / problem.sigmas, u[:, : problem.turned.shape[2]]
+    return np.asarray(sum(np.sum(part**2, axis=-1) for part in parts))
 
 
 def _step(system: _System, x: Array, problem: _Problem) -> tuple[Array, Array]:
@@ -646,7 +722,7 @@ def _result(state: _State, system: _System, problem: _Problem) -> PositionFit:
         bias_prior=problem.sigmas[:6],
         latitude=x[:, 9] if estimated else None,
         latitude_sigma=np.sqrt(P[:, 9, 9]) if estimated else None,
-        chi2=_cost(system, x, problem),
+        chi2=_cost(system, state, problem),
         freedom=6 * n - 3 - _spent(P, problem),
         rank=_rank(system.plain[0], problem),
         margin=np.full(len(x), np.inf),

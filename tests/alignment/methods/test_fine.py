@@ -131,6 +131,24 @@ def test_constant_biases_at_rest_are_those_of_gyrocompassing(latitude):
     assert P[0, 2] == pytest.approx(-tilt * joined, rel=0.02)
 
 
+def test_a_walk_of_gyros_tells_no_tilt_from_an_accelerometers_bias():
+    """At rest tilt is known to b/g for however long: 0.0186/9.809 = 1.9 mrad, or 0.109 deg.
+
+    The reference walks by 4.36e-5 sqrt(3600) = 2.6 mrad off the level and passed for a turn that
+    tells b: 0.07 and 0.05 deg were stated, and the walk's own ``g d^2/2`` was taken for b.
+    """
+    rng = np.random.default_rng(1)
+    t, w, f, C = STILL.readings(3600.0, 1.0, 100.0)
+    priors = Priors(1.967e-5, 0.0186, gyro_walk=4.36e-5, accel_walk=4e-4)
+    w = w + priors.gyro_walk * rng.normal(size=w.shape)
+    (estimate,) = fine([dwell(t, w, f)], site(STILL), Options(priors=priors))
+    assert estimate.covariance is not None
+    # a hundredth of the prior's information is left to each axis: half of it in the sigma
+    np.testing.assert_allclose(np.degrees([sigma(estimate, k) for k in (0, 1)]), 0.109, rtol=0.01)
+    off = errors(estimate.C_nb.as_matrix()[None], C)[0]
+    assert np.abs(off[:2]).max() < radians(0.109) / 10  # these accelerometers have no bias
+
+
 def test_half_turn_tells_bias_from_earth_rate():
     """Before it heading is known to b/(W cos lat), after it to noise alone."""
     priors = Priors(gyro_bias=2e-5, gyro_walk=1e-6, accel_walk=1e-5)

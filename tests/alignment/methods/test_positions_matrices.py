@@ -5,6 +5,7 @@ from math import cos, degrees, log, pi, radians, sin, sqrt
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from alignment import Priors
@@ -334,3 +335,73 @@ def test_another_attitude_that_fits_is_in_the_covariance():
     ratio = np.mean(off**2) / np.mean(fit.covariance[:, 0, 2, 2])
     # it is the number of wrong ones that counts: four sigma of it
     assert abs(ratio - 1) < 4 / sqrt(wrong.sum())
+
+
+# --- coarse units --------------------------------------------------------------------------------
+
+COARSE = Priors(
+    gyro_bias=8.7e-3,
+    accel_bias=0.2,
+    gyro_scale=5e-3,
+    accel_scale=5e-3,
+    gyro_misalignment=12.5e-3,
+    accel_misalignment=10e-3,
+)
+COARSE_NOISE = np.repeat([2.8e-6, 4e-5], 3)  # of 300 s
+
+
+def lowest(y, told, latitude, heading, C_0):
+    """Chi-square and heading where plain least squares over all 21 unknowns ends, started from the
+    truth turned by `heading` and a unit without errors."""
+    sizes = np.repeat(
+        [
+            COARSE.gyro_bias,
+            COARSE.accel_bias,
+            COARSE.gyro_scale,
+            COARSE.accel_scale,
+            COARSE.gyro_misalignment,
+            COARSE.accel_misalignment,
+        ],
+        3,
+    )
+    w, f = W * np.array([cos(latitude), 0, -sin(latitude)]), np.array([0, 0, -G])
+    C_start = turn(heading * D) @ C_0
+
+    def residuals(z):
+        b, b_a, s, s_a, m, m_a = (sizes * z[3:]).reshape(6, 3)
+        C = turn(z[:3]) @ C_start @ told
+        rate, force = w @ C, f @ C
+        read = np.hstack(
+            [
+                rate + s * rate + np.cross(rate, m) + b,
+                force + s_a * force + np.cross(force, m_a) + b_a,
+            ]
+        )
+        return np.concatenate([((y - read) / COARSE_NOISE).ravel(), z[3:]])
+
+    end = least_squares(residuals, np.zeros(21), method="lm", xtol=1e-12, ftol=1e-12)
+    return 2 * end.cost, turn(end.x[:3]) @ C_start
+
+
+@pytest.mark.parametrize("seed", [1, 6, 15, 29, 33])
+def test_a_coarse_unit_has_the_rivals_that_a_scan_over_heading_finds(seed):
+    """Y1 up and Y1 down about X1: a heading and the one half a turn on are about as likely.
+
+    The squares of such a unit's errors exceed its noise: steps that left them out stopped at
+    costs of 8 to 270 more, and one attitude was stated to 2.4 deg without a word of the other.
+    """
+    rng = np.random.default_rng([90, seed])
+    latitude, C_0 = radians(48.5), LEVEL
+    told = np.array([np.eye(3), turn(pi * np.array([1.0, 0, 0]))])
+    y = unit_readings((C_0 @ told)[None], latitude, COARSE, rng)[0][0]
+    y = y + COARSE_NOISE * rng.normal(size=y.shape)
+    fit = fit_positions(y, np.tile(COARSE_NOISE**2, (2, 1)), told, latitude, G, COARSE)
+    ends = [lowest(y, told, latitude, k * pi / 4, C_0) for k in range(8)]
+    costs = np.array([cost for cost, _ in ends])
+    first = ends[int(np.argmin(costs))][1]
+    away = np.array([np.linalg.norm(angle_of(C @ first.T)) for _, C in ends])
+    # steps of the first order end where the squares still have a gradient: a tenth
+    assert float(fit.chi2) == pytest.approx(costs.min(), abs=0.1)
+    assert float(fit.margin) == pytest.approx(costs[away > pi / 2].min() - costs.min(), abs=0.1)
+    if fit.margin < 4:  # odds of 1 : e^2, 12 %, of half a turn: 62 deg
+        assert np.degrees(np.sqrt(fit.covariance[0, 2, 2])) > 60
