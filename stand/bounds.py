@@ -2,8 +2,8 @@
 
 Not whether a value is good (a table, a lint or a plan say that), but what no machine or unit comes
 near: within these bounds squares and products of all terms stay numbers, and nothing waits. A
-number with narrower bounds of its own has them where its key is. `tests/test_bounded_numbers.py` demands
-both ends of every number.
+number with narrower bounds of its own has them where its key is. `tests/test_bounded_numbers.py`
+demands both ends of every number.
 """
 
 from typing import Annotated
