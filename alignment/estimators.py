@@ -108,6 +108,7 @@ ESTIMATORS = {
         source="[S1] azimuth of a self-orienting system under random rocking",
         note="± holds the sway's own angular rate, which the published bound leaves out",
         estimate=two_gyro,
+        knows_skew=True,
         takes="any",
         functional=two_gyro_functional,
         needs_latitude=True,
@@ -143,6 +144,7 @@ ESTIMATORS = {
         note="± of the fixes, the start and stated priors; without gyro scale and axes that are "
         "off",
         estimate=vector_matching,
+        knows_skew=True,
         takes="fixes",
         no_prediction="it needs satellite fixes along a path, which no table's procedure has: see "
         "the sigmas of a drive",

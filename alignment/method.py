@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import wraps
 from types import MappingProxyType
 from typing import Literal
 
 from alignment.earth import Site
+from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gains import Functional, Gains
 from alignment.methods.fine import Innovations
@@ -21,6 +23,8 @@ TAKEN: Mapping[Takes, str] = MappingProxyType(
         "fixes": "with satellite fixes",
     }
 )
+
+Estimate = Callable[[Sequence[Dwell], Site, Options], list[AttitudeEstimate]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +79,8 @@ class Method:
         Its sigma depends on where on the horizon the axes point.
     tells_mean : bool
         Its attitude is the mean one of a stretch, where all others tell that at its end.
+    knows_skew : bool
+        Its sigmas hold for triads skewed by design (`Priors.gyro_axes`); others refuse such units.
     windows : mapping
         Its variants, by `AttitudeEstimate.window`; one that is not there is plain.
     published_deg : tuple or None
@@ -93,7 +99,7 @@ class Method:
     title: str
     source: str
     note: str
-    estimate: Callable[[Sequence[Dwell], Site, Options], list[AttitudeEstimate]]
+    estimate: Estimate
     takes: Takes = "rest"
     gains: Gains | None = None
     functional: Callable[[ImuReadings, Site, Options], Functional] | None = None
@@ -107,6 +113,7 @@ class Method:
     fits_positions: bool = False
     azimuth_matters: bool = False
     tells_mean: bool = False
+    knows_skew: bool = False
     windows: Mapping[str, Window] = field(default_factory=dict)
     published_deg: tuple[float, float, float] | None = None
     tracks: Callable[[Dwell, Site, Options], list[AttitudeTrack]] | None = None
@@ -118,6 +125,8 @@ class Method:
             raise ValueError(
                 f"{self.title}: needs one of gains, functional, no_prediction; has {sum(ways)}"
             )
+        if not self.knows_skew:
+            object.__setattr__(self, "estimate", _of_square_triads(self.estimate))
         object.__setattr__(self, "windows", MappingProxyType(dict(self.windows)))
 
     def suited(self, dwell: Dwell) -> bool:
@@ -138,3 +147,19 @@ class Method:
     def window(self, name: str) -> Window:
         """A variant by the estimates' word for it."""
         return self.windows.get(name, Window(name) if name else _PLAIN)
+
+
+def _of_square_triads(estimate: Estimate) -> Estimate:
+    """The method, for units whose triads are not skewed by design."""
+
+    @wraps(estimate)
+    def checked(dwells: Sequence[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
+        priors = options.priors
+        if priors.gyro_axes is not None or priors.accel_axes is not None:
+            raise AlignmentError(
+                "the unit's triads are skewed by design: what is alike on its sensors is neither "
+                "alike nor independent on X1, Y1, Z1, and this method's sigmas do not know it"
+            )
+        return estimate(dwells, site, options)
+
+    return checked

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic.fields import FieldInfo
 
+from alignment.estimators import DEFAULT_METHOD, ESTIMATORS
 from stand.errors import unknown
 from stand.imu.bands import ACCEL_BANDS, GYRO_BANDS
 from stand.imu.preset import ImuEntry, Stated
@@ -21,6 +22,7 @@ from stand.table.joints import JOINTS
 from stand.table.table import TableEntry
 from stand.toml_files import Entry
 
+_FITTED = next(name for name, method in ESTIMATORS.items() if method.fits_positions)
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 LONGEST = 96  # characters of a line of comment
 _SOURCE = "document, revision, page"
@@ -38,7 +40,7 @@ _SAMPLES: Mapping[str, Any] = MappingProxyType(
         "bristle_Nm_rad": 1e4,
         "latitude_deg": 48.5,
         "gravity_m_s2": 9.80812,
-        "methods": ("triad", "two-position"),
+        "methods": (DEFAULT_METHOD, _FITTED),
         "duration_s": 60.0,
         "turns": 3.0,
         "axis": "outer",
@@ -62,7 +64,7 @@ _SAMPLES: Mapping[str, Any] = MappingProxyType(
         "part": "stim300",
         "grade": "tactical MEMS",
         "revision": "A",
-        "method": "two-position",
+        "method": _FITTED,
         "rms_deg": 1.0,
         "cutoff_hz": 2.0,
     }

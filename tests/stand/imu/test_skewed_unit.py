@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from alignment import Options, Priors, Site
+from alignment import ESTIMATORS, Dwell, Options, Priors, Site
+from alignment.errors import AlignmentError
 from alignment.methods.vectors import VectorOptions, against
 from alignment.methods.vectors.solutions import SOLUTIONS
 from alignment.readings import ImuReadings
@@ -186,3 +187,18 @@ def test_start_errors_as_three_angles():
             for f in (started, programmed))  # fmt: skip
     assert (a * b.inv()).magnitude() == 0  # same seed, same start
     assert load_imu("stim300").gyro.axes is None
+
+
+@pytest.mark.parametrize("method", [name for name, m in ESTIMATORS.items() if m.takes != "fixes"])
+def test_methods_that_do_not_know_skew_refuse_the_unit(method):
+    """Those that know it go on to what they need."""
+    t = np.arange(1, 601) / 10
+    readings = ImuReadings(t, np.tile(W_TRUE, (600, 1)), np.tile(F_TRUE, (600, 1)))
+    dwell = Dwell("rest", 0.0, 60.0, readings)
+    options = Options(priors=replace(Priors(), accel_axes=unit_axes(CONE)))
+    try:
+        ESTIMATORS[method].estimate([dwell], Site(latitude=0.8), options)
+        told = ""
+    except AlignmentError as error:
+        told = str(error)
+    assert ("skewed by design" in told) == (not ESTIMATORS[method].knows_skew)
