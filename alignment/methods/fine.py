@@ -314,10 +314,15 @@ def _heave_density(carried: Carried, noise: Noise, priors: Priors, gravity: floa
     ``s^2 = ARW^2 T + B^2 T^2`` and before it less, ``T s^2/2`` in all: this noise leaves b a
     hundredth of its prior's information, and is no smaller than ``g d^2/2`` (``E d^4 = 8 s^4`` of
     two axes). Heading and tilt stand in the horizontal; of the bias along the vertical all but
-    7 s parts are still found.
+    7 s parts are still found. None is needed where the base leans by ten times s: there the walk
+    is a hundredth of the turn that does tell the bias.
     """
     span = float(carried.t[-1] - carried.t[0])
     walked = float(np.mean(noise.gyro**2)) * span + (priors.gyro_instability * span) ** 2
+    force = carried.dv / carried.spans[:, None]
+    leaned = float(force.var(axis=0).sum()) / 2 / gravity**2
+    if leaned > _HUNDREDTH * walked:
+        return 0.0
     bias = priors.accel_bias**2 + (gravity * priors.accel_scale) ** 2
     return span * walked * (_HUNDREDTH / 2 * bias + 2 / 3 * gravity**2 * walked)
 
