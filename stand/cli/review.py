@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stand.cli.log_options import takes_log_form
 from stand.cli.options import ForceOption, JsonOption, LatitudeOption, quick_imports
 from stand.cli.progress import print_json, working
 
+if TYPE_CHECKING:
+    from stand.recording.log import Log
+    from stand.recording.log_form import LogForm
 
+
+@takes_log_form
 def report(
     recording: Annotated[
         Path, typer.Argument(help="Folder of stand run, its run.mcap, or any log.")
     ],
+    *,
+    form: LogForm,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -48,7 +56,7 @@ def report(
         from stand.report.run_page import write_run_page
 
     with working("drawing", False):
-        log = api.read(recording, topic=topic, stretches=stretches)
+        log = api.read(recording, topic=topic, stretches=stretches, form=form)
         if log.simulated and stretches is None:
             page = write_run_page(recording, out, latitude_deg=latitude, force=force)
         else:
@@ -95,10 +103,13 @@ def recover(
         raise typer.Exit(1)
 
 
+@takes_log_form
 def view(
     recording: Annotated[
         Path, typer.Argument(help="Folder of stand run, an .rrd or .mcap, or any log.")
     ],
+    *,
+    form: LogForm,
     t_from: Annotated[
         float | None, typer.Option("--from", metavar="S", help="At full rate from here ...")
     ] = None,
@@ -126,29 +137,31 @@ def view(
     elif whole and recording.suffix in KINDS:
         open_viewer(recording)
     else:
-        _view_samples(recording, (t_from, t_to), topic, out, force)
+        from stand import api
+        from stand.folder import refuse_files
+
+        if out is not None:
+            refuse_files([out], force=force)
+        with working("reading", False):
+            log = api.read(recording, topic=topic, form=form)
+        _view_samples(log, recording.stem, (t_from, t_to), out)
 
 
 def _view_samples(
-    recording: Path,
+    log: Log,
+    name: str,
     limits: tuple[float | None, float | None],
-    topic: str | None,
     out: Path | None,
-    force: bool,
 ) -> None:
     from tempfile import TemporaryDirectory
 
-    from stand import api
-    from stand.folder import refuse_files
     from stand.recording.samples_review import write_review
     from stand.recording.viewer import view as open_viewer
 
-    if out is not None:
-        refuse_files([out], force=force)
     with TemporaryDirectory() as folder:
-        target = out or Path(folder) / f"{recording.stem}.rrd"
+        target = out or Path(folder) / f"{name}.rrd"
         with working("reading", False):
-            told = write_review(api.read(recording, topic=topic), target, *limits)
+            told = write_review(log, target, *limits)
         print(told)
         if out is None:
             open_viewer(target)

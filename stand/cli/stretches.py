@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stand.cli.log_options import takes_log_form
 from stand.cli.options import ForceOption, JsonOption, quick_imports
 from stand.cli.progress import print_json, working
 
+if TYPE_CHECKING:
+    from stand.recording.log_form import LogForm
 
+
+@takes_log_form
 def stretches(
     recording: Annotated[Path, typer.Argument(help="Any log, as stand align takes it.")],
+    *,
+    form: LogForm,
     shortest: Annotated[
         float, typer.Option(metavar="S", help="What is shorter is no stretch.")
     ] = 3.0,
@@ -41,7 +48,7 @@ def stretches(
     if out is not None:
         refuse_files([out], force=force)
     with working("reading", as_json):
-        found = api.stretches(recording, shortest_s=shortest, topic=topic)
+        found = api.stretches(api.read(recording, topic=topic, form=form), shortest_s=shortest)
     if out is not None:
         write_file(out, found.toml())
     if as_json:

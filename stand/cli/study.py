@@ -156,13 +156,12 @@ def _compare_recordings(
     from stand.evaluation.side_by_side import side_by_side_json
 
     with working("reading", as_json):
-        logs = [api.read(path) for path in (str(first), second)]
-        if stretches is not None:
-            logs = [
-                log if log.simulated else api.read(log.path, stretches=stretches) for log in logs
-            ]
+        a, b = (
+            log if log.simulated or stretches is None else api.read(log.path, stretches=stretches)
+            for log in (api.read(str(first)), api.read(second))
+        )
     with working("estimating", as_json):
-        found = api.side_by_side(*logs, methods, imu=imu, latitude_deg=latitude)
+        found = api.side_by_side(a, b, methods, imu=imu, latitude_deg=latitude)
     if as_json:
         print_json(side_by_side_json(found))
         return

@@ -17,6 +17,7 @@ from stand.cli.app import app
 from stand.recording.mcap import read_imu, read_joints, write_imu_log
 
 TESTS = Path(__file__).parents[2]
+TABLES = TESTS.parent / "stand" / "tables"
 ACCEL = 9.80665
 REST = """
 title = "Rest"
@@ -267,7 +268,10 @@ FORM = {
 }
 
 
-@pytest.mark.parametrize("command", ["align", "allan", "import"])
+TAKING = ("align", "allan", "import", "report", "stretches", "view")
+
+
+@pytest.mark.parametrize("command", TAKING)
 def test_every_option_of_a_form_arrives_by_itself(here, monkeypatch, command):
     def stop(**given):
         raise Said(given)
@@ -284,6 +288,23 @@ def test_every_option_of_a_form_arrives_by_itself(here, monkeypatch, command):
     assert set(plain) == {field for field, _ in FORM.values()}
 
 
+def test_a_table_without_a_header_needs_no_import(here):
+    """Its stretches, page and samples come from the table itself, in the units stated."""
+    turn = np.degrees(7.292115e-5)
+    rows = [[k / 10, 0, turn, 0, 0, 1000, 0] for k in range(1, 201)]
+    Path("log.txt").write_text("\n".join(",".join(map(str, row)) for row in rows), "utf-8")
+    said = ("--columns", "t,gx,gy,gz,ax,ay,az", "--gyro-unit", "dps", "--accel-unit", "mg")
+    (rest,) = here("stretches", "log.txt", *said, "--json").json["stretches"]
+    assert (rest["from_s"], rest["to_s"]) == pytest.approx((0, 20))  # the first sample's begin
+    here("report", "log.txt", *said, "--latitude", 48.5, "--out", "page.html")
+    assert "9.807" in Path("page.html").read_text(encoding="utf-8")  # m/s^2, of 1000 mg
+    here("view", "log.txt", *said, "--out", "x.rrd")
+    assert Path("x.rrd").stat().st_size > 1000
+    for command, out in (("report", "page.html"), ("view", "y.rrd")):
+        here(command, "log.txt", *said, "--gyro-scale", 0, "--out", out, code=2)
+    assert not Path("y.rrd").exists()
+
+
 def test_axes_and_a_wrapping_counter(here):
     """X1 is the log's x, Y1 its -z, Z1 its y; a counter in ms begins anew after 100."""
     rows = [[t, 1, 2, 3, 4, 5, 6] for t in (10, 50, 90, 30)]
@@ -296,6 +317,16 @@ def test_axes_and_a_wrapping_counter(here):
     np.testing.assert_array_equal(log.f_b, [[4, -6, 5]] * 4)
     for wrong in (("--axes", "x,y,-z"), ("--wrap", -1), ("--stamps", "soon")):
         here("import", "log.bin", "--out", "x.mcap", "--force", *said, *wrong, code=2)
+
+
+def test_a_table_is_looked_over_for_machines_too(here):
+    """Clean as shipped; an error of 1801 arc s, half a degree, is an error and exit code 1."""
+    assert here("check-table", "precision", "--json").json["findings"] == []
+    text = (TABLES / "precision.toml").read_text(encoding="utf-8")
+    wrong = text.replace("base_tilt_arc_s = 1.0", "base_tilt_arc_s = 1801.0")
+    Path("wrong.toml").write_text(wrong, encoding="utf-8")
+    (found,) = here("check-table", "wrong.toml", "--json", code=1).json["findings"]
+    assert (found["severity"], found["place"]) == ("error", "geometry, base_tilt_arc_s")
 
 
 # --- stretches, topics and windows of a recording
@@ -398,7 +429,7 @@ def passed() -> frozenset[tuple[str, str]]:
 
 # by a helper or a table of its file, whose command stands elsewhere
 BY_A_HELPER = {("run", "--without")}
-BY_A_HELPER |= {(command, option) for command in ("align", "allan", "import") for option in FORM}
+BY_A_HELPER |= {(command, option) for command in TAKING for option in FORM}
 
 
 @pytest.mark.parametrize(("command", "option"), OPTIONS)
