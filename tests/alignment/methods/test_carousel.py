@@ -242,7 +242,7 @@ def test_lag_shifts_heading_by_rate_times_lag_and_both_ways_remove_it():
     assert heading_error([forth]) == pytest.approx(rate * tau, rel=1e-9)  # 1.8'
     assert heading_error([back]) == pytest.approx(-rate * tau, rel=1e-9)
     (flag,) = only([forth]).flags
-    assert flag == "one direction only: a lag of 1 ms would shift heading by 0.36'"
+    assert flag == "one direction only: a lag of 1 ms would shift heading by 0.006 deg"
     found = only([forth, back])
     assert np.abs(error(found.C_nb.as_matrix(), NOSE_60)).max() < 1e-11
     assert found.flags == ("lag of 5 ms beyond the interval's mean removed",)
