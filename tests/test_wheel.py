@@ -13,7 +13,7 @@ import pytest
 from test_layers import OURS, ROOT, graph
 
 # import name: distribution name, where they differ
-DISTRIBUTIONS = {"rerun": "rerun-sdk"}
+DISTRIBUTIONS = {"rerun": "rerun-sdk", "annotated_types": "annotated-types"}
 
 
 def test_every_import_is_a_declared_dependency():

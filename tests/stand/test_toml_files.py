@@ -199,7 +199,8 @@ def test_table_in_si(tmp_path):
 @pytest.mark.parametrize(
     ("axes", "told"),
     [
-        (dict.fromkeys(AXES[1:], AXIS), ": axis: has ['base_pitch', 'base_roll', 'base_yaw', "),
+        ({}, ": axis: required, but missing"),
+        ({"sideways": AXIS}, ": axis: unknown axis 'sideways': known: "),
         (
             dict.fromkeys(AXES, AXIS) | {"inner": AXIS + "travel_deg = [5, 9]\n"},
             ": axis, inner: travel_deg = [5.0, 9.0]: must contain 0, low end first",
