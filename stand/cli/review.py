@@ -58,7 +58,7 @@ def report(
     with working("drawing", False):
         log = api.read(recording, topic=topic, stretches=stretches, form=form)
         if log.simulated and stretches is None:
-            page = write_run_page(recording, out, latitude_deg=latitude, force=force)
+            page = write_run_page(recording, out, log=log, latitude_deg=latitude, force=force)
         else:
             options = {"imu": imu, "latitude_deg": latitude, "force": force}
             page = write_log_page(log, out, **options)

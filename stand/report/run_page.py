@@ -51,7 +51,12 @@ _ENTRIES = {"procedure": ProcedureEntry, "imu": ImuEntry, "table": TableEntry}
 
 
 def write_run_page(
-    run: Path, out: Path | None = None, *, latitude_deg: float | None = None, force: bool = False
+    run: Path,
+    out: Path | None = None,
+    *,
+    log: Log | None = None,
+    latitude_deg: float | None = None,
+    force: bool = False,
 ) -> Path:
     """Write the page of a recorded run.
 
@@ -61,6 +66,8 @@ def write_run_page(
         Folder of `stand run`, or its `run.mcap`.
     out : Path, optional
         The file to write; without it `PAGE` in the run's folder.
+    log : Log, optional
+        The recording, where it has been read.
     latitude_deg : float, optional
         Of the site; else as recorded.
     force : bool
@@ -76,12 +83,12 @@ def write_run_page(
     if target.is_dir():
         raise StandError(f"--out {target}: must be a file")
     refuse_files([target], force=force)
-    return write_file(target, page(file, latitude_deg))
+    return write_file(target, page(file, latitude_deg, log))
 
 
-def page(file: Path, latitude_deg: float | None = None) -> str:
+def page(file: Path, latitude_deg: float | None = None, log: Log | None = None) -> str:
     """The page of a recording: HTML that needs nothing else."""
-    recorded = _read(file)
+    recorded = _read(file, log)
     log, steps, run = recorded.log, recorded.steps, recorded.metadata[RUN]
     site = site_with(log.site, latitude_deg, None)
     scores, refusals = evaluate_each(
@@ -131,8 +138,8 @@ class _Recorded:
     require: RequireEntry | None
 
 
-def _read(file: Path) -> _Recorded:
-    log = load_log(file, None, None, None)
+def _read(file: Path, log: Log | None) -> _Recorded:
+    log = log or load_log(file, None, None, None)
     metadata = log.imu.metadata
     if "stand_version" not in metadata.get(RUN, {}):
         raise StandError(f"{file}: not a recording of stand run: it has no record {RUN!r}")

@@ -400,7 +400,7 @@ def test_drift_and_placement_by_stated_priors():
     dwell = rest(TILTED, 48.5, 60)
     second = pi / 180 / 3600
     priors = Priors(1.0, 1.0, 1.0, 1.0, gyro_instability=0.01 * DEG_H, turn=30 * second)
-    options = Options(priors=replace(priors, nominal=40 * second))
+    options = Options(priors=replace(priors, nominal=40 * second, azimuth=40 * second))
     (estimate,) = rk4([dwell], site(48.5), options)
     want = 2 * (0.01 * DEG_H * 50) ** 2 + (50 * second) ** 2
     np.testing.assert_allclose(estimate.covariance, want * np.eye(3), rtol=1e-9, atol=1e-20)

@@ -267,7 +267,7 @@ def test_rocking_fails_visibly_and_says_so():
         # sqrt(2) 0.5 deg/300 s over 9.97 deg/h: 49 deg; the draw's size varies
         assert 25 < degrees(sqrt(found.covariance[2, 2])) < 90
         (bound,) = [flag for flag in found.flags if flag.startswith("published bound")]
-    assert bound.endswith("'")
+    assert bound.endswith(" deg")
     # methods.md section 3: some 44 deg (of the arc tangent of such rates)
     assert 25 < degrees(np.std(errors)) < 65
 
