@@ -165,8 +165,9 @@ def run(
 
 def _peak(*, anew: bool = False) -> int:
     """The most memory this process has held [bytes]: ever, or where Linux tells it since `anew`."""
-    if anew and CLEAR_REFS.exists():
-        CLEAR_REFS.write_text("5", "ascii")  # the peak begins again at what is held now
+    if anew:
+        with contextlib.suppress(OSError):  # not every system has it
+            CLEAR_REFS.write_text("5", "ascii")  # the peak begins again at what is held now
     if not STATUS.exists():
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     (line,) = [x for x in STATUS.read_text("ascii").splitlines() if x.startswith("VmHWM")]
