@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -28,7 +28,7 @@ from alignment.methods.vectors.rodrigues import (
 from alignment.navigation import C_en, geodetic
 from alignment.skew import components, cone, spread
 from alignment.units import DEG, DEG_PER_HOUR
-from stand.evaluation.published.row import Row, solved, verdict_of
+from stand.evaluation.published.row import Row, judged, solved
 from stand.vehicle.scenario import fixes_of, load_drive, programmed, sense
 
 RUNS, RATE_HZ = 8, 20
@@ -40,6 +40,8 @@ DRIFT = 10 * DEG_PER_HOUR  # of gyros, where residuals of a filter are asked for
 EXACT = 1e-12
 ROOM = 0.3  # of a root mean square over 24 flights, on a path whose turns bend the closed form
 
+_row = partial(judged, "S2")
+
 
 def rows(progress: Callable[[float], None]) -> list[Row]:
     """Every row of [S2]."""
@@ -50,21 +52,6 @@ def rows(progress: Callable[[float], None]) -> list[Row]:
     made += [*_residual_rows()]
     progress(0.6)
     return [*made, *_fix_rows()]
-
-
-def _row(place: str, quantity: str, printed: str, ours: str, good: bool, reason: str,
-         nearest: str = "", command: str = "") -> Row:  # fmt: skip
-    return Row(
-        paper="S2",
-        place=place,
-        quantity=quantity,
-        printed=printed,
-        ours=ours,
-        verdict=verdict_of(good),
-        reason=reason,
-        nearest=nearest,
-        command=command,
-    )
 
 
 # --- (1): parameters, matrix, norm ----------------------------------------------------------------

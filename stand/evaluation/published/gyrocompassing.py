@@ -1,6 +1,7 @@
 """[S4]: analytic and double gyrocompassing; budgets, the half turn term by term, worst cases."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -36,7 +37,7 @@ from alignment.units import (
     DEG_PER_RT_HOUR,
     STANDARD_GRAVITY,
 )
-from stand.evaluation.published.row import Row, Verdict, solved, verdict_of
+from stand.evaluation.published.row import Row, Verdict, judged, solved
 from stand.imu import load_imu
 
 CLASS = ("adis16488", "stim300", "hg4930", "hg1700", "ring-laser")  # from coarse to fine
@@ -47,6 +48,8 @@ CASE = "roll = pitch = 5 deg, K = 0.2 %"
 # where term by term shows: no axis of symmetry
 POSTURE = Posture(roll=12 * DEG, pitch=8 * DEG, yaw=55 * DEG, latitude=LATITUDE)
 FIRST_ORDER = 0.02  # of itself: how far a first-order term may be from the exact error here
+
+_row = partial(judged, "S4")
 
 
 def rows(progress: Callable[[float], None]) -> list[Row]:
@@ -60,20 +63,6 @@ def rows(progress: Callable[[float], None]) -> list[Row]:
         *_left_rows(),
         *_context_rows(),
     ]
-
-
-def _row(place: str, quantity: str, printed: str, ours: str, good: bool, reason: str,
-         nearest: str = "") -> Row:  # fmt: skip
-    return Row(
-        paper="S4",
-        place=place,
-        quantity=quantity,
-        printed=printed,
-        ours=ours,
-        verdict=verdict_of(good),
-        reason=reason,
-        nearest=nearest,
-    )
 
 
 def _minutes(*angles: float, digits: int = 1) -> str:

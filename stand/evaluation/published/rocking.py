@@ -1,6 +1,7 @@
 """[S1]: azimuth of two gyros on a rocking base; formulas, conclusions, and what it leaves open."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,7 +22,7 @@ from alignment.information.sway_law import (
 )
 from alignment.methods.two_gyro import Sway, azimuth, azimuth_as_published, sway_bound, sway_of
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, STANDARD_GRAVITY
-from stand.evaluation.published.row import Row, Verdict, solved, verdict_of
+from stand.evaluation.published.row import Row, Verdict, judged, solved
 from stand.rehearsal.admissible import turned
 
 LATITUDE = 48.5 * DEG
@@ -32,6 +33,8 @@ DURATION, RATE_HZ = 300.0, 0.2  # of the record and the sway where real gyros ar
 REQUIRED = 0.1 * DEG
 _SMALL = 0.05 * DEG  # so that second order stays below the bound of chance
 _SAMPLES = 20_000
+
+_row = partial(judged, "S1")
 
 
 def rows(progress: Callable[[float], None]) -> list[Row]:
@@ -53,20 +56,6 @@ def signals(azimuth_: Array, beta: Array, gamma: Array, latitude: float, theta: 
     w_nue = EARTH_RATE * np.array([np.cos(latitude), np.sin(latitude), 0.0])
     w = Rotation.from_euler("YXZ", turns).apply(w_nue, inverse=True)
     return np.stack([w[:, 0], np.cos(theta) * w[:, 0] + np.sin(theta) * w[:, 2]], axis=1)
-
-
-def _row(place: str, quantity: str, printed: str, ours: str, good: bool, reason: str,
-         nearest: str = "") -> Row:  # fmt: skip
-    return Row(
-        paper="S1",
-        place=place,
-        quantity=quantity,
-        printed=printed,
-        ours=ours,
-        verdict=verdict_of(good),
-        reason=reason,
-        nearest=nearest,
-    )
 
 
 # --- (1)-(4) -------------------------------------------------------------------------------------

@@ -71,6 +71,22 @@ def verdict_of(reproduced: bool) -> Verdict:
     return Verdict.REPRODUCED if reproduced else Verdict.NOT_REPRODUCED
 
 
+def judged(paper: str, place: str, quantity: str, printed: str, ours: str, good: bool,
+           reason: str, nearest: str = "", command: str = "") -> Row:  # fmt: skip
+    """A row that came out, or did not."""
+    return Row(
+        paper=paper,
+        place=place,
+        quantity=quantity,
+        printed=printed,
+        ours=ours,
+        verdict=verdict_of(good),
+        reason=reason,
+        nearest=nearest,
+        command=command,
+    )
+
+
 def row_json(row: Row) -> dict[str, Any]:
     """One row for machines."""
     return {
