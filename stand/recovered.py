@@ -43,6 +43,7 @@ from stand.folder import (
 from stand.imu import unstated
 from stand.motion.polynomial import MotionKind
 from stand.physics.mjcf import describe, load_model
+from stand.recording.content import MCAP, kind_of
 from stand.recording.curves import Phase
 from stand.recording.log import Log, load_log
 from stand.recording.mcap.reader import read_truth
@@ -69,7 +70,8 @@ from stand.samples import CHANNELS
 from stand.table.kinematics import C_NW
 
 RECORD, REVIEW, RESULT = "run.mcap", "run.rrd", "result.json"
-NOTHING = "holds no whole second of samples: delete it"
+NOTHING = "holds no whole second of samples"
+DELETE = f"{NOTHING}: delete it"  # said of what a run left, never of a file of somebody's own
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,11 +168,13 @@ def _free(target: Path) -> Path:
 
 def _of_file(path: Path, target: Path | None = None) -> Recovered:
     """A recording that is one file: an import, or any MCAP that is cut off, which stays."""
+    if target is None and kind_of(path) != MCAP:
+        raise StandError(f"{path}: not an MCAP file: only those can be brought back")
     if target is None and _is_whole(path):
         raise StandError(f"{path}: is whole: nothing to recover")
     found = _examined(path)
     if found is None:
-        return Recovered(path, None, reason=NOTHING)
+        return Recovered(path, None, reason=NOTHING if target is None else DELETE)
     out = _free(target or path)
     with file_beside(out) as beside:
         rebuild(path, beside, _marks(found))
@@ -221,7 +225,7 @@ def _of_folder(path: Path, target: Path) -> Recovered:
     """A run or a drive."""
     found = _examined(path / RECORD)
     if found is None:
-        return Recovered(path, None, reason=NOTHING)
+        return Recovered(path, None, reason=DELETE)
     out = _free(target)
     with folder_beside(out) as beside:
         with located(path):

@@ -94,9 +94,12 @@ def new(
     """
     from pathlib import Path
 
+    from stand.errors import StandError
     from stand.folder import refuse_files, write_file
     from stand.report.templates import template
 
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    if path.name.startswith("."):
+        raise StandError(f"NAME = {name!r}: must be a name that does not begin with a dot")
     refuse_files([path], "NAME", force=force)
     print(write_file(path, template(what.value, path.stem)))

@@ -191,6 +191,24 @@ def test_any_file_that_is_cut_off(recorded, tmp_path, stand_command):
     )
 
 
+@pytest.mark.parametrize("content", [b"", b"a diary\n", bytes(range(256)) * 40])
+def test_a_file_of_somebodys_own_is_not_to_be_deleted(tmp_path, stand_command, content):
+    path = tmp_path / "mine"
+    path.write_bytes(content)
+    done = stand_command("recover", path)
+    assert (done.code, done.out) == (2, "")
+    assert done.err.endswith("mine: not an MCAP file: only those can be brought back\n")
+    assert path.read_bytes() == content
+
+
+def test_an_mcap_that_holds_nothing_is_not_to_be_deleted_either(tmp_path, stand_command):
+    path = tmp_path / "mine.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n")
+    done = stand_command("recover", path)
+    assert done.out == f"{path}: holds no whole second of samples\n"
+    assert path.exists()
+
+
 # --- real ones
 
 CHILD = """

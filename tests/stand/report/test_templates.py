@@ -99,5 +99,9 @@ def test_the_command(stand_command, tmp_path, monkeypatch):
     assert load_table("mine.toml").title == "mine"
     assert "mine.toml: exists; --force replaces it" in stand_command("new", "table", "mine").err
     assert stand_command("new", "chair", "mine").code == 2
+    for wrong in ("", ".toml", "there/.hidden"):
+        refused = stand_command("new", "table", wrong)
+        assert (refused.code, refused.err.count("\n")) == (2, 1)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
     with pytest.raises(StandError, match="unknown template 'chair'"):
         template("chair", "x")
