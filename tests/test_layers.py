@@ -41,7 +41,7 @@ STOREYS = (
         "imu",
     ),
     ("motion", "physics", "vehicle", "simulation"),
-    ("recording", "evaluation", "rehearsal"),
+    ("recording", "evaluation", "rehearsal", "calibration"),
     ("report", "recorded_run", "recorded_drive", "recovered", "api", "results", "cli", "__main__"),
 )
 
