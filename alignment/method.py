@@ -79,6 +79,8 @@ class Method:
         Its sigma depends on where on the horizon the axes point.
     tells_mean : bool
         Its attitude is the mean one of a stretch, where all others tell that at its end.
+    follows_moves : bool
+        It takes the readings between its stretches too.
     knows_skew : bool
         Its sigmas hold for triads skewed by design (`Priors.gyro_axes`); others refuse such units.
     windows : mapping
@@ -113,6 +115,7 @@ class Method:
     fits_positions: bool = False
     azimuth_matters: bool = False
     tells_mean: bool = False
+    follows_moves: bool = False
     knows_skew: bool = False
     windows: Mapping[str, Window] = field(default_factory=dict)
     published_deg: tuple[float, float, float] | None = None

@@ -8,12 +8,13 @@ from scipy.spatial.transform import Rotation
 from alignment import Dwell, ImuReadings, Turn
 from alignment.arrays import Array
 from alignment.quaternions import turned_evenly
-from alignment.readings import EDGE
+from alignment.readings import EDGE, JointAngles
 from stand.motion.plan import PlannedStep
 from stand.samples import ImuBlock, TruthBlock
 from stand.table.kinematics import C_NW
 
 NS = 1e-9  # s
+INTO = 0.5  # s: how far the readings of a move reach into the stretches beside it
 
 
 class TrueAttitudes(list[Rotation]):
@@ -31,17 +32,23 @@ class TrueAttitudes(list[Rotation]):
 class DwellCollector:
     """Keeps the samples that lie wholly within a stretch, and the true attitude at its end.
 
-    Of the stretches labelled in `moving` the true attitude is kept for every sample.
+    Of the stretches labelled in `moving` the true attitude is kept for every sample. `moves`:
+    whether stretches at rest keep the readings of the moves beside them too.
     """
 
     def __init__(
-        self, stretches: Sequence[PlannedStep], rate_hz: int, moving: Collection[str] = ()
+        self,
+        stretches: Sequence[PlannedStep],
+        rate_hz: int,
+        moving: Collection[str] = (),
+        moves: bool = False,
     ) -> None:
         self._steps, self._rate = stretches, rate_hz
         self._ranges = [ticks_of(step, rate_hz) for step in stretches]
-        self._t = [np.empty(b - a) for a, b in self._ranges]
-        self._w = [np.empty((b - a, 3)) for a, b in self._ranges]
-        self._f = [np.empty((b - a, 3)) for a, b in self._ranges]
+        self._held = self._with_moves() if moves else list(self._ranges)
+        self._t = [np.empty(b - a) for a, b in self._held]
+        self._w = [np.empty((b - a, 3)) for a, b in self._held]
+        self._f = [np.empty((b - a, 3)) for a, b in self._held]
         self._angle = [
             np.empty(0 if step.turning is None else b - a)
             for step, (a, b) in zip(stretches, self._ranges, strict=True)
@@ -55,17 +62,32 @@ class DwellCollector:
         }
         self._tick = 0  # samples seen so far
 
+    def _with_moves(self) -> list[tuple[int, int]]:
+        """Samples of each rest up to, and a little into, the stretches beside it."""
+        into = round(INTO * self._rate)
+        edges = [(a - into, b + into) for a, b in self._ranges]
+        before = [0, *(b - 2 * into for _, b in edges[:-1])]
+        after = [*(a + 2 * into for a, _ in edges[1:]), self._ranges[-1][1] if edges else 0]
+        return [
+            (max(0, min(low, own[0])), max(high, own[1])) if step.turning is None else own
+            for step, own, low, high in zip(self._steps, self._ranges, before, after, strict=True)
+        ]
+
     def add(self, truth: TruthBlock, imu: ImuBlock) -> None:
         """Take the next block."""
         start, stop = self._tick, self._tick + len(truth)
+        for k, (first, last) in enumerate(self._held):
+            a, b = max(first, start), min(last, stop)
+            if a < b:
+                there, here = slice(a - first, b - first), slice(a - start, b - start)
+                self._t[k][there] = imu.t_ns[here] * NS
+                self._w[k][there] = imu.w_ib_b[here]
+                self._f[k][there] = imu.f_b[here]
         for k, (first, last) in enumerate(self._ranges):
             a, b = max(first, start), min(last, stop)
             if a >= b:
                 continue
             there, here = slice(a - first, b - first), slice(a - start, b - start)
-            self._t[k][there] = imu.t_ns[here] * NS
-            self._w[k][there] = imu.w_ib_b[here]
-            self._f[k][there] = imu.f_b[here]
             turning = self._steps[k].turning
             if turning is not None:
                 self._angle[k][there] = truth.encoders[here, turning.axis]
@@ -103,10 +125,13 @@ class DwellCollector:
         for step, q_wb, squares in zip(self._steps, self._q_wb, self._squares, strict=True):
             columns = [c.pop(0) for c in (self._t, self._w, self._f, self._angle)]
             first, last = self._ranges.pop(0)
+            held = self._held.pop(0)
             t_from = (begins or {}).get(step.label, step.steady_from)
             cut = last if t_from is None else int(np.ceil((t_from - EDGE) * self._rate)) - first
             if t_from is None or cut >= last - first - 1:
                 continue
+            late = cut > 0
+            cut *= held == (first, last)  # what comes with its moves is whole
             t, w, f, angle = (c[cut:].copy() if cut else c for c in columns)
             for array in (t, w, f, angle):
                 array.flags.writeable = False  # so that the readings need no copies
@@ -120,13 +145,23 @@ class DwellCollector:
                     readings=readings,
                     nominal=step.C_nb,
                     turn=turn,
+                    joints=_joints(step),
                 )
             )
             C_nb = C_NW * Rotation.from_quat(q_wb)
             attitudes.append(C_nb if turn is None else turn.back(C_nb))
-            plain = turn is not None or cut > 0
+            plain = turn is not None or late
             means.append(attitudes[-1] if plain else C_NW * _mean(squares))
         return dwells, TrueAttitudes(attitudes, means)
+
+
+def _joints(step: PlannedStep) -> JointAngles:
+    """Where the plan has the axes."""
+    if step.turning is None:
+        return JointAngles(step.joints)
+    angles = step.joints.copy()
+    angles[step.turning.axis] = 0.0
+    return JointAngles(angles, step.turning.axis)
 
 
 def _mean(squares: Array) -> Rotation:

@@ -342,6 +342,11 @@ def methods_of(settings: Settings) -> tuple[str, ...]:
     return settings.procedure.entry.estimate.methods
 
 
+def follows_moves(settings: Settings) -> bool:
+    """Whether a method needs what the unit reads between the stretches."""
+    return any(ESTIMATORS[method].follows_moves for method in methods_of(settings))
+
+
 def payload_of(procedure: Procedure) -> Payload:
     """What the procedure fixes to the plate beside the unit."""
     entry = procedure.entry.payload
