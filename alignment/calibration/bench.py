@@ -82,6 +82,8 @@ class Bench:
         Row i: where accelerometer i sits, in b, from the unit's point.
     steps : (2,)
         To which readings are rounded; 0: not at all, or their integral is.
+    dither : (2,)
+        Standard deviation of a sample's noise before it is rounded.
     arm : (3,) m
         From the crossing of the table's axes to the unit's point, in b.
     table : callable or None
@@ -104,6 +106,7 @@ class Bench:
     places: Array = field(default_factory=lambda: np.zeros((3, 3)))
     place_sigma: float = PLACE
     steps: Array = field(default_factory=_no_lags)
+    dither: Array = field(default_factory=_no_lags)
     arm: Array = field(default_factory=lambda: np.zeros(3))
     table: LeaningsAt | None = None
     joint_noise: Array = field(default_factory=lambda: np.zeros(0))
@@ -115,7 +118,7 @@ class Bench:
     means: bool = True
 
     def __post_init__(self) -> None:
-        pairs = ("lag", "lag_sigma", "temperature_bias", "temperature_scale", "steps")
+        pairs = ("lag", "lag_sigma", "temperature_bias", "temperature_scale", "steps", "dither")
         shapes: dict[str, tuple[int | None, ...]] = dict.fromkeys(pairs, (2,))
         shapes |= {"places": (3, 3), "arm": (3,), "joint_noise": (None,)}
         set_owned(self, **{n: (getattr(self, n), shape, float) for n, shape in shapes.items()})

@@ -182,7 +182,7 @@ class Model:
                     )
             self._add_own_bias(own, k, sensor)
         found[1][:, :, terms.columns_of("accel", "lever_arm")] = by_place(poses)
-        w, f = by_errors(poses)
+        w, f = by_errors(poses, self.bench, places)
         columns = self._columns(k)
         found[0][:, :, columns], found[1][:, :, columns] = w, f
         found[1][:, :, terms.COUNT] = poses.f / self.site.gravity

@@ -5,6 +5,7 @@ same as in the stations beside it.
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -18,7 +19,7 @@ from alignment.information.model import TriadErrors, coefficient_weights
 
 # of the model itself, at each coefficient: second orders of table and unit that are left out
 FLOOR = {"gyro": 2e-10, "accel": 1e-6, "move": 1e-9}  # rad/s (4e-5 deg/h), m/s^2 (0.1 ug), rad
-LEAST_DITHER = 1e-3  # of a step: below it the noise is none
+ALIKE = 0.2  # of a step, within which means are rounded alike
 NAMES = {"gyro": "gyro", "accel": "accelerometer"}
 
 Parts = dict[str, Array]
@@ -64,7 +65,7 @@ def _of_session(model: Model, k: int) -> Parts:
             white = np.concatenate([white, *turned]) if turned else white
         add(f"{label} white noise", own, np.diag(white))
         first = slice(own.start, own.start + 3 * len(weights))
-        add(f"{label} rounding", first, np.diag(_rounded(poses, bench, index)))
+        add(f"{label} rounding", first, _rounded(poses, bench, index))
         mixed = rows if sensor == "gyro" else rows[: len(weights)]
         for name, covariance in drifts.of(triad).items():
             part = covariance if sensor == "gyro" else covariance[: len(weights), : len(weights)]
@@ -112,24 +113,37 @@ class _Drifts:
 
 
 def _rounded(poses: Poses, bench: Bench, sensor: int) -> Array:
-    """Variances (3 h,) by rounding: of what it adds to each sample, and of the mean's own error.
+    """Covariance (3 h, 3 h) by rounding: what it adds to each sample, and the means' own errors.
 
     With little noise on it the mean errs by up to ``(step/pi) exp(-2 pi^2 sigma^2/step^2)``, its
     square half of that on average: Widrow, Kollar and Liu, IEEE Trans. Instrum. Meas. 45 (1996).
+    Means of like values err alike.
     """
-    step = bench.steps[sensor]
-    triad: TriadErrors = getattr(bench.unit, SENSORS[sensor])
-    found = []
-    for station in poses.session.stations:
-        weights = coefficient_weights(station.stretch)
-        count = station.stretch.span.length / poses.session.interval
-        own = weights[:, None] * np.full(3, step**2 / 12 / count)
-        if step > 0:
-            ratio = triad.noise / np.sqrt(poses.session.interval) / step
-            bias = step / np.pi * np.exp(-2 * np.pi**2 * ratio**2)
-            own[0] += bias**2 / 2
-        found.append(own.ravel())
-    return np.concatenate(found)
+    step, dither = float(bench.steps[sensor]), float(bench.dither[sensor])
+    weights = [coefficient_weights(s.stretch) for s in poses.session.stations]
+    count = len(np.concatenate(weights))
+    if step == 0.0:
+        return np.zeros((3 * count, 3 * count))
+    lengths = np.array([s.stretch.span.length for s in poses.session.stations])
+    samples = np.repeat(lengths / poses.session.interval, [len(w) for w in weights])
+    found = np.diag(np.repeat(np.concatenate(weights) * step**2 / 12 / samples, 3))
+    bias = step / np.pi * np.exp(-2 * np.pi**2 * (dither / step) ** 2)
+    x = (poses.w, poses.f)[sensor]
+    means = np.array([x[a:b].mean(axis=0) for a, b in pairwise(poses.edges.tolist())])
+    first = np.cumsum([0, *(len(w) for w in weights)])[:-1]
+    for axis in range(3):
+        alike = np.abs(means[:, None, axis] - means[None, :, axis]) < ALIKE * step
+        own = 3 * first + axis
+        found[np.ix_(own, own)] += bias**2 / 2 * _grouped(alike)
+    return found
+
+
+def _grouped(alike: np.ndarray) -> np.ndarray:
+    """The same (n, n), made transitive: each with all that are like one of its like."""
+    group = np.arange(len(alike))
+    for k in range(len(alike)):
+        group[np.isin(group, group[alike[k]])] = group[k]
+    return group[:, None] == group[None, :]
 
 
 def _joints(model: Model, k: int, size: int) -> Array:

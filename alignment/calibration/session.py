@@ -18,6 +18,7 @@ from alignment.earth import Site
 from alignment.information.model import Stretch, sensor_inputs
 from alignment.readings import ImuReadings
 
+SEAT = ("mounting about", "seat about")
 _NORTH = Rotation.identity()
 
 
@@ -96,6 +97,8 @@ class Poses:
         Of all nodes, then of the two ends of every move.
     slopes : (n, 3, l) 1/s
         Rate that each error adds as the turning axis goes round.
+    carried : (n, 3, l)
+        Turns of b against what turns: of the unit's own arm, as seen in b.
     edges : (s + 1,)
         Nodes of each station.
     project : list of (h, k)
@@ -114,7 +117,7 @@ class Poses:
         self.warmth = np.repeat([s.warmth for s in session.stations], self.counts)
         self.ends = self._ends()
         self.leanings = self._leanings(bench)
-        self.slopes = self._slopes()
+        self.slopes, self.carried = self._slopes()
 
     @property
     def orders(self) -> list[int]:
@@ -169,14 +172,20 @@ class Poses:
                 rounds.append(np.full(1, -1))
         return bench.table(np.concatenate(joints), np.concatenate(rounds))
 
-    def _slopes(self) -> Array:
+    def _slopes(self) -> tuple[Array, Array]:
         turns = self.of_nodes()
-        found = np.zeros_like(turns)
+        slopes, carried = np.zeros_like(turns), np.zeros_like(turns)
+        seat = np.array([name.startswith(SEAT) for name in self.leanings.names], bool)
         for k, station in enumerate(self.session.stations):
-            if station.stretch.rate:
+            stretch = station.stretch
+            if stretch.rate:
                 own = slice(self.edges[k], self.edges[k + 1])
-                found[own] = station.stretch.rate * _by_angle(turns[own])
-        return found
+                slopes[own] = stretch.rate * _by_angle(turns[own])
+                # what goes round with b is beyond the turning axis; along it only the seat is
+                steady = turns[own].mean(axis=0)
+                steady -= np.outer(stretch.axis_b, stretch.axis_b @ steady) * ~seat
+                carried[own] = steady
+        return slopes, carried
 
 
 def _by_angle(turns: Array) -> Array:
@@ -236,13 +245,13 @@ def felt(poses: Poses, bench: Bench, errors: Array, gravity: float, places: Arra
 
     A table in steady turning: its arm swings, and does not speed up.
     """
-    d, more = poses.of_nodes() @ errors, poses.slopes @ errors
+    d, more, beyond = (part @ errors for part in (poses.of_nodes(), poses.slopes, poses.carried))
     w = turned(poses.w, d) + more
     f = turned(poses.f, d) * (1 + gravity / poses.site.gravity)
     own = turned(poses.turning, d) + more
 
     def swung(r: Array) -> Array:
-        v = np.cross(own, r)
+        v = np.cross(own, turned(np.tile(r, (len(own), 1)), beyond))
         return np.cross(own, v) + 2 * np.cross(w - own, v)
 
     at_places = np.stack(
@@ -251,10 +260,18 @@ def felt(poses: Poses, bench: Bench, errors: Array, gravity: float, places: Arra
     return Felt(w, f + swung(bench.arm), at_places)
 
 
-def by_errors(poses: Poses) -> tuple[Array, Array]:
-    """Derivatives (n, 3, l) of true rate and force by the table's errors, at none."""
+def by_errors(poses: Poses, bench: Bench, places: Array) -> tuple[Array, Array]:
+    """Derivatives (n, 3, l) of rate, and force at the `places`, by the table's errors, at none."""
     turns = poses.of_nodes()
-    return cross_matrix(poses.w) @ turns + poses.slopes, cross_matrix(poses.f) @ turns
+    own = cross_matrix(poses.turning)
+    w, f = cross_matrix(poses.w) @ turns + poses.slopes, cross_matrix(poses.f) @ turns
+    changed = own @ turns + poses.slopes
+    for i, place in enumerate(places):
+        r = cross_matrix(bench.arm + place)
+        v = -r @ changed + own @ r @ poses.carried
+        swing = np.cross(poses.turning, bench.arm + place)
+        f[:, i] += (own @ v - cross_matrix(swing) @ changed)[:, i]
+    return w, f
 
 
 def by_place(poses: Poses) -> Array:

@@ -11,6 +11,7 @@ from alignment.calibration.bench import LAG, MEASURED_GRAVITY, NORMAL_GRAVITY, B
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
 from stand.imu.filter import LAG as FILTER_LAG
+from stand.imu.filter import noise_variance
 from stand.imu.instrument import unit_of
 from stand.imu.priors import placement
 from stand.physics.mjcf import describe, load_model
@@ -46,6 +47,7 @@ def bench_of(
     table: Table | None,
     site: Site,
     sampling: Sampling = Sampling.MEAN,
+    rate_hz: float = 200.0,
     *,
     ideal: bool = True,
     joints_known: bool = True,
@@ -61,13 +63,15 @@ def bench_of(
     site : Site
         Whose gravity was measured, or is the normal one.
     sampling : Sampling
+    rate_hz : float
+        Of the samples.
     ideal : bool
         Whether joints follow the plan; a servo has its own ripple.
     joints_known : bool
         Whether the stretches have the joints' angles; else only attitudes were told.
     """
     gravity = NORMAL_GRAVITY if site.local_gravity is None else MEASURED_GRAVITY
-    more = {} if imu is None else _of_unit(imu)
+    more = {} if imu is None else _of_unit(imu, rate_hz, sampling)
     more |= _of_table(table, ideal) if table is not None and joints_known else {}
     if table is not None and not joints_known:
         turn, seat, nominal, azimuth = placement(table)
@@ -75,11 +79,15 @@ def bench_of(
     return Bench(gravity_sigma=gravity, means=sampling is Sampling.MEAN, **more)
 
 
-def _of_unit(imu: ImuSpec) -> dict:
+def _of_unit(imu: ImuSpec, rate_hz: float, sampling: Sampling) -> dict:
     pair = (imu.gyro, imu.accel)
     lag = np.array([FILTER_LAG / t.bandwidth if np.isfinite(t.bandwidth) else 0.0 for t in pair])
     lag += imu.clock.latency
+    dither = [
+        t.noise * np.sqrt(rate_hz * noise_variance(t.bandwidth, rate_hz, sampling)) for t in pair
+    ]
     return {
+        "dither": np.array(dither),
         "unit": unit_of(imu),
         "lag": lag,
         "lag_sigma": np.maximum(lag, LAG),

@@ -94,9 +94,7 @@ class Trials:
                 collector.add(block.truth, imu.report(block.sensed))
             return collector.finish(self._begins)
         simulation = Simulation(settings)
-        collector = DwellCollector(
-            simulation.plan.stretches, settings.rate_hz, moves=self._moves
-        )
+        collector = DwellCollector(simulation.plan.stretches, settings.rate_hz, moves=self._moves)
         keep = self._same and simulation.total <= KEPT
         for block in simulation.blocks():
             collector.add(block.truth, block.readings)
