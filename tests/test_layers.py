@@ -30,6 +30,7 @@ OURS = ("alignment", "stand")
 STOREYS = (
     (
         "errors",
+        "arguments",
         "bounds",
         "versions",
         "toml_files",
