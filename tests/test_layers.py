@@ -36,6 +36,7 @@ STOREYS = (
         "columns",
         "folder",
         "samples",
+        "room",
         "table",
         "procedure",
         "imu",
