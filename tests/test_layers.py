@@ -37,6 +37,7 @@ STOREYS = (
         "columns",
         "folder",
         "samples",
+        "room",
         "table",
         "procedure",
         "imu",
