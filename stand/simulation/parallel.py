@@ -22,11 +22,10 @@ from stand.simulation.work import (
     RunFailed,
     Supply,
     Task,
-    failure_of,
+    answer,
     made_or_named,
     processes_for,
     recipe_of,
-    share,
 )
 
 __all__ = ["RunFailed", "campaign", "interrupts_noted", "pool"]
@@ -85,6 +84,8 @@ def campaign(
                 raise StandError(
                     f"run with seed {done.seed}: ended the process that made it (out of memory?)"
                 )
+            if done is None:
+                continue
             early |= zip(done.seeds, done.results, strict=True)
             while seed in early:
                 yield early.pop(seed)
@@ -93,7 +94,7 @@ def campaign(
         found.close()
 
 
-def pool(supply: Supply, workers: int) -> Generator[Done | Lost]:
+def pool(supply: Supply, workers: int) -> Generator[Done | Lost | None]:
     """Batches as processes of this machine make them; all of them end with it.
 
     A process that was ended is replaced, and its batch done again (`Supply.lost`).
@@ -120,6 +121,8 @@ def pool(supply: Supply, workers: int) -> Generator[Done | Lost]:
                 heard = wait(list(at_work), timeout=_HEARD_S)
                 if noted:
                     raise KeyboardInterrupt
+                if not heard:
+                    yield None  # time goes by: what is made is to be kept
                 for worker in (at_work[c] for c in heard if isinstance(c, Connection)):
                     try:
                         found = worker.receive()
@@ -266,12 +269,7 @@ def _serve(connection: Any) -> None:
     with suppress(EOFError, OSError):
         connection.send(None)
         while True:
-            batch = connection.recv()
-            try:
-                found: Done | Failure = share(batch)
-            except BaseException as error:
-                found = failure_of(error)
-            connection.send(found)
+            connection.send(answer(connection.recv()))
 
 
 def _end_with(parent: Any) -> None:

@@ -137,7 +137,7 @@ class Supply:
         return Lost(batch.case, last)
 
 
-Engine = Callable[[Supply], Generator[Done | Lost]]
+Engine = Callable[[Supply], Generator[Done | Lost | None]]
 
 
 # --- where runs are made -------------------------------------------------------------------------
@@ -170,7 +170,15 @@ def share(batch: Batch) -> Done:
     return Done(batch.case, batch.seeds[: len(results)], results, spent)
 
 
-def here(supply: Supply) -> Generator[Done | Lost]:
+def answer(batch: Batch) -> "Done | Failure":
+    """As `share`, for another process: what is raised is told."""
+    try:
+        return share(batch)
+    except BaseException as error:
+        return failure_of(error)
+
+
+def here(supply: Supply) -> Generator[Done | Lost | None]:
     """All of it in this process."""
     while (batch := supply.take()) is not None:
         done = share(batch)
