@@ -49,7 +49,7 @@ STOREYS = (
         "imu",
     ),
     ("motion", "physics", "vehicle", "simulation"),
-    ("recording", "evaluation", "rehearsal", "campaigns"),
+    ("recording", "evaluation", "rehearsal", "campaigns", "calibration"),
     ("report", "recorded_run", "recorded_drive", "recovered", "api", "results", "cli", "__main__"),
 )
 
