@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alignment.arrays import Array, IntArray
+from alignment.parts import excerpts
 
 SHORT = 0.5  # of the mean step: less between two stamps is a burst
 BURSTS = 0.05  # of all steps that must be so short, and as many that make up for it
@@ -80,8 +81,11 @@ def repeats(values: Array) -> IntArray | None:
 def step_of(values: Array) -> float:
     """The step of rounded values (n,), which are multiples of it but for an offset; 0: none.
 
-    Values that hardly change show none: one change may be anything.
+    Values that hardly change show none: one change may be anything. Of more than `parts.MOST`
+    excerpts serve.
     """
+    pieces = excerpts(values)
+    values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
     levels = np.unique(values)
     if len(levels) > len(values) / 2 or np.count_nonzero(np.diff(values)) < CHANGES:
         return 0.0

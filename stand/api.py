@@ -17,19 +17,17 @@ if TYPE_CHECKING:
     from stand.recording.log import Log
     from stand.recording.log_form import LogForm
     from stand.recovered import Recovered
-    from stand.results import (
-        Aligned,
-        Analysed,
-        Beside,
-        Compared,
-        Driven,
-        Entries,
-        Recorded,
-        Recording,
-        Rehearsed,
-        Simulated,
-        Stretches,
-    )
+    from stand.results.aligned import Aligned
+    from stand.results.analysed import Analysed
+    from stand.results.beside import Beside
+    from stand.results.compared import Compared
+    from stand.results.driven import Driven
+    from stand.results.entries import Entries
+    from stand.results.recorded import Recorded
+    from stand.results.recording import Recording
+    from stand.results.rehearsed import Rehearsed
+    from stand.results.simulated import Simulated
+    from stand.results.stretches import Stretches
     from stand.simulation.settings import Settings
 
 Named = str | PathLike[str]
@@ -81,7 +79,7 @@ def simulate(settings: Settings, progress: Progress = _quiet) -> Simulated:
     >>> float(abs(run.f_b - run.true_f_b).max())
     0.0
     """
-    from stand.results import simulated
+    from stand.results.simulated import simulated
 
     return simulated(_checked(settings), progress)
 
@@ -123,7 +121,8 @@ def run(
     (1200, ('triad', 'two-position'))
     """
     from stand.recorded_run import run as record
-    from stand.results import Recorded, shown
+    from stand.report.notebook import shown
+    from stand.results.recorded import Recorded
 
     return shown(Recorded, record(_checked(settings), out, force, progress))
 
@@ -172,7 +171,8 @@ def drive(
     from stand.evaluation.drive_result import DriveSettings
     from stand.imu import load_imu
     from stand.recorded_drive import run_drive
-    from stand.results import Driven, shown
+    from stand.report.notebook import shown
+    from stand.results.driven import Driven
     from stand.vehicle.scenario import load_drive
 
     settings = DriveSettings(load_drive(fspath(scenario)), load_imu(fspath(imu)), rate_hz, seed)
@@ -241,7 +241,8 @@ def read(
     from stand.recording.log import load_log
     from stand.recording.named_stretches import load_stretches
     from stand.recording.vehicle_log import vehicle_of
-    from stand.results import Recording, shown
+    from stand.report.notebook import shown
+    from stand.results.recording import Recording
 
     vehicle = vehicle_of(moving, start_attitude_deg, start_sigma_deg, fix_sigma)
     named = None if stretches is None else load_stretches(stretches)
@@ -343,7 +344,8 @@ def align(
     stand.errors.StandError: unknown method 'traid': did you mean triad? known: ...
     """
     from stand.evaluation.aligned import align as align_logs
-    from stand.results import Aligned, shown
+    from stand.report.notebook import shown
+    from stand.results.aligned import Aligned
 
     several = isinstance(recordings, (list, tuple))
     logs = [_log(one) for one in (recordings if several else [recordings])]
@@ -362,14 +364,15 @@ def align(
 def _log(recording: object) -> Log:
     from stand.errors import StandError
     from stand.recording.log import Log
-    from stand.results import Simulated
 
     if isinstance(recording, Log):
         return recording
-    if isinstance(recording, Simulated):
-        return recording.log
     if isinstance(recording, (str, PathLike)):
         return read(recording)
+    from stand.results.simulated import Simulated
+
+    if isinstance(recording, Simulated):
+        return recording.log
     raise StandError(
         f"recording: {type(recording).__name__}, must be a path or of stand.read, stand.simulate"
     )
@@ -407,12 +410,11 @@ def stretches(
     [('rest', 0.0, 295.5), ('rest', 304.0, 600.0)]
     """
     from stand.recording.found_stretches import stretches_of
-    from stand.recording.log import Log
-    from stand.results import Simulated, Stretches, shown
+    from stand.report.notebook import shown
+    from stand.results.stretches import Stretches
 
-    log = (
-        _log(recording) if isinstance(recording, Log | Simulated) else read(recording, topic=topic)
-    )
+    named = isinstance(recording, str | PathLike)
+    log = read(recording, topic=topic) if named else _log(recording)
     return shown(Stretches, stretches_of(log, shortest_s))
 
 
@@ -444,7 +446,8 @@ def rehearse(
     """
     from stand.errors import whole
     from stand.rehearsal.advice import with_advice
-    from stand.results import Rehearsed, shown
+    from stand.report.notebook import shown
+    from stand.results.rehearsed import Rehearsed
 
     if verify is not None:
         whole("verify", verify, 1)
@@ -495,7 +498,8 @@ def compare(
     """
     from stand.errors import whole
     from stand.evaluation.comparison import compare as compare_methods
-    from stand.results import Compared, shown
+    from stand.report.notebook import shown
+    from stand.results.compared import Compared
 
     whole("runs", runs, 1)
     if workers is not None:
@@ -539,9 +543,10 @@ def side_by_side(
     >>> [(e.a.label, bool(abs(e.off[2]) < 4 * e.sigmas[2])) for e in found.estimates]
     [('first', True)]
     """
+    from stand.arguments import words
     from stand.evaluation.side_by_side import side_by_side as beside
-    from stand.results import Beside, shown
-    from stand.simulation.settings import words
+    from stand.report.notebook import shown
+    from stand.results.beside import Beside
 
     logs = _log(a), _log(b)
     named = words("methods", methods)
@@ -592,22 +597,22 @@ def allan(
     >>> found.sheet_title
     'Safran STIM300, 10 g accelerometers (stim300)'
     """
+    from stand.arguments import ALLAN_TERMS, words
     from stand.errors import unknown
     from stand.evaluation.allan import analyse
-    from stand.recording.log import Log
-    from stand.results import Analysed, Simulated, shown
-    from stand.simulation.settings import ALLAN_TERMS, words
+    from stand.report.notebook import shown
+    from stand.results.analysed import Analysed
 
     asked = [term.upper() for term in words("terms", terms)]
     for term in asked:
         if term not in ALLAN_TERMS:
             raise unknown("term", term, ALLAN_TERMS)
-    if isinstance(recording, (Log, Simulated)):
-        source = _log(recording).imu
-    else:
+    if isinstance(recording, str | PathLike):
         from stand.recording.entrance import read_imu
 
         source = read_imu(_path(recording), topic, form, progress)
+    else:
+        source = _log(recording).imu
     return shown(Analysed, analyse(source, topic, t_from_s, t_to_s, imu, asked))
 
 
@@ -636,7 +641,7 @@ def catalogue(what: str) -> Entries:
     ['Safran STIM300, 10 g accelerometers']
     """
     from stand.report.listing import listing
-    from stand.results import Entries
+    from stand.results.entries import Entries
 
     return Entries(listing(what))
 
@@ -696,10 +701,10 @@ def unit(
     """
     from os import fspath
 
+    from stand.arguments import one_of, refuse_mistaken, words
     from stand.imu import ImuSpec, load_imu
     from stand.imu.unit import Unit
     from stand.samples import Sampling
-    from stand.simulation.settings import one_of, refuse_mistaken, words
 
     refuse_mistaken(mistaken, unit)
     spec = imu if isinstance(imu, ImuSpec) else load_imu(fspath(imu))

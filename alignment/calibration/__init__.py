@@ -1,7 +1,7 @@
 """A unit's constant errors from a test on a table or by hand, and readings without them."""
 
 from alignment.calibration.apply import Correction, correct, corrected_covariance
-from alignment.calibration.constants import TriadConstants, constants_of, reported
+from alignment.calibration.constants import TriadConstants, columns, constants_of, reported, slope
 from alignment.calibration.result import (
     Calibration,
     Contribution,
@@ -29,6 +29,7 @@ __all__ = [
     "Parameter",
     "TriadConstants",
     "basis_of",
+    "columns",
     "constants_of",
     "correct",
     "corrected_covariance",
@@ -36,4 +37,5 @@ __all__ = [
     "parameters_of",
     "reported",
     "share_of_prior",
+    "slope",
 ]

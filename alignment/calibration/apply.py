@@ -7,8 +7,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from alignment.arrays import Array
-from alignment.calibration.constants import TriadConstants, constants_of, reported
-from alignment.calibration.result import Calibration
+from alignment.calibration.constants import TriadConstants, columns, constants_of, reported, slope
+from alignment.calibration.result import SENSORS, Calibration
 from alignment.errors import AlignmentError
 from alignment.noise import GAP
 from alignment.readings import ImuReadings
@@ -175,26 +175,16 @@ def corrected_covariance(
 
     Notes
     -----
-    By central differences of the model over one sigma of each parameter, turned back by the
-    inverse of scale and axes. Lags and lever arms act on what changes: they have no share here.
+    ``dx = -(dy/dx)^-1 dy/dp`` of each parameter p; what the accelerometers' take from the force
+    moves the gyros by their g-sensitivity. Lags and lever arms act on what changes: no share here.
     """
-    keys, values, sigmas = calibration.keys, calibration.values, calibration.sigmas
     w, f = np.atleast_2d(w_ib_b), np.atleast_2d(f_b)
-
-    def both(at: Array) -> Array:
-        gyro, accel = constants_of(keys, at, "gyro"), constants_of(keys, at, "accel")
-        return np.hstack([reported(gyro, w, f, warmth), reported(accel, f, f, warmth)])[0]
-
-    J = np.zeros((6, len(keys)))
-    for n, sigma in enumerate(sigmas):
-        if sigma > 0:
-            step = np.zeros(len(keys))
-            step[n] = sigma
-            J[:, n] = (both(values + step) - both(values - step)) / (2 * sigma)
-    back = np.zeros((6, 6))
-    gyro, accel = (constants_of(keys, values, s) for s in ("gyro", "accel"))
-    back[3:, 3:] = np.linalg.inv(accel.scale_and_axes)
-    back[:3, :3] = np.linalg.inv(gyro.scale_and_axes)
-    back[:3, 3:] = -back[:3, :3] @ gyro.g_sensitivity @ back[3:, 3:]
-    J = back @ J
+    gyro, accel = (constants_of(calibration.keys, calibration.values, s) for s in SENSORS)
+    its_own = np.array([k.sensor == "gyro" for k in calibration.keys])
+    of_gyros = columns(calibration.keys, gyro, w, f, warmth)[0] * its_own
+    of_accels = columns(calibration.keys, accel, f, f, warmth)[0] * ~its_own
+    force = np.linalg.solve(slope(accel, f)[0], of_accels)
+    by_force = gyro.g_sensitivity + 2 * gyro.g2_sensitivity * f
+    rate = np.linalg.solve(slope(gyro, w)[0], of_gyros - by_force @ force)
+    J = np.vstack([rate, force])
     return np.asarray(J @ calibration.covariance @ J.T)

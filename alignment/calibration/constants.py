@@ -1,6 +1,6 @@
 """Parameters as the matrices of one triad, and what a unit of these constants reports."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,3 +79,54 @@ def reported(constants: TriadConstants, x: Array, f: Array, warmth: Array | floa
     y = L * (1 + c.k2 * L + c.k3 * L**2 + c.temperature_scale * dT) + c.asymmetry * np.abs(L)
     y = y + f @ c.g_sensitivity.T + f**2 @ c.g2_sensitivity.T
     return np.asarray(y + c.bias + c.temperature_bias * dT)
+
+
+def slope(constants: TriadConstants, x: Array) -> Array:
+    """Derivative (n, 3, 3) of what a triad reports by what it feels, at `x` (n, 3)."""
+    return np.asarray(_gain(constants, x @ constants.scale_and_axes.T)[..., None]
+                      * constants.scale_and_axes)  # fmt: skip
+
+
+def _gain(c: TriadConstants, L: Array) -> Array:
+    """Derivative (n, 3) of each sensor's report by its linear part."""
+    return np.asarray(1 + 2 * c.k2 * L + 3 * c.k3 * L**2 + c.asymmetry * np.sign(L))
+
+
+def columns(
+    keys: Sequence[Key], constants: TriadConstants, x: Array, f: Array, warmth: float = 0.0
+) -> Array:
+    """Derivatives (n, 3, p) of what a triad reports by its parameters `keys` (p,).
+
+    `x` is what it feels and `f` the force on it (n, 3). Lags and lever arms act on what changes:
+    their columns are zero here.
+    """
+    c = constants
+    L = x @ c.scale_and_axes.T
+    gain, scale = _gain(c, L), c.scale_and_axes.diagonal()
+    found = np.zeros((*x.shape, len(keys)))
+    for n, key in enumerate(keys):
+        i, j = key.axis, key.toward
+        found[:, i, n] = _column(key, L[:, i], gain[:, i] * scale[i], x, f, j, warmth)
+        if key.term == "scale":
+            found[:, i, n] = gain[:, i] * L[:, i] / scale[i]
+    return found
+
+
+def _column(
+    key: Key, L: Array, gain: Array, x: Array, f: Array, toward: int | None, warmth: float
+) -> Array:
+    """Derivative (n,) of one sensor's report by one of its parameters but scale."""
+    nothing = np.zeros(len(x))
+    j = 0 if toward is None else toward
+    by_term = {
+        "bias": lambda: np.ones(len(x)),
+        "misalignment": lambda: gain * x[:, j],
+        "asymmetry": lambda: np.abs(L),
+        "k2": lambda: L**2,
+        "k3": lambda: L**3,
+        "g_sensitivity": lambda: f[:, j],
+        "g2_sensitivity": lambda: f[:, j] ** 2,
+        "temperature_bias": lambda: nothing + warmth,
+        "temperature_scale": lambda: warmth * L,
+    }
+    return by_term.get(key.term, lambda: nothing)()

@@ -173,6 +173,8 @@ class Calibration:
         By which every sigma was multiplied for a chi-square that is too great; 1 for none.
     null_space : tuple of str
         What the readings cannot tell, in words.
+    notes : tuple of str
+        What a reader must know before the numbers: ranks, conditions, doubts.
     left_out : tuple of LeftOut
     derived : tuple of Derived
     budget : tuple of Contribution
@@ -189,6 +191,7 @@ class Calibration:
     nuisance: tuple[Nuisance, ...] = ()
     enlarged: float = 1.0
     null_space: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     derived: tuple[Derived, ...] = ()
     budget: tuple[Contribution, ...] = ()

@@ -90,6 +90,7 @@ def record_to_json(record: CalibrationRecord) -> dict[str, Any]:
         "enlarged": c.enlarged,
         "gravity": {"value_m_s2": c.gravity.value, "sigma_m_s2": c.gravity.sigma},
         "reference_temperature_C": c.reference_temperature,
+        "notes": list(c.notes),
         "null_space": list(c.null_space),
         "left_out": [{"stretch": one.stretch, "reason": one.reason} for one in c.left_out],
         "budget": [
@@ -291,6 +292,7 @@ class CalibrationEntry(_Read):
     enlarged: Annotated[float, Field(ge=1, le=1e6)] = 1.0
     gravity: GravityEntry
     reference_temperature_C: Celsius = 25.0
+    notes: tuple[_Text, ...] = ()
     null_space: tuple[_Text, ...] = ()
     left_out: tuple[LeftOutEntry, ...] = ()
     nuisance: tuple[NuisanceEntry, ...] = ()
@@ -328,6 +330,7 @@ class CalibrationEntry(_Read):
             enlarged=self.enlarged,
             gravity=Gravity(value=self.gravity.value_m_s2, sigma=self.gravity.sigma_m_s2),
             reference_temperature=self.reference_temperature_C,
+            notes=self.notes,
             null_space=self.null_space,
             left_out=tuple(LeftOut(one.stretch, one.reason) for one in self.left_out),
             nuisance=tuple(n.nuisance() for n in self.nuisance),

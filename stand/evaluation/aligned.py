@@ -7,6 +7,7 @@ from typing import Any
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
 from alignment.angles import SequenceRule
 from alignment.units import DEG
+from stand.arguments import one_of, site_with
 from stand.errors import StandError, unknown
 from stand.evaluation.plausible import doubts_of, together
 from stand.evaluation.score import (
@@ -23,7 +24,6 @@ from stand.imu import ImuSpec, load_imu, unstated
 from stand.imu.priors import priors_of
 from stand.recording.log import Log
 from stand.recording.metadata import recorded_imu
-from stand.simulation.settings import one_of, site_with
 
 
 def of_vehicles(method: str | None) -> bool:
