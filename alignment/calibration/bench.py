@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from alignment.arrays import Array, set_owned
 from alignment.errors import AlignmentError
-from alignment.information.model import InstrumentErrors, TriadErrors
+from alignment.information.model import InstrumentErrors, TriadErrors, assumed
+from alignment.options import Priors
 from alignment.units import DEG, DEG_PER_HOUR, MICRO_G, PPM, STANDARD_GRAVITY
 
 SENSORS = ("gyro", "accel")
@@ -57,6 +58,8 @@ class Leanings:
 
 
 IntArray = NDArray[np.int64]
+Warmth = Callable[[Array], Array]
+"""Temperature above the reference [K] at times (n,) [s]."""
 LeaningsAt = Callable[[Array, IntArray], Leanings]
 """Of joint angles (k, j) [rad] and, of each pose, the axis that goes round (-1: none)."""
 
@@ -94,6 +97,8 @@ class Bench:
     placement, seat, tilt, azimuth : rad
         Where there is no `table`: of each attitude anew, of the unit on the table, of the whole.
     gravity_sigma : m/s^2
+    warmth : callable or None
+        The unit's temperature above its reference [K] at times (n,) [s]; None: it stays there.
     means : bool
         Whether a sample is a mean over its interval; else an instant at its end.
     """
@@ -115,6 +120,7 @@ class Bench:
     tilt: float = 0.0
     azimuth: float = 0.0
     gravity_sigma: float = 0.0
+    warmth: Warmth | None = None
     means: bool = True
 
     def __post_init__(self) -> None:
@@ -153,6 +159,31 @@ def freed(bench: Bench, terms: Collection[str]) -> Bench:
 
     unit = replace(bench.unit, gyro=triad(bench.unit.gyro, 0), accel=triad(bench.unit.accel, 1))
     return replace(bench, unit=unit)
+
+
+WIDE = 10.0  # times the usual size, of what nobody stated
+
+
+def from_priors(priors: Priors) -> Bench:
+    """What `Priors` tell; biases, scale factors and axes that they do not state are wide."""
+    unit, _ = assumed(priors)
+
+    def triad(one: TriadErrors, k: int) -> TriadErrors:
+        wide: dict[str, Any] = {}
+        for term in ("bias", "scale", "misalignment", "non_orthogonality"):
+            own = getattr(one, term)
+            there = (own > 0) & np.isfinite(own)
+            wide[term] = np.where(there, own, WIDE * USUAL[term][k])
+        return replace(one, **wide)
+
+    return Bench(
+        unit=InstrumentErrors(triad(unit.gyro, 0), triad(unit.accel, 1)),
+        placement=priors.turn,
+        seat=priors.seat,
+        tilt=priors.nominal,
+        azimuth=priors.azimuth,
+        gravity_sigma=NORMAL_GRAVITY,
+    )
 
 
 def trusting(bench: Bench) -> Bench:

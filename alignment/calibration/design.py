@@ -135,7 +135,7 @@ def nuisance_source(name: str) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class CandidateRows:
     """What one station or move tells of the unknowns of a design, by itself.
 
     `rows` (r, p): derivatives in units of its noise, white noise and drifts as if alone: its
@@ -152,7 +152,7 @@ def candidate(
     site: Site,
     interval: float,
     names: Sequence[str] = (),
-) -> Told:
+) -> CandidateRows:
     """Information of a candidate, with nothing run: of a station, or of a move between two.
 
     Parameters
@@ -182,7 +182,7 @@ def candidate(
         if name in known:
             out[:, terms.COUNT + k] = rows[:, known[name]]
     seconds = moves[0].length if moves else stations[0].stretch.span.length
-    return Told(out, seconds)
+    return CandidateRows(out, seconds)
 
 
 def by_group(sizes: Mapping[str, Array]) -> list[tuple[str, Array]]:

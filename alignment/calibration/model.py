@@ -15,7 +15,7 @@ from alignment.calibration import terms
 from alignment.calibration.apply import inverse
 from alignment.calibration.bench import SENSORS, Bench
 from alignment.calibration.constants import TriadConstants, constants_of, reported
-from alignment.calibration.session import Move, Poses, Session, by_errors, by_place, felt
+from alignment.calibration.session import Move, Poses, Session, by_errors, by_place, true_input
 from alignment.earth import Site
 from alignment.quaternions import multiply
 from alignment.strapdown import matrices, quaternions, rotation_vectors
@@ -90,7 +90,7 @@ class Model:
             shift[terms.columns_of("accel", "bias")] = self._own_bias(x, k, "accel")
             own = values + terms.ALL.matrix @ shift
             gyro, accel = (constants_of(keys, own, s) for s in SENSORS)
-            errors = x[self._columns(k)]
+            errors = x[self.columns_of_table(k)]
             w, f = self._coefficients(poses, gyro, accel, errors, x[terms.COUNT])
             moves = self._moves(k, gyro, errors) if poses.session.moves else np.zeros(0)
             n = len(w) + len(moves) + len(f)
@@ -106,7 +106,7 @@ class Model:
         at = self.unknowns.at(name)
         return x[at : at + 3]
 
-    def _columns(self, k: int) -> list[int]:
+    def columns_of_table(self, k: int) -> list[int]:
         """Where the table's errors of session k stand."""
         return [self.unknowns.at(name) for name in _names(k, self.poses[k])]
 
@@ -118,7 +118,7 @@ class Model:
         errors: Array,
         gravity: float,
     ) -> tuple[Array, Array]:
-        there = felt(poses, self.bench, errors, gravity, accel.places)
+        there = true_input(poses, self.bench, errors, gravity, accel.places)
         w = reported(gyro, there.w, there.f, poses.warmth)
         f = reported(accel, there.at_places, there.at_places, poses.warmth)
         return self._projected(poses, w, gyro.lag), self._projected(poses, f, accel.lag)
@@ -172,7 +172,7 @@ class Model:
         """(n, 3, p) of the gyros and of the accelerometers at every node."""
         n, p, x0 = len(poses.w), self.count, self.unknowns.expected
         places = x0[terms.columns_of("accel", "lever_arm")].reshape(3, 3)
-        there = felt(poses, self.bench, np.zeros(poses.slopes.shape[2]), 0.0, places)
+        there = true_input(poses, self.bench, np.zeros(poses.slopes.shape[2]), 0.0, places)
         found = np.zeros((2, n, 3, p))
         for own, x, sensor in zip(found, (there.w, there.at_places), SENSORS, strict=True):
             for term in terms.UNIT:
@@ -183,7 +183,7 @@ class Model:
             self._add_own_bias(own, k, sensor)
         found[1][:, :, terms.columns_of("accel", "lever_arm")] = by_place(poses)
         w, f = by_errors(poses, self.bench, places)
-        columns = self._columns(k)
+        columns = self.columns_of_table(k)
         found[0][:, :, columns], found[1][:, :, columns] = w, f
         found[1][:, :, terms.COUNT] = poses.f / self.site.gravity
         return found[0], found[1]
@@ -211,7 +211,7 @@ class Model:
     def _move_columns(self, k: int, poses: Poses) -> Array:
         found = [np.zeros((0, self.count))]
         start, end = poses.of_ends()
-        columns = self._columns(k)
+        columns = self.columns_of_table(k)
         for n, (move, path) in enumerate(zip(poses.session.moves, self._paths[k], strict=True)):
             own = np.zeros((3, self.count))
             for term in terms.UNIT:

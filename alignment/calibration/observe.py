@@ -1,6 +1,6 @@
 """Readings of stretches made into what a calibration is solved for, and gross mistakes refused."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
+from alignment.calibration.bench import Warmth
 from alignment.calibration.result import LeftOut
 from alignment.calibration.session import Move, Session, Station
 from alignment.earth import Site
@@ -27,9 +28,6 @@ WRONG_MOVE = 20 * DEG  # of a move by the gyros from the encoders' rotation
 DEGREES = 180 / np.pi
 ALIKE = 0.2  # relative, within which a ratio is 57.3 or 1/57.3
 AXES = ("X1", "Y1", "Z1")
-
-Warmth = Callable[[Array], Array]
-"""Temperature above the reference [K] at times (n,) [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,6 +75,7 @@ def observed(dwells: Sequence[Dwell], site: Site, warmth: Warmth | None = None) 
         raise AlignmentError("no stretch: a calibration needs rests, or turns at constant rate")
     seen: list[_Seen | None] = []
     left_out: list[LeftOut] = []
+    refused: list[AlignmentError] = []
     ordered = sorted(dwells, key=lambda dwell: dwell.t_from)
     for dwell in ordered:
         try:
@@ -85,11 +84,12 @@ def observed(dwells: Sequence[Dwell], site: Site, warmth: Warmth | None = None) 
             raise
         except (NotAtRest, TooShort) as error:
             left_out.append(LeftOut(dwell.label, str(error)))
+            refused.append(error)
             seen.append(None)
     kept = [one for one in seen if one is not None]
-    if not kept:
-        raise AlignmentError(f"no stretch can be used: {left_out[0].reason}")
     _check_axes(kept, site)
+    if refused and _one_position(kept):
+        raise refused[0]  # what is left is too little, and that is why
     _check_positions(kept)
     numbers = {id(one): k for k, one in enumerate(kept)}
     moves = []
@@ -265,12 +265,18 @@ def _C_nb(one: _Seen) -> Rotation:
 
 
 def _check_positions(seen: Sequence[_Seen]) -> None:
-    if any(one.dwell.turn is not None for one in seen):
-        return
-    quats = np.array([_C_nb(one).as_quat() for one in seen])
-    widest = 2 * np.arccos(np.clip(np.abs(quats @ quats.T).min(), 0, 1))
-    if widest < LEAST_TURN:
+    if _one_position(seen):
         raise AlignmentError(
             f"one position only: no two of {len(seen)} rests are {LEAST_TURN / DEG:.0f} deg or "
             "more apart: another position, or a turn, is needed"
         )
+
+
+def _one_position(seen: Sequence[_Seen]) -> bool:
+    if any(one.dwell.turn is not None for one in seen):
+        return False
+    if not seen:
+        return True
+    quats = np.array([_C_nb(one).as_quat() for one in seen])
+    widest = 2 * np.arccos(np.clip(np.abs(quats @ quats.T).min(), 0, 1))
+    return bool(widest < LEAST_TURN)

@@ -232,7 +232,7 @@ def turned(x: Array, d: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Felt:
+class TrueInput:
     """True rates `w`, forces `f` at the unit's point, and at each accelerometer's place, (n, 3)."""
 
     w: Array
@@ -240,7 +240,9 @@ class Felt:
     at_places: Array
 
 
-def felt(poses: Poses, bench: Bench, errors: Array, gravity: float, places: Array) -> Felt:
+def true_input(
+    poses: Poses, bench: Bench, errors: Array, gravity: float, places: Array
+) -> TrueInput:
     """What the sensors feel with the table's `errors` (l,), `gravity` [m/s^2] off, and `places`.
 
     A table in steady turning: its arm swings, and does not speed up.
@@ -257,7 +259,7 @@ def felt(poses: Poses, bench: Bench, errors: Array, gravity: float, places: Arra
     at_places = np.stack(
         [f[:, i] + swung(bench.arm + place)[:, i] for i, place in enumerate(places)], axis=1
     )
-    return Felt(w, f + swung(bench.arm), at_places)
+    return TrueInput(w, f + swung(bench.arm), at_places)
 
 
 def by_errors(poses: Poses, bench: Bench, places: Array) -> tuple[Array, Array]:

@@ -132,12 +132,12 @@ class Outside:
         set_owned(self, matrix=(self.matrix, (len(self.keys), COUNT), float))
 
 
-def outside(told: Sequence[bool] | Array) -> Outside:
-    """Parameters of the unknowns that are `told` (COUNT,)."""
+def outside(present: Sequence[bool] | Array) -> Outside:
+    """Parameters of the unknowns that are `present` (COUNT,)."""
     keys, rows = [], []
 
     def add(key: Key, *parts: tuple[int, float]) -> None:
-        if any(told[at] for at, _ in parts):
+        if any(present[at] for at, _ in parts):
             row = np.zeros(COUNT)
             for at, part in parts:
                 row[at] += part

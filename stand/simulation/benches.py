@@ -9,7 +9,7 @@ from alignment import Site
 from alignment.arrays import Array, IntArray
 from alignment.calibration.bench import LAG, MEASURED_GRAVITY, NORMAL_GRAVITY, Bench, Leanings
 from alignment.units import ARC_SECOND
-from stand.imu import ImuSpec
+from stand.imu import ImuSpec, Temperature
 from stand.imu.filter import LAG as FILTER_LAG
 from stand.imu.filter import noise_variance
 from stand.imu.instrument import unit_of
@@ -42,6 +42,17 @@ class TableLeanings:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Warmth:
+    """A unit's temperature above its reference [K], as `Bench.warmth`."""
+
+    temperature: Temperature
+    reference: float
+
+    def __call__(self, t: Array) -> Array:
+        return self.temperature.at(t) - self.reference
+
+
 def bench_of(
     imu: ImuSpec | None,
     table: Table | None,
@@ -51,6 +62,7 @@ def bench_of(
     *,
     ideal: bool = True,
     joints_known: bool = True,
+    temperature: Temperature | None = None,
 ) -> Bench:
     """What data sheets say.
 
@@ -69,6 +81,8 @@ def bench_of(
         Whether joints follow the plan; a servo has its own ripple.
     joints_known : bool
         Whether the stretches have the joints' angles; else only attitudes were told.
+    temperature : Temperature, optional
+        Of the unit over the recording, where it is known.
     """
     gravity = NORMAL_GRAVITY if site.local_gravity is None else MEASURED_GRAVITY
     more = {} if imu is None else _of_unit(imu, rate_hz, sampling)
@@ -76,6 +90,8 @@ def bench_of(
     if table is not None and not joints_known:
         turn, seat, nominal, azimuth = placement(table)
         more |= {"placement": turn, "seat": seat, "tilt": nominal, "azimuth": azimuth}
+    if imu is not None and temperature is not None:
+        more["warmth"] = Warmth(temperature, imu.reference_temperature)
     return Bench(gravity_sigma=gravity, means=sampling is Sampling.MEAN, **more)
 
 

@@ -148,9 +148,7 @@ class DwellCollector:
         dwells, attitudes, means = [], [], []
         kept = zip(self._t, self._w, self._f, self._angle, strict=True)
         self._t = self._w = self._f = self._angle = []
-        ends = zip(
-            self._steps, self._ranges, self._held, self._q_wb, self._squares, strict=True
-        )
+        ends = zip(self._steps, self._ranges, self._held, self._q_wb, self._squares, strict=True)
         for (step, (first, last), held, q_wb, squares), columns in zip(ends, kept, strict=True):
             for array in columns:
                 array.flags.writeable = False  # so that the readings need no copies
