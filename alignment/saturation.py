@@ -75,9 +75,9 @@ def saturation_doubt(label: str, readings: ImuReadings) -> tuple[str, ...]:
 def _at_full_scale(channel: Array, stated: float) -> int:
     """How many samples of a channel (n,) are clipped."""
     if np.isfinite(stated):
-        size = np.abs(channel)
-        if size.max() < (1 - NEAR_RANGE) * stated:
+        if max(channel.max(), -channel.min()) < (1 - NEAR_RANGE) * stated:
             return 0
+        size = np.abs(channel)
         # what is clipped and then rounded may be half a step short of it
         return int(np.count_nonzero(size >= (1 - AT_RANGE) * stated - step_of(channel) / 2))
     total = 0
