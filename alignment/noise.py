@@ -231,6 +231,8 @@ def check_rest(readings: ImuReadings, label: str) -> None:
         raise NotAtRest(f"{label}: specific force is zero: falling, or no accelerometers")
     tilts = np.arctan2(np.linalg.norm(np.cross(f, mean_f), axis=1), f @ mean_f)
     rates = np.linalg.norm(w - w.mean(axis=0), axis=1)
+    if tilts.max() <= REST_TILT and rates.max() <= REST_RATE:  # whatever the noise would excuse
+        return
     tilt = max(REST_TILT, _scatter(readings.f_b, f) / size)
     rate = max(REST_RATE, _scatter(readings.w_ib_b, w))
     span = readings.interval * len(readings) / blocks
