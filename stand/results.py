@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,6 +12,8 @@ from scipy.spatial.transform import Rotation
 from alignment import Dwell, ImuReadings
 from alignment.arrays import Array, set_owned
 from alignment.units import DEG
+from stand.campaigns.campaign import Campaign
+from stand.campaigns.summary import Summary, summarised
 from stand.evaluation.aligned import Alignment
 from stand.evaluation.allan import AllanReport
 from stand.evaluation.comparison import Comparison
@@ -24,6 +27,7 @@ from stand.recording.mcap.reader import ImuLog
 from stand.recording.metadata import RUN, describe_schedule
 from stand.rehearsal.result import Rehearsal
 from stand.report import allan as allan_report
+from stand.report import campaign as campaign_report
 from stand.report import compare as compare_report
 from stand.report import rehearsal_tables, vectors
 from stand.report import side_by_side as beside_report
@@ -325,6 +329,44 @@ class Compared(Shown, Comparison):
 
     def tables(self) -> Sequence[TableData]:
         return [compare_report.table(self)]
+
+
+class Campaigned(Shown, Campaign):
+    """A campaign, of `stand.campaign`: iterate over its runs, or `run` all of them."""
+
+    __slots__ = ()
+
+    def run(self, progress: Callable[[float], None] = lambda done: None) -> "Campaigned":
+        """Make all runs that are missing; `progress` is told the part done, 0 to 1."""
+        for _ in self:
+            progress(self.done / self.total)
+        return self
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The rows there are, in order of case and seed: a column each, SI.
+
+        A row per run, method, place and quantity: ``case``, ``seed``, ``method``, ``window``,
+        ``place``, ``quantity``, ``estimate``, ``error``, ``sigma``, ``refusal``.
+        """
+        return self.results.columns()
+
+    def table(self) -> Any:
+        """The same as a table of pyarrow, for pandas, polars and others."""
+        return self.results.table()
+
+    def summary(self) -> Summary:
+        """Errors with intervals beside predictions, honesty, yield, the worst units."""
+        return summarised(self.folder)
+
+    def write_page(self) -> Path:
+        """The same to look at: a page in the campaign's folder."""
+        return campaign_report.write_page(self.summary())
+
+    def headline(self) -> str:
+        return f"{self.sweep.entry.title}: {self.done} of {self.total} runs, in {self.folder}"
+
+    def tables(self) -> Sequence[TableData]:
+        return campaign_report.tables(self.summary()) if self.done else ()
 
 
 class Rehearsed(Shown, Rehearsal):
