@@ -17,7 +17,13 @@ from alignment.estimate import AttitudeEstimate
 from alignment.gains import Answer, compass_gain, each_alone, from_b
 from alignment.information import Stretch
 from alignment.levelling import attitude_covariance, attitude_sensitivity
-from alignment.noise import check_at_rest, gap_doubt, mean_and_variance, rest_doubt
+from alignment.noise import (
+    around_doubt,
+    check_at_rest,
+    dwell_mean_and_variance,
+    gap_doubt,
+    rest_doubt,
+)
 from alignment.options import Options, Priors
 from alignment.readings import Dwell
 from alignment.saturation import saturation_doubt
@@ -108,7 +114,7 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
     summaries = []
     for dwell in dwells:
         check_at_rest(dwell)
-        summaries.append(mean_and_variance(dwell.window()))
+        summaries.append(dwell_mean_and_variance(dwell))
     singles = [
         _single(dwell, means, variances, site, options)
         for dwell, (means, variances) in zip(dwells, summaries, strict=True)
@@ -148,7 +154,7 @@ def _single(
     to_latitude = _latitude_sensitivity(latitude, min(rate, EARTH_RATE), gravity)
     variance = attitude_covariance(C_nb, whole, to_latitude)[0, 0]
     flags = gap_doubt(dwell.window()) + saturation_doubt(dwell.label, dwell.window())
-    flags += heading_doubt(covariance) + rest_doubt(dwell.window())
+    flags += heading_doubt(covariance) + rest_doubt(dwell.window()) + around_doubt(dwell)
     if abs(rate / EARTH_RATE - 1) > _RATE_DOUBT:
         flags += ("mean rate is not Earth's 15.04 deg/h within 20 %: gyro bias, or not at rest",)
     return AttitudeEstimate(
