@@ -38,7 +38,8 @@ from stand.table.joints import StandModel
 from stand.table.table import Table
 from stand.table.table_errors import TableErrors
 
-BLOCK = 1000  # samples, or a second of them if that is more
+BLOCK = 4000  # samples, or a second of them if that is more
+BLOCK_S = 60.0  # at most, unless it is a sample: what moves is looked at often in a minute
 SERVO_BLOCK_S = 20.0  # of a simulated servo, which takes less than a second to step through
 
 
@@ -123,9 +124,9 @@ class Simulation:
 
     def blocks(self) -> Iterator[Block]:
         """The samples in order of time, once; the truth is worked out one block ahead."""
-        size = max(BLOCK, self.settings.rate_hz)
-        if not isinstance(self._drive, Motion):
-            size = min(size, round(SERVO_BLOCK_S * self.settings.rate_hz))
+        longest = BLOCK_S if isinstance(self._drive, Motion) else SERVO_BLOCK_S
+        rate_hz = self.settings.rate_hz
+        size = min(max(BLOCK, rate_hz), round(longest * rate_hz))
         starts = range(0, self.total, size)
         with ThreadPoolExecutor(1, thread_name_prefix="truth") as ahead:
             coming: Future[_Sensing] | None = None
@@ -152,7 +153,8 @@ class Simulation:
         """What the sensors feel over the intervals of a clock that is wrong."""
         edges = self.imu.clock.edges(first, first + len(truth))
         motion = self._drive.covering(float(edges[0]), float(edges[-1]))
-        return self._truth.sensed(motion, edges, truth.t_ns, self.settings.sampling)
+        settings = self.settings
+        return self._truth.sensed(motion, edges, truth.t_ns, settings.sampling, settings.rate_hz)
 
     def following(self, block: Block) -> Array | None:
         """Demanded minus realised joint angles (n, 6) [rad]; None of ideal motion."""
