@@ -16,13 +16,12 @@ the outermost axis that moves does not see it turn: only what stands still, as g
 
 from collections.abc import Iterable
 from functools import cache
-from math import comb, factorial
+from math import comb, factorial, hypot
 
 import numpy as np
 
 from alignment.arrays import Array, IntArray
 from alignment.earth import EARTH_RATE
-from alignment.fixed_order import product
 from alignment.units import STANDARD_GRAVITY
 from stand.motion.polynomial import Motion
 from stand.physics.panels import Panels, places_of
@@ -140,10 +139,15 @@ class Law:
         return np.repeat(length <= longest_whole(FEWEST, bounds), _GROUP)[: len(pieces)]
 
     def _learn(self, pieces: IntArray) -> None:
-        for piece in pieces[self._known[pieces, 0] == 0]:
-            if not self._known[piece, 0]:
-                ahead = np.arange(piece, min(piece + _CHUNK, len(self._known)))
-                self._known[ahead] = self._judged(ahead)
+        """Judge these, those that are not yet; of few the next as well, which will be asked for."""
+        new = pieces[self._known[pieces, 0] == 0]
+        if not len(new):
+            return
+        ahead = np.arange(new[-1] + 1, min(new[0] + _CHUNK, len(self._known)))
+        new = np.concatenate([new, ahead])
+        for first in range(0, len(new), _CHUNK):
+            part = new[first : first + _CHUNK]
+            self._known[part] = self._judged(part)
 
     def _judged(self, pieces: IntArray) -> IntArray:
         lengths = np.diff(self._motion.knots)[pieces]
@@ -245,9 +249,14 @@ def derivatives(
         The highest.
     """
     half = np.diff(motion.knots)[pieces] / 2
-    size = _sizes(motion, pieces, half)
+    moving = np.flatnonzero(motion.coefficients[:-1, pieces].any(axis=(0, 1)))
+    moving = moving if len(moving) else np.array([0])
+    size = _sizes(motion, pieces, half)[:, :, moving]
     angle = _series(size.sum(axis=2), half, order + 3)
-    angle += _waving(size, half, order + 3, waves)
+    for number, axis in enumerate(moving.tolist()):
+        own = _series(size[:, :, number], half, order + 3)
+        for times, height in _heights(waves, axis).items():
+            angle[1:] += height * _exponential(times * own)[1:]
     turned = _exponential(angle[: order + 1])
     outermost = np.argmax(size[1:].any(axis=0), axis=1)
     own = np.take_along_axis(size, outermost[None, :, None], axis=2)[:, :, 0]
@@ -256,6 +265,16 @@ def derivatives(
     # of an arm on a link: its spin sees the axes before it, its way to b those behind
     moved = _slope(spun) + _product(spun, spun)[: order + 1]
     return STANDARD_GRAVITY * turned + REACH * moved, spun[: order + 1] + EARTH_RATE * turned
+
+
+def _heights(waves: Waves, axis: int) -> dict[int, float]:
+    """How high the waves of an axis are [rad], by how often they go round."""
+    found: dict[int, float] = {}
+    for axes, times, cosine, sine in waves:
+        for k in np.flatnonzero(axes == axis):
+            own = hypot(cosine[k], sine[k])
+            found[int(times[k])] = found.get(int(times[k]), 0.0) + own
+    return found
 
 
 def _sizes(motion: Motion, pieces: IntArray, half: Array) -> Array:
@@ -275,18 +294,6 @@ def _series(sizes: Array, half: Array, orders: int) -> Array:
         for i in range(len(sizes) - 1, k - 1, -1):  # Horner's scheme
             series[k] = series[k] * half + comb(i, k) * sizes[i]
     return series
-
-
-def _waving(sizes: Array, half: Array, orders: int, waves: Waves) -> Array:
-    """Bounds (orders, n) of the waves' angles together, likewise."""
-    total = np.zeros((orders, len(half)))
-    moving = np.any(sizes[1:], axis=(0, 1))
-    for axes, order, cosine, sine in waves:
-        own = axes[moving[axes]]
-        height = np.hypot(cosine, sine)[moving[axes]]
-        turned = _series(sizes[:, :, own], half[:, None], orders) * order[moving[axes]]
-        total[1:] += product(_exponential(turned), height)[1:]
-    return total
 
 
 def _exponential(series: Array) -> Array:

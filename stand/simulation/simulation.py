@@ -8,7 +8,6 @@ sets methods side by side on them.
 import os
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
 from typing import NamedTuple
 
 from alignment import ESTIMATORS
@@ -19,7 +18,7 @@ from stand.motion.limits import Torque, check
 from stand.motion.plan import Plan, PlannedStep
 from stand.motion.planner import plan
 from stand.motion.polynomial import Motion, MotionKind
-from stand.physics.dynamics import Payload, required_torque
+from stand.physics.dynamics import Payload, torque_of
 from stand.physics.following import Followed, StepSpan
 from stand.physics.geometry import with_errors
 from stand.physics.mjcf import describe, load_model
@@ -91,13 +90,13 @@ class Simulation:
         )
         servo = settings.motion is MotionKind.SERVO
         built = with_errors(model, self.errors)
-        self.built: StandModel = describe(built)
+        self.built: StandModel = describe(built, solids_of=self.stand)
         self._truth = Truth(
             built,
             settings.site,
             self.imu.spec.places,
             self.errors,
-            threads=min(2, os.cpu_count() or 1) if servo else 1,
+            threads=_threads(),
         )
         self._drive: Motion | Servo = self.plan.motion
         if servo:
@@ -198,11 +197,20 @@ def begins_of(records: tuple[StepRecord, ...]) -> dict[str, float | None]:
     }
 
 
+def _threads() -> int:
+    """Of the truth, which change nothing but the time: two, where nobody asked for fewer.
+
+    A process that others work beside has been told so (`stand.simulation.parallel`).
+    """
+    told = os.environ.get("OMP_NUM_THREADS", "")
+    return max(1, min(2, os.cpu_count() or 1, int(told) if told.isdigit() else 2))
+
+
 def _torque(model: object, table: Table, payload: Payload) -> Torque | None:
     """What torque a motion needs, where the table's motors are known."""
     if None in table.motors:
         return None
-    return partial(required_torque, model, table, payload)
+    return torque_of(model, table, payload)
 
 
 def _check_samples(settings: Settings, planned: Plan) -> None:
