@@ -8,7 +8,7 @@ from alignment import ESTIMATORS
 from alignment.units import DEG
 from stand.errors import StandError
 from stand.motion.planner import plan
-from stand.physics.dynamics import inertias, required_torque, weights_model
+from stand.physics.dynamics import inertias, torque_of, weights_model
 from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Truth
 from stand.rehearsal.accuracy import predict
@@ -101,7 +101,7 @@ def prepared(settings: Settings) -> Scene:
         settings=settings,
         plan=planned,
         model=stand,
-        torque=partial(required_torque, model, table, load) if motors else None,
+        torque=torque_of(model, table, load) if motors else None,
         inertias=inertias(weights_model(model, load)),
         truth=lambda: truth,
         temperature=temperature_of(procedure),
