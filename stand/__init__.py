@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from stand.api import (
         align,
         allan,
+        apply,
+        calibrate,
         catalogue,
         compare,
         drive,
@@ -38,6 +40,8 @@ __all__ = [
     "__version__",
     "align",
     "allan",
+    "apply",
+    "calibrate",
     "catalogue",
     "compare",
     "drive",

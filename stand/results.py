@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from os import PathLike
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from alignment import Dwell, ImuReadings
 from alignment.arrays import Array, set_owned
 from alignment.units import DEG
+from stand.calibration.file import CalibrationRecord, calibration_text
 from stand.evaluation.aligned import Alignment
 from stand.evaluation.allan import AllanReport
 from stand.evaluation.comparison import Comparison
@@ -18,12 +21,14 @@ from stand.evaluation.drive_result import DriveResult
 from stand.evaluation.run_result import RunResult
 from stand.evaluation.score import Truths
 from stand.evaluation.side_by_side import SideBySide
+from stand.folder import refuse_files, write_file
 from stand.recording.found_stretches import FoundStretches
 from stand.recording.log import Log, mean_attitude
 from stand.recording.mcap.reader import ImuLog
 from stand.recording.metadata import RUN, describe_schedule
 from stand.rehearsal.result import Rehearsal
 from stand.report import allan as allan_report
+from stand.report import calibration as calibration_report
 from stand.report import compare as compare_report
 from stand.report import rehearsal_tables, vectors
 from stand.report import side_by_side as beside_report
@@ -363,6 +368,26 @@ class Stretches(Shown, FoundStretches):
 
     def tables(self) -> Sequence[TableData]:
         return [stretches_table(self)]
+
+
+class Calibrated(Shown, CalibrationRecord):
+    """A unit's constant errors, of `stand.calibrate`; `save` writes `calibration.json`."""
+
+    __slots__ = ()
+
+    def headline(self) -> str:
+        return calibration_report.headline(self)
+
+    def tables(self) -> Sequence[TableData]:
+        return calibration_report.tables(self)
+
+    def remarks(self) -> Sequence[str]:
+        return calibration_report.remarks(self)
+
+    def save(self, path: str | PathLike[str], *, force: bool = False) -> Path:
+        """Write it as JSON; `StandError` where something is there and not `force`."""
+        refuse_files([Path(path)], force=force)
+        return write_file(Path(path), calibration_text(self))
 
 
 class Beside(Shown, SideBySide):
