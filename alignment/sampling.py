@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alignment.arrays import Array, IntArray
+from alignment.parts import excerpts
 
 SHORT = 0.5  # of the mean step: less between two stamps is a burst
 BURSTS = 0.05  # of all steps that must be so short, and as many that make up for it
@@ -18,6 +19,7 @@ OFTEN = 1.3  # rows that must stand so many times on average
 FEWEST_RUNS = 32  # below which repeats may be chance
 FINEST = 1e-6  # of the span of values: finer is no step, or one that matters to nobody
 CHANGES = 8  # of a value, below which there is no telling what it is rounded to
+ENOUGH = 1 << 18  # values that show a step, or their median, as well as those of a longer record
 UNEVEN = 0.02  # of a step that differences of values may be off its multiples
 
 
@@ -67,6 +69,9 @@ def repeats(values: Array) -> IntArray | None:
     runs of like rows are then of one length, or of two that follow one another, which runs of
     coarsely rounded values are not.
     """
+    first = np.count_nonzero(values[1:, 0] != values[:-1, 0])
+    if first > 1 and len(values) < OFTEN * (first - 1):  # rows change at least as often
+        return None
     changed = np.any(values[1:] != values[:-1], axis=1)
     starts = np.concatenate([[0], np.flatnonzero(changed) + 1])
     runs = np.diff(starts)[1:]
@@ -77,11 +82,20 @@ def repeats(values: Array) -> IntArray | None:
     return starts if share >= ALIKE else None
 
 
+def some_of(values: Array) -> Array:
+    """Values (n,), or evenly spaced ones of more than `ENOUGH`."""
+    return values[:: (len(values) // ENOUGH) | 1]  # odd: what alternates is seen
+
+
 def step_of(values: Array) -> float:
     """The step of rounded values (n,), which are multiples of it but for an offset; 0: none.
 
-    Values that hardly change show none: one change may be anything.
+    Values that hardly change show none: one change may be anything. Of more than `ENOUGH` values
+    evenly spaced ones are looked at (of more than `parts.MOST`, of excerpts): a step that they do
+    not show is finer than 1e-5 of the spread.
     """
+    pieces = excerpts(values)
+    values = some_of(pieces[0] if len(pieces) == 1 else np.concatenate(pieces))
     levels = np.unique(values)
     if len(levels) > len(values) / 2 or np.count_nonzero(np.diff(values)) < CHANGES:
         return 0.0

@@ -6,6 +6,7 @@ from pathlib import Path
 from alignment.calibration.gravity import gravity_of
 from alignment.calibration.hand_held import HandHeld, hand_held
 from alignment.errors import AlignmentError
+from stand.arguments import site_with
 from stand.calibration.file import CalibrationRecord
 from stand.calibration.truth import errors_of
 from stand.errors import StandError
@@ -15,7 +16,6 @@ from stand.imu.priors import priors_of
 from stand.recording.entrance import log_file
 from stand.recording.hashes import sha256_of_file
 from stand.recording.log import Log
-from stand.simulation.settings import site_with
 from stand.versions import versions
 
 

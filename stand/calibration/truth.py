@@ -8,6 +8,7 @@ from pydantic import Json, TypeAdapter
 from alignment.arrays import Array
 from alignment.calibration import Key
 from stand.errors import StandError
+from stand.imu.filter import LAG
 from stand.imu.model import UnitErrors
 from stand.imu.preset import ImuSpec
 from stand.recording.metadata import recorded_imu
@@ -33,7 +34,7 @@ def true_value(key: Key, gyro: UnitErrors, accel: UnitErrors, spec: ImuSpec) -> 
         "g_sensitivity": lambda: errors.g_sensitivity[i, j],
         "g2_sensitivity": lambda: errors.g2_sensitivity[i, j],
         "lever_arm": lambda: spec.places[i, j],
-        "lag": lambda: 1 / (2 * np.pi * triad.bandwidth),
+        "lag": lambda: LAG / triad.bandwidth,
         "temperature_bias": lambda: errors.bias_temperature[i],
         "temperature_scale": lambda: errors.scale_temperature[i],
     }

@@ -14,6 +14,7 @@ import typer
 
 from stand.cli.align import align, allan, import_log
 from stand.cli.calibrate import apply, calibrate
+from stand.cli.campaign import campaign
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
 from stand.cli.progress import Stopped
 from stand.cli.review import recover, report, view
@@ -45,6 +46,7 @@ COMMANDS = {
     "apply": apply,
     "compare": compare,
     "rehearse": rehearse,
+    "campaign": campaign,
     "export": export,
     "import": import_log,
     "list": list_entries,

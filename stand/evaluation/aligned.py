@@ -8,6 +8,7 @@ from typing import Any
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
 from alignment.angles import SequenceRule
 from alignment.units import DEG
+from stand.arguments import one_of, site_with
 from stand.calibration.corrected import corrected_log, loaded, posterior
 from stand.calibration.file import CalibrationRecord
 from stand.errors import StandError, unknown
@@ -26,7 +27,6 @@ from stand.imu import ImuSpec, load_imu, unstated
 from stand.imu.priors import priors_of
 from stand.recording.log import Log
 from stand.recording.metadata import recorded_imu
-from stand.simulation.settings import one_of, site_with
 
 
 def of_vehicles(method: str | None) -> bool:

@@ -18,6 +18,7 @@ import numpy as np
 from alignment import ESTIMATORS
 from alignment.angles import angles_from_C_nb, near_singular
 from alignment.units import DEG
+from stand.arguments import site_with
 from stand.errors import StandError, located
 from stand.evaluation.aligned import sheet_beside
 from stand.evaluation.score import evaluate_each, suited
@@ -41,7 +42,6 @@ from stand.report.judged import judged
 from stand.report.page import render, span_text
 from stand.report.provenance import provenance
 from stand.report.tables import TableData
-from stand.simulation.settings import site_with
 from stand.simulation.step_record import StepRecord, records_from_json
 from stand.table.table import TableEntry
 from stand.toml_files import Source, parse
