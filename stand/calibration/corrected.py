@@ -21,7 +21,7 @@ from stand.recording.mcap.writer import write_imu_log
 from stand.recording.metadata import RUN
 from stand.versions import VERSION
 
-APPLIED = "calibration"  # the record of what was taken out
+APPLIED = "correction"  # the record of what was taken out
 _KEPT = ("site", "imu", "unit")  # records of a recording of ours that stay true
 
 

@@ -83,7 +83,7 @@ def test_calibrated_and_applied(here, made):
     here("apply", "c.json", "other.csv", *LOG, "--out", "corrected.mcap")
     log, raw = read_imu("corrected.mcap"), read_imu("other.csv", form=stand.LogForm(
         gyro_unit="rad/s", accel_unit="m/s^2"))  # fmt: skip
-    applied = log.metadata["calibration"]
+    applied = log.metadata["correction"]
     assert applied["source_sha256"] == sha256_of_file(folder / "other.csv")
     assert json.loads(applied["json"])["unit"]["serial"] == "S7"
     # the first rest, 20 s: what is left is what the sigmas say
