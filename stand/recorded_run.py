@@ -162,7 +162,12 @@ class _Run:
         moving = [step.label for step, rests in steps if not rests.all()]
         rate = self.settings.rate_hz
         collector = DwellCollector(
-            self.plan.stretches, rate, moving, self.folder, moves=follows_moves(self.settings)
+            self.plan.stretches,
+            rate,
+            moving,
+            self.folder,
+            moves=follows_moves(self.settings),
+            stand=self.simulation.encoders_of,
         )
         waiting: list[Future[None]] = []
         done, total, steps_over = 0, self.simulation.total, 0

@@ -15,6 +15,7 @@ from alignment.readings import EDGE, JointAngles
 from alignment.sampling import bursts, evened, repeats
 from stand.errors import StandError, located
 from stand.evaluation.score import Refusal, Truths
+from stand.physics.mjcf import describe, load_model
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
 from stand.recording.entrance import OpenLog, Progress, open_log, unseen
 from stand.recording.log_form import LogForm
@@ -34,6 +35,7 @@ from stand.recording.named_stretches import StretchesEntry
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
 from stand.table.joints import JOINTS
 from stand.table.kinematics import C_NW
+from stand.table.leanings import joints_read
 
 SERVO = "servo"  # motion of a recording whose joints followed the plan as motors do
 NAMED = 5  # stretches that were not reached: more are counted
@@ -301,9 +303,7 @@ def _stood(dwell: Dwell, encoders: Encoders) -> JointAngles | None:
         return None
     t = dwell.window().t
     angles = np.array([encoders.angle(joint, t).mean() for joint in JOINTS])
-    if dwell.joints.going_round >= 0:
-        angles[dwell.joints.going_round] = 0.0
-    return JointAngles(angles, dwell.joints.going_round)
+    return joints_read(describe(load_model()), angles, dwell.joints.going_round)
 
 
 def _true_attitude(truth: TruthLog, origin: int, t: float) -> Rotation:

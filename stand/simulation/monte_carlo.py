@@ -93,12 +93,22 @@ class Trials:
     def _simulated(self, settings: Settings) -> Readings:
         if self._blocks:
             imu = self._imu(settings)
-            collector = DwellCollector(self.plan.stretches, settings.rate_hz, moves=self._moves)
+            collector = DwellCollector(
+                self.plan.stretches,
+                settings.rate_hz,
+                moves=self._moves,
+                stand=self._first.encoders_of,
+            )
             for block in self._blocks:
                 collector.add(block.truth, imu.report(block.sensed))
             return collector.finish(self._begins)
         simulation = Simulation(settings)
-        collector = DwellCollector(simulation.plan.stretches, settings.rate_hz, moves=self._moves)
+        collector = DwellCollector(
+            simulation.plan.stretches,
+            settings.rate_hz,
+            moves=self._moves,
+            stand=simulation.encoders_of,
+        )
         keep = self._same and simulation.total <= KEPT
         for block in simulation.blocks():
             collector.add(block.truth, block.readings)
