@@ -22,7 +22,10 @@ from stand.toml_files import ids
 
 RUNS = 4
 TURNING_HZ = 20  # of a base that rocks and a table that turns: a sample is to be less than 0.2 rad
-TURNING = {"carousel", "random-sway", "scorsby", "rate-sweep"}
+TURNING = {
+    *("carousel", "random-sway", "scorsby", "rate-sweep"),
+    *("rate-steps", "spins", "calibration-full"),
+}
 LONGEST_S = 300.0  # of a generated rest
 
 
