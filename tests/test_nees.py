@@ -29,7 +29,14 @@ TURNING = {
 LONGEST_S = 300.0  # of a generated rest
 
 
-RUNS_OF = {"six-position-published": 8, "scorsby": 1, "random-sway": 1, "rate-sweep": 1}
+RUNS_OF = {
+    "six-position-published": 8,
+    "scorsby": 1,
+    "random-sway": 1,
+    "rate-sweep": 1,
+    **dict.fromkeys(("tumble-6", "tumble-12", "tumble-24", "rate-steps", "spins"), 1),
+    "calibration-full": 1,
+}
 
 
 def short(procedure, imu):
