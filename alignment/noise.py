@@ -14,6 +14,7 @@ from alignment.arrays import Array
 from alignment.doubts import drift_doubt, drift_words
 from alignment.errors import NotAtRest, TooShort
 from alignment.readings import Dwell, ImuReadings
+from alignment.rounding import rounding_variance
 from alignment.sampling import step_of
 
 # least Allan deviation of flicker noise over its bias instability: sqrt(2 ln 2 / pi), with the
@@ -83,9 +84,10 @@ def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
 
 
 def dwell_mean_and_variance(dwell: Dwell) -> tuple[Array, Array]:
-    """Means (6,) of a dwell and their variances, with what the record around it drifts by."""
-    means, variances = mean_and_variance(dwell.window())
-    return means, variances + around_variance(dwell)
+    """Means (6,) of a dwell and their variances, rounding and the drift around it included."""
+    readings = dwell.window()
+    means, variances = mean_and_variance(readings)
+    return means, variances + around_variance(dwell) + rounding_variance(readings)
 
 
 def around_variance(dwell: Dwell) -> Array:

@@ -9,6 +9,8 @@ from alignment import Dwell, ImuReadings, Turn
 from alignment.arrays import Array
 from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE
+from stand.imu import ImuSpec
+from stand.imu.grains import known_readings
 from stand.motion.plan import PlannedStep
 from stand.samples import ImuBlock, TruthBlock
 from stand.table.kinematics import C_NW
@@ -31,13 +33,18 @@ class TrueAttitudes(list[Rotation]):
 class DwellCollector:
     """Keeps the samples that lie wholly within a stretch, and the true attitude at its end.
 
-    Of the stretches labelled in `moving` the true attitude is kept for every sample.
+    Of the stretches labelled in `moving` the true attitude is kept for every sample. The readings
+    know what the sheet of the unit `imu` states of them.
     """
 
     def __init__(
-        self, stretches: Sequence[PlannedStep], rate_hz: int, moving: Collection[str] = ()
+        self,
+        stretches: Sequence[PlannedStep],
+        rate_hz: int,
+        moving: Collection[str] = (),
+        imu: ImuSpec | None = None,
     ) -> None:
-        self._steps, self._rate = stretches, rate_hz
+        self._steps, self._rate, self._imu = stretches, rate_hz, imu
         self._ranges = [ticks_of(step, rate_hz) for step in stretches]
         self._t = [np.empty(b - a) for a, b in self._ranges]
         self._w = [np.empty((b - a, 3)) for a, b in self._ranges]
@@ -112,6 +119,8 @@ class DwellCollector:
                 array.flags.writeable = False  # so that the readings need no copies
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
             readings = ImuReadings(t, w, f)
+            if self._imu is not None:
+                readings = known_readings(readings, self._imu, self._rate)
             dwells.append(
                 Dwell(
                     label=step.label,
