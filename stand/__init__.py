@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from stand.api import (
         align,
         allan,
+        apply,
+        calibrate,
         campaign,
         catalogue,
         compare,
@@ -39,6 +41,8 @@ __all__ = [
     "__version__",
     "align",
     "allan",
+    "apply",
+    "calibrate",
     "campaign",
     "catalogue",
     "compare",

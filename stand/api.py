@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Never
 
 if TYPE_CHECKING:
+    from stand.calibration.file import CalibrationRecord
     from stand.imu import ImuSpec
     from stand.imu.unit import Unit
     from stand.recording.log import Log
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from stand.results.aligned import Aligned
     from stand.results.analysed import Analysed
     from stand.results.beside import Beside
+    from stand.results.calibrated import Calibrated
     from stand.results.campaigned import Campaigned
     from stand.results.compared import Compared
     from stand.results.driven import Driven
@@ -302,6 +304,7 @@ def align(
     height_m: float | None = None,
     sequences: str | None = None,
     windows_s: Sequence[float] = (),
+    calibration: Named | CalibrationRecord | None = None,
 ) -> Aligned:
     """Estimate the attitude from recordings: several are several dwells of one unit.
 
@@ -320,6 +323,8 @@ def align(
     windows_s : sequence of float, optional
         Lengths of windows [s] into which every stretch is cut too: how their estimates scatter,
         beside the sigma stated.
+    calibration : path or of `stand.calibrate`, optional
+        Of the unit: taken out of the readings, its sigmas in place of the data sheet's.
 
     Returns
     -------
@@ -358,8 +363,153 @@ def align(
         height_m=height_m,
         sequences=sequences,
         windows_s=windows_s,
+        calibration=calibration,
     )
     return shown(Aligned, found)
+
+
+def calibrate(
+    recordings: Log | Simulated | Named | Sequence[Log | Simulated | Named],
+    *,
+    hand_held: bool = False,
+    imu: str | ImuSpec | None = None,
+    gravity_m_s2: float | None = None,
+    gravity_sigma_m_s2: float | None = None,
+    latitude_deg: float | None = None,
+    height_m: float | None = None,
+    shortest_s: float = 1.0,
+    as_published: bool = False,
+    axes: str = "",
+    serial: str = "",
+) -> Calibrated:
+    """Find a unit's constant errors, with a sigma of each and what it is made of.
+
+    Parameters
+    ----------
+    recordings : Recording, Simulated, path, or several of them
+    hand_held : bool
+        Without a table: a unit that was turned by hand from rest to rest; rests are found.
+    imu : str or ImuSpec, optional
+        Unit whose data sheet says what is known before; without it nothing is.
+    gravity_m_s2, gravity_sigma_m_s2 : float, optional
+        As measured; else normal gravity of the site, which is good to 30 mGal.
+    latitude_deg, height_m : float, optional
+        Of the site; else as recorded.
+    shortest_s : float
+        Of a rest.
+    as_published : bool
+        The published hand-held method to the letter.
+    axes : str
+        With which the log was read, for the record.
+    serial : str
+        Of the unit, for the record.
+
+    Returns
+    -------
+    Calibrated
+        ``calibration``: parameters, covariance, null space, what was left out; ``errors`` where
+        the truth is known.
+
+    Raises
+    ------
+    StandError
+        An argument is not allowed; the readings do not tell.
+
+    Examples
+    --------
+    >>> import stand
+    >>> run = stand.simulate(stand.settings("two-position", imu="stim300", rate_hz=20))
+    >>> stand.calibrate(run, hand_held=True)
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: ...: 2 rests in 600 s: at least 9 are needed, ...
+    """
+    from stand.calibration.by_hand import by_hand
+    from stand.errors import StandError
+    from stand.report.notebook import shown
+    from stand.results.calibrated import Calibrated
+
+    several = isinstance(recordings, (list, tuple))
+    logs = [_log(one) for one in (recordings if several else [recordings])]
+    if not hand_held:
+        raise StandError("hand_held = False: must be True, for logs without a table")
+    found = by_hand(
+        logs,
+        imu=imu,
+        gravity=gravity_m_s2,
+        gravity_sigma=gravity_sigma_m_s2,
+        latitude_deg=latitude_deg,
+        height_m=height_m,
+        shortest_s=shortest_s,
+        as_published=as_published,
+        axes=axes,
+        serial=serial,
+    )
+    return shown(Calibrated, found)
+
+
+def apply(
+    calibration: Named | CalibrationRecord,
+    recording: Named,
+    out: Named,
+    *,
+    form: LogForm | None = None,
+    topic: str | None = None,
+    temperature_C: float | None = None,
+    force: bool = False,
+    progress: Progress = _quiet,
+) -> Recording:
+    """Take a unit's errors out of a log, and write what is left as an MCAP.
+
+    Parameters
+    ----------
+    calibration : path or of `stand.calibrate`
+    recording : path
+        A log of any kind, of this unit.
+    out : path
+        The MCAP to write, with the calibration and the hashes of both in its metadata.
+    form : stand.LogForm, optional
+        As of `stand.read`.
+    topic : str, optional
+        Of the IMU, where there are several.
+    temperature_C : float, optional
+        Of the unit, where the calibration has terms of temperature.
+    force : bool
+        Replace what is there.
+    progress : callable
+        Told the part read, 0 to 1.
+
+    Returns
+    -------
+    Recording
+        The corrected log, as `stand.read` gives it.
+
+    Raises
+    ------
+    StandError
+        `out` is there; the log or the calibration is not right, or not of this unit.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.apply("none.json", "log.mcap", "corrected.mcap")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: none.json: cannot read this calibration: No such file or directory
+    """
+    from stand.calibration.corrected import applied
+
+    applied(
+        calibration,
+        _path(recording),
+        _path(out),
+        form,
+        topic=topic,
+        temperature_C=temperature_C,
+        force=force,
+        progress=progress,
+    )
+    return read(out)
 
 
 def _log(recording: object) -> Log:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stand.cli.align import align, allan, import_log
+from stand.cli.calibrate import apply, calibrate
 from stand.cli.campaign import campaign
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
 from stand.cli.progress import Stopped
@@ -41,6 +42,8 @@ COMMANDS = {
     "run": run,
     "drive": drive,
     "align": align,
+    "calibrate": calibrate,
+    "apply": apply,
     "compare": compare,
     "rehearse": rehearse,
     "campaign": campaign,
