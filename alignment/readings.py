@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
 from alignment.errors import TooShort
+from alignment.parts import parts, release
 
 EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
 
@@ -47,12 +48,16 @@ class ImuReadings:
             w_ib_b=(self.w_ib_b, (n, 3), float),
             f_b=(self.f_b, (n, 3), float),
         )
-        back = np.flatnonzero(self.t[1:] <= self.t[:-1])
-        if len(back):
-            k = int(back[0]) + 1
-            raise ValueError(
-                f"t: sample {k} at {self.t[k]:.9f} s does not come after {self.t[k - 1]:.9f} s"
-            )
+        for rows in parts(n):
+            here = self.t[max(0, rows.start - 1) : rows.stop]
+            back = np.flatnonzero(here[1:] <= here[:-1])
+            if len(back):
+                before, after = here[back[0]], here[back[0] + 1]
+                k = max(0, rows.start - 1) + int(back[0]) + 1
+                raise ValueError(
+                    f"t: sample {k} at {after:.9f} s does not come after {before:.9f} s"
+                )
+            release(self.t)
 
     def __len__(self) -> int:
         return len(self.t)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alignment.arrays import Array, IntArray
+from alignment.parts import excerpts
 
 SHORT = 0.5  # of the mean step: less between two stamps is a burst
 BURSTS = 0.05  # of all steps that must be so short, and as many that make up for it
@@ -18,7 +19,6 @@ OFTEN = 1.3  # rows that must stand so many times on average
 FEWEST_RUNS = 32  # below which repeats may be chance
 FINEST = 1e-6  # of the span of values: finer is no step, or one that matters to nobody
 CHANGES = 8  # of a value, below which there is no telling what it is rounded to
-ENOUGH = 1 << 18  # values that show a step, or their median, as well as those of a longer record
 UNEVEN = 0.02  # of a step that differences of values may be off its multiples
 
 
@@ -81,18 +81,14 @@ def repeats(values: Array) -> IntArray | None:
     return starts if share >= ALIKE else None
 
 
-def some_of(values: Array) -> Array:
-    """Values (n,), or evenly spaced ones of more than `ENOUGH`."""
-    return values[:: (len(values) // ENOUGH) | 1]  # odd: what alternates is seen
-
-
 def step_of(values: Array) -> float:
     """The step of rounded values (n,), which are multiples of it but for an offset; 0: none.
 
-    Values that hardly change show none: one change may be anything. Of more than `ENOUGH` values
-    evenly spaced ones are looked at: a step that they do not show is finer than 1e-5 of the spread.
+    Values that hardly change show none: one change may be anything. Of more than `parts.MOST`
+    excerpts serve.
     """
-    values = some_of(values)
+    pieces = excerpts(values)
+    values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
     levels = np.unique(values)
     if len(levels) > len(values) / 2 or np.count_nonzero(np.diff(values)) < CHANGES:
         return 0.0

@@ -15,7 +15,13 @@ DOORS = {
     "rosbags": ("stand.recording.mcap.bag",),
     "pyulog": ("stand.recording.formats.ulog",),
     "h5py": ("stand.recording.formats.hdf5",),
-    "pyarrow": ("stand.recording.formats.parquet", "stand.recording.export"),
+    "pyarrow": (
+        "stand.recording.formats.parquet",
+        "stand.recording.export",
+        "stand.campaigns.results",
+    ),
+    "dask": ("stand.simulation.cluster",),
+    "distributed": ("stand.simulation.cluster",),
     "rerun": ("stand.recording.review", "stand.recording.viewer"),
     "ruckig": ("stand.motion.moves",),
     "typer": ("stand.cli",),
@@ -37,12 +43,13 @@ STOREYS = (
         "columns",
         "folder",
         "samples",
+        "room",
         "table",
         "procedure",
         "imu",
     ),
     ("motion", "physics", "vehicle", "simulation"),
-    ("recording", "evaluation", "rehearsal"),
+    ("recording", "evaluation", "rehearsal", "campaigns", "calibration"),
     ("report", "recorded_run", "recorded_drive", "recovered", "api", "results", "cli", "__main__"),
 )
 
@@ -312,6 +319,7 @@ def test_alignment_stands_on_arrays_alone():
         ("stand/recorded_run.py", "from mcap.reader import make_reader", "recording.mcap may"),
         ("stand/recording/foreign.py", "import rerun as rr", "viewer may"),
         ("stand/evaluation/score.py", "from stand import cli", "nobody imports the command line"),
+        ("stand/campaigns/campaign.py", "import distributed", "only stand.simulation.cluster may"),
     ],
 )
 def test_each_breach_is_seen(tmp_path, file, line, said):

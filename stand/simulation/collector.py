@@ -1,6 +1,7 @@
 """Readings sorted by stretch (dwells, turns at constant rate) as a run streams."""
 
 from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -10,6 +11,7 @@ from alignment.arrays import Array
 from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE
 from stand.motion.plan import PlannedStep
+from stand.room import Room
 from stand.samples import ImuBlock, TruthBlock
 from stand.table.kinematics import C_NW
 
@@ -31,34 +33,51 @@ class TrueAttitudes(list[Rotation]):
 class DwellCollector:
     """Keeps the samples that lie wholly within a stretch, and the true attitude at its end.
 
-    Of the stretches labelled in `moving` the true attitude is kept for every sample.
+    Of the stretches labelled in `moving` the true attitude is kept for every sample. What is too
+    much for memory lies in a file in `folder`, see `Room`.
     """
 
     def __init__(
-        self, stretches: Sequence[PlannedStep], rate_hz: int, moving: Collection[str] = ()
+        self,
+        stretches: Sequence[PlannedStep],
+        rate_hz: int,
+        moving: Collection[str] = (),
+        folder: Path | None = None,
     ) -> None:
         self._steps, self._rate = stretches, rate_hz
         self._ranges = [ticks_of(step, rate_hz) for step in stretches]
-        self._t = [np.empty(b - a) for a, b in self._ranges]
-        self._w = [np.empty((b - a, 3)) for a, b in self._ranges]
-        self._f = [np.empty((b - a, 3)) for a, b in self._ranges]
-        self._angle = [
-            np.empty(0 if step.turning is None else b - a)
-            for step, (a, b) in zip(stretches, self._ranges, strict=True)
+        moving = set(moving)
+        lengths = [b - a for a, b in self._ranges]
+        angles = [
+            0 if step.turning is None else n for step, n in zip(stretches, lengths, strict=True)
         ]
-        self._q_wb: list[Array | None] = [None] * len(stretches)
-        self._squares = np.zeros((len(stretches), 4, 4))
-        self._all_q_wb = {
-            step.label: np.empty((b - a, 4))
-            for step, (a, b) in zip(stretches, self._ranges, strict=True)
+        attitudes = {
+            step.label: n
+            for step, n in zip(stretches, lengths, strict=True)
             if step.label in moving
         }
+        room = 7 * sum(lengths) + sum(angles) + 4 * sum(attitudes.values())
+        self._room = Room(room * np.float64().nbytes, folder)
+        self._t = [self._room.array((n,)) for n in lengths]
+        self._w = [self._room.array((n, 3)) for n in lengths]
+        self._f = [self._room.array((n, 3)) for n in lengths]
+        self._angle = [self._room.array((n,)) for n in angles]
+        self._q_wb: list[Array | None] = [None] * len(stretches)
+        self._squares = np.zeros((len(stretches), 4, 4))
+        self._all_q_wb = {label: self._room.array((n, 4)) for label, n in attitudes.items()}
+        self._begins = {step.label: a for step, (a, _) in zip(stretches, self._ranges, strict=True)}
         self._tick = 0  # samples seen so far
+        self._first = 0  # stretches that were over then
 
     def add(self, truth: TruthBlock, imu: ImuBlock) -> None:
         """Take the next block."""
         start, stop = self._tick, self._tick + len(truth)
-        for k, (first, last) in enumerate(self._ranges):
+        while self._first < len(self._ranges) and self._ranges[self._first][1] <= start:
+            self._first += 1
+        for k in range(self._first, len(self._ranges)):
+            first, last = self._ranges[k]
+            if first >= stop:
+                break  # stretches follow one another
             a, b = max(first, start), min(last, stop)
             if a >= b:
                 continue
@@ -77,16 +96,23 @@ class DwellCollector:
             if b == last:
                 self._q_wb[k] = truth.q_wb[b - 1 - start]
         self._tick = stop
+        self._room.written()
 
     def true_at(self, label: str, t: Array) -> Rotation | None:
         """``C_nb`` at times (m,) [s] of a moving stretch; None at rest."""
         if label not in self._all_q_wb:
             return None
-        step = next(step for step in self._steps if step.label == label)
-        first, _ = ticks_of(step, self._rate)
-        q_wb = self._all_q_wb[label]
-        times = (first + 1 + np.arange(len(q_wb))) / self._rate
-        return C_NW * turned_evenly(times, q_wb, t)
+        q_wb, first = self._all_q_wb[label], self._begins[label]
+
+        def times(rows: Array) -> Array:
+            return (first + 1 + rows) / self._rate
+
+        after = np.ceil(t * self._rate).astype(int) - (first + 1)
+        after -= times(after - 1) >= t  # where the product was rounded
+        after += times(after) < t
+        after = np.clip(after, 1, len(q_wb) - 1)
+        rows = np.unique(np.concatenate([after - 1, after]))  # of hours few are asked for
+        return C_NW * turned_evenly(times(rows), q_wb[rows], t)
 
     def finish(
         self, begins: Mapping[str, float | None] | None = None
@@ -100,16 +126,17 @@ class DwellCollector:
         the table had not settled; None: it never settled, and is left out.
         """
         dwells, attitudes, means = [], [], []
-        for step, q_wb, squares in zip(self._steps, self._q_wb, self._squares, strict=True):
-            columns = [c.pop(0) for c in (self._t, self._w, self._f, self._angle)]
-            first, last = self._ranges.pop(0)
+        kept = zip(self._t, self._w, self._f, self._angle, strict=True)
+        self._t = self._w = self._f = self._angle = []
+        ends = zip(self._steps, self._ranges, self._q_wb, self._squares, strict=True)
+        for (step, (first, last), q_wb, squares), columns in zip(ends, kept, strict=True):
+            for array in columns:
+                array.flags.writeable = False  # so that the readings need no copies
             t_from = (begins or {}).get(step.label, step.steady_from)
             cut = last if t_from is None else int(np.ceil((t_from - EDGE) * self._rate)) - first
             if t_from is None or cut >= last - first - 1:
                 continue
-            t, w, f, angle = (c[cut:].copy() if cut else c for c in columns)
-            for array in (t, w, f, angle):
-                array.flags.writeable = False  # so that the readings need no copies
+            t, w, f, angle = (column[cut:] if cut else column for column in columns)
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
             readings = ImuReadings(t, w, f)
             dwells.append(
