@@ -14,6 +14,7 @@ import typer
 
 from stand.cli.align import align, allan, import_log
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
+from stand.cli.film import film, picture
 from stand.cli.progress import Stopped
 from stand.cli.review import recover, report, view
 from stand.cli.run import drive, run
@@ -48,6 +49,8 @@ COMMANDS = {
     "allan": allan,
     "stretches": stretches,
     "report": report,
+    "film": film,
+    "picture": picture,
     "recover": recover,
     "check-imu": check_imu,
     "check-table": check_table,
