@@ -13,6 +13,7 @@ import numpy as np
 from alignment.arrays import Array
 from alignment.doubts import drift_doubt, drift_words
 from alignment.errors import NotAtRest, TooShort
+from alignment.parts import excerpts, mean, parts, release, sums_between
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import rounding_variance
 from alignment.sampling import step_of
@@ -46,8 +47,7 @@ def block_means(values: Array, blocks: int) -> Array:
     if n < blocks:
         raise TooShort(f"{n} samples: at least {blocks} are needed")
     edges = np.arange(blocks + 1) * n // blocks
-    sums = np.add.reduceat(values, edges[:-1], axis=0)
-    return sums / np.diff(edges)[:, None]
+    return sums_between(values, edges) / np.diff(edges)[:, None]
 
 
 def mean_variance(values: Array) -> Array:
@@ -79,15 +79,14 @@ def mean_variance(values: Array) -> Array:
 def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     """Means (6,) of rates and forces, and the variances (6,) of those means, as `mean_variance`."""
     values = readings.w_ib_b, readings.f_b
-    means = np.concatenate([v.mean(axis=0) for v in values])
+    means = np.concatenate([mean(v) for v in values])
     return means, np.concatenate([mean_variance(v) for v in values])
 
 
-def dwell_mean_and_variance(dwell: Dwell) -> tuple[Array, Array]:
-    """Means (6,) of a dwell and their variances, rounding and the drift around it included."""
-    readings = dwell.window()
-    means, variances = mean_and_variance(readings)
-    return means, variances + around_variance(dwell) + rounding_variance(readings)
+def dwell_mean_and_variance(dwell: Dwell, window: ImuReadings) -> tuple[Array, Array]:
+    """Means (6,) of a dwell's `window` and their variances: noise, rounding, drift around it."""
+    means, variances = mean_and_variance(window)
+    return means, variances + around_variance(dwell) + rounding_variance(window)
 
 
 def around_variance(dwell: Dwell) -> Array:
@@ -168,7 +167,7 @@ def _sums(values: Array) -> tuple[Array, np.ndarray]:
     """Sums (m, k) of values less their mean over blocks between edges (m + 1,) [samples]."""
     n, m = len(values), min(len(values), _FINE)
     edges = np.arange(m + 1) * n // m
-    total = np.add.reduceat(values, edges[:-1], axis=0)
+    total = sums_between(values, edges)
     lengths = np.diff(edges)[:, None]
     return total - lengths * (total.sum(axis=0) / n), edges
 
@@ -240,12 +239,20 @@ def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
 
 def gap_doubt(readings: ImuReadings) -> tuple[str, ...]:
     """A flag where a step between stamps is above ten times the usual one."""
-    steps = np.diff(readings.t)
-    longest = int(np.argmax(steps))
-    gap = float(steps[longest])
-    if gap <= GAP * np.median(steps, overwrite_input=True):  # an hour's steps need no copy
+    t, gap, before, shortest = readings.t, 0.0, 0.0, np.inf
+    for rows in parts(len(t)):
+        steps = np.diff(t[rows.start : rows.stop + 1])
+        longest = int(np.argmax(steps)) if len(steps) else -1
+        if longest >= 0 and steps[longest] > gap:
+            gap, before = float(steps[longest]), float(t[rows.start + longest])
+        shortest = min(shortest, float(steps.min(initial=np.inf)))
+        release(t)
+    if gap <= GAP * shortest:  # and so of the median, which takes its time
         return ()
-    return (f"gap of {gap:.3g} s after {readings.t[longest]:.3f} s",)
+    some = np.concatenate([np.diff(excerpt) for excerpt in excerpts(t)])
+    if gap <= GAP * np.median(some, overwrite_input=True):  # an hour's steps need no copy
+        return ()
+    return (f"gap of {gap:.3g} s after {before:.3f} s",)
 
 
 def check_at_rest(dwell: Dwell) -> None:
@@ -275,6 +282,8 @@ def check_rest(readings: ImuReadings, label: str) -> None:
         raise NotAtRest(f"{label}: specific force is zero: falling, or no accelerometers")
     tilts = np.arctan2(np.linalg.norm(np.cross(f, mean_f), axis=1), f @ mean_f)
     rates = np.linalg.norm(w - w.mean(axis=0), axis=1)
+    if tilts.max() <= REST_TILT and rates.max() <= REST_RATE:  # whatever the noise would excuse
+        return
     tilt = max(REST_TILT, _scatter(readings.f_b, f) / size)
     rate = max(REST_RATE, _scatter(readings.w_ib_b, w))
     span = readings.interval * len(readings) / blocks
@@ -329,8 +338,9 @@ def _scatter(values: Array, means: Array) -> float:
     if len(values) < 3:
         return 0.0
     per_block = len(values) / len(means)
-    second = np.abs(np.diff(values, 2, axis=0))
-    sigma = 1.4826 / np.sqrt(6 * per_block) * np.median(second, axis=0)
+    second = np.concatenate([np.diff(some, 2, axis=0) for some in excerpts(values)])
+    np.abs(second, out=second)
+    sigma = 1.4826 / np.sqrt(6 * per_block) * np.median(second, axis=0, overwrite_input=True)
     if len(means) >= FEWEST_BLOCKS:
         jumps = np.abs(np.diff(means, axis=0))
         sigma = np.minimum(sigma, 1.4826 / np.sqrt(2) * np.median(jumps, axis=0))

@@ -107,9 +107,11 @@ class Options:
     """What a person may choose.
 
     `offset_window` [s]: how much of each dwell gives the zero offsets. `rule`: which order of
-    turns each position is read by. `priors`: what is known of instrument and table.
+    turns each position is read by. `priors`: what is known of instrument and table. `bench`: what a
+    calibration is told instead, an `alignment.calibration.bench.Bench`.
     """
 
     offset_window: float = 10.0
     rule: SequenceRule = SequenceRule.REGULAR
     priors: Priors = field(default_factory=Priors)
+    bench: object | None = field(default=None, repr=False)

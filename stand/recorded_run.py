@@ -160,8 +160,9 @@ class _Run:
         """Samples block by block into both recordings and the stretches."""
         steps = zip(self.plan.steps, self.plan.rests, strict=True)
         moving = [step.label for step, rests in steps if not rests.all()]
+        known = self.settings
         collector = DwellCollector(
-            self.plan.stretches, self.settings.rate_hz, moving, self.settings.unit
+            self.plan.stretches, known.rate_hz, moving, self.folder, imu=known.unit
         )
         waiting: list[Future[None]] = []
         done, total, steps_over = 0, self.simulation.total, 0

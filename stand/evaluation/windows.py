@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Priors, Site, Turn
 from alignment.arrays import Array
@@ -226,7 +226,7 @@ def _summed(
         for quantity, values, sigmas in _quantities(members):
             n, scatter = len(values), _spread(values)
             low, high = (
-                scatter * np.sqrt((n - 1) / chi2.ppf([1 - TAIL, TAIL], n - 1))
+                scatter * np.sqrt((n - 1) / chdtri(n - 1, [TAIL, 1 - TAIL]))
                 if n > 1
                 else (np.nan, np.nan)
             )

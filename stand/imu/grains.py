@@ -9,8 +9,14 @@ from stand.imu.preset import ImuSpec, TriadSpec
 
 
 def known_readings(readings: ImuReadings, imu: ImuSpec, rate_hz: float) -> ImuReadings:
-    """The readings with the full scale and the rounding that the unit's sheet states."""
-    return replace(readings, ranges=imu.ranges, grains=grains_of(imu, rate_hz))
+    """The readings with what the unit's sheet states of them."""
+    ranges, grains = stated_of(imu, rate_hz)
+    return replace(readings, ranges=ranges, grains=grains)
+
+
+def stated_of(imu: ImuSpec, rate_hz: float) -> tuple[tuple[float, float], tuple[Grain, Grain]]:
+    """Full scale and rounding, as fields of `ImuReadings`."""
+    return imu.ranges, grains_of(imu, rate_hz)
 
 
 def grains_of(imu: ImuSpec, rate_hz: float) -> tuple[Grain, Grain]:
