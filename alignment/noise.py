@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from alignment.arrays import Array
-from alignment.doubts import drift_doubt
+from alignment.doubts import drift_doubt, drift_words
 from alignment.errors import NotAtRest, TooShort
 from alignment.parts import excerpts, mean, parts, release, sums_between
 from alignment.readings import Dwell, ImuReadings
@@ -25,6 +25,7 @@ _FINE = 4096  # blocks from which waves are summed: fewer would fold jitter down
 _ORDERS = 20  # periods of a record below which noise counts for its mean
 _FAR_LESS = 0.35  # of the whole: chance makes that of the lower half of orders in 2 of 1000
 _DRIFT_ORDERS = 8
+_WHOLE = 0.98  # part of a record from which a dwell is all of it
 _DRIFTS = 15.0  # mean F (1, 10 degrees of freedom) of three axes: 1 in 10 000 records of noise
 
 GAP = 10.0  # usual steps: a longer one is a gap
@@ -79,6 +80,52 @@ def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     values = readings.w_ib_b, readings.f_b
     means = np.concatenate([mean(v) for v in values])
     return means, np.concatenate([mean_variance(v) for v in values])
+
+
+def dwell_mean_and_variance(dwell: Dwell) -> tuple[Array, Array]:
+    """Means (6,) of a dwell and their variances, with what the record around it drifts by."""
+    means, variances = mean_and_variance(dwell.window())
+    return means, variances + around_variance(dwell)
+
+
+def around_variance(dwell: Dwell) -> Array:
+    """Variance (6,) of a dwell's means by a drift that only the record it is cut from shows.
+
+    Notes
+    -----
+    Of a record at rest that drifts steadily by D from end to end, windows that are a part p of it
+    have means that are spread evenly over ``(1 - p) D``: variance ``((1 - p) D)^2/12``. Zeros where
+    the record moves, or is the dwell.
+    """
+    drift, part = drift_around(dwell)
+    return np.asarray(((1 - part) * drift) ** 2 / 12)
+
+
+def drift_around(dwell: Dwell) -> tuple[Array, float]:
+    """How far the record that a dwell is cut from drifts (6,) at rest, and the dwell's part of it.
+
+    Zeros where the record moves, or is the dwell.
+    """
+    part = len(dwell.window()) / len(dwell.readings)
+    return (np.zeros(6) if part > _WHOLE else _drift_at_rest(dwell.readings)), part
+
+
+def around_doubt(dwell: Dwell) -> tuple[str, ...]:
+    """A flag where a dwell's record drifts."""
+    drift, _ = drift_around(dwell)
+    if not drift.any():
+        return ()
+    return (f"the record around it drifts, {drift_words(drift[:3], drift[3:])}: counted",)
+
+
+@lru_cache(maxsize=1)  # the windows of one record ask one after the other
+def _drift_at_rest(readings: ImuReadings) -> Array:
+    """How far rates and forces (6,) drift from end to end; zeros of a record that moves."""
+    try:
+        check_rest(readings, "")
+    except NotAtRest:
+        return np.zeros(6)
+    return np.concatenate([drift_of(readings.w_ib_b), drift_of(readings.f_b)])
 
 
 def integral_variance(values: Array) -> Array:
@@ -191,13 +238,16 @@ def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
 
 def gap_doubt(readings: ImuReadings) -> tuple[str, ...]:
     """A flag where a step between stamps is above ten times the usual one."""
-    t, gap, before = readings.t, 0.0, 0.0
+    t, gap, before, shortest = readings.t, 0.0, 0.0, np.inf
     for rows in parts(len(t)):
         steps = np.diff(t[rows.start : rows.stop + 1])
         longest = int(np.argmax(steps)) if len(steps) else -1
         if longest >= 0 and steps[longest] > gap:
             gap, before = float(steps[longest]), float(t[rows.start + longest])
+        shortest = min(shortest, float(steps.min(initial=np.inf)))
         release(t)
+    if gap <= GAP * shortest:  # and so of the median, which takes its time
+        return ()
     some = np.concatenate([np.diff(excerpt) for excerpt in excerpts(t)])
     if gap <= GAP * np.median(some, overwrite_input=True):  # an hour's steps need no copy
         return ()
@@ -231,6 +281,8 @@ def check_rest(readings: ImuReadings, label: str) -> None:
         raise NotAtRest(f"{label}: specific force is zero: falling, or no accelerometers")
     tilts = np.arctan2(np.linalg.norm(np.cross(f, mean_f), axis=1), f @ mean_f)
     rates = np.linalg.norm(w - w.mean(axis=0), axis=1)
+    if tilts.max() <= REST_TILT and rates.max() <= REST_RATE:  # whatever the noise would excuse
+        return
     tilt = max(REST_TILT, _scatter(readings.f_b, f) / size)
     rate = max(REST_RATE, _scatter(readings.w_ib_b, w))
     span = readings.interval * len(readings) / blocks

@@ -68,6 +68,9 @@ def repeats(values: Array) -> IntArray | None:
     runs of like rows are then of one length, or of two that follow one another, which runs of
     coarsely rounded values are not.
     """
+    first = np.count_nonzero(values[1:, 0] != values[:-1, 0])
+    if first > 1 and len(values) < OFTEN * (first - 1):  # rows change at least as often
+        return None
     changed = np.any(values[1:] != values[:-1], axis=1)
     starts = np.concatenate([[0], np.flatnonzero(changed) + 1])
     runs = np.diff(starts)[1:]
