@@ -54,6 +54,7 @@ _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from no
 _WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarked
 _WANDER_LIMIT = 10.0  # sigmas that are refused, where the instrument also moves by this:
 _WANDER_SPEED = 0.1  # m/s
+_CHUNK = 8192  # blocks at once
 _TRACK_POINTS = 200  # of a track: each is a match of the record so far
 
 
@@ -325,10 +326,8 @@ def functional_covariance(
         if sigma > 0:
             J = sigma * (part @ turned).sum(axis=0)
             covariance = covariance + J @ J.T
-    spans = carried.spans[:, None]
-    columns = constant_columns(carried.dtheta / spans, carried.dv / spans, priors)
-    if columns.shape[-1]:
-        J = (gyro @ turned @ columns[:, :3] + accel @ turned @ columns[:, 3:]).sum(axis=0)
+    J = _per_constant(gyro, accel, turned, carried, priors)
+    if J.shape[-1]:
         covariance = covariance + J @ J.T
     drift = _drift(carried)
     for part, sigma in ((gyro, priors.gyro_instability), (accel, priors.accel_instability)):
@@ -336,6 +335,23 @@ def functional_covariance(
             J = sigma * (drift * (part @ turned)).sum(axis=0)
             covariance = covariance + J @ J.T
     return np.asarray(covariance)
+
+
+def _per_constant(
+    gyro: Array, accel: Array, turned: Array, carried: Carried, priors: Priors
+) -> Array:
+    """Functionals (k, c) per constant error of one sigma, other than biases."""
+    spans = carried.spans[:, None]
+    total: Array | None = None
+    for first in range(0, len(spans), _CHUNK):  # a column is as long as the record
+        own = slice(first, first + _CHUNK)
+        w, f = carried.dtheta[own] / spans[own], carried.dv[own] / spans[own]
+        columns = constant_columns(w, f, priors)
+        felt = gyro[own] @ turned[own] @ columns[:, :3] + accel[own] @ turned[own] @ columns[:, 3:]
+        before = [] if total is None else [total[None]]
+        total = np.add.reduce(np.concatenate([*before, felt]))
+    assert total is not None
+    return np.asarray(total)
 
 
 def _drift(carried: Carried) -> Array:
