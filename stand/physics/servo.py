@@ -161,13 +161,18 @@ class _Controls(NamedTuple):
 
 
 class _Stepped(NamedTuple):
-    """Angles, rates and activations (BLOCK, ...) before each step; angles `after` each."""
+    """Angles, rates and activations (BLOCK, ...) before each step; angles `after` each.
+
+    MuJoCo's `warnings` (kinds, 2) so far, and the time `until` which it came [s].
+    """
 
     controls: _Controls
     angles: Array
     rates: Array
     act: Array
     after: Array
+    warnings: IntArray
+    until: float
 
 
 class Servo:
@@ -272,10 +277,15 @@ class Servo:
         following = self._first + BLOCK
         more = self._time(following) < self._demand.duration
         coming = self._controls(following) if more else None
-        stepped = self._ahead.result()  # a run that failed fails again
-        error = stepped.controls.demand[1:-1] - stepped.angles
-        self._check(self._first, error)
+        done = self._ahead
+        stepped = done.result()
         self._ahead = None if coming is None else self._thread.submit(self._stepped, coming)
+        error = stepped.controls.demand[1:-1] - stepped.angles
+        try:
+            self._check(self._first, stepped, error)
+        except StandError:
+            self._ahead = done  # a run that failed fails again
+            raise
         self._account.add(self._first, self._rows(stepped, error))
         samples = np.concatenate([self._tail, stepped.after])
         self._tail = samples[BLOCK:]
@@ -297,7 +307,15 @@ class Servo:
             np.concatenate([b, out[name][0, :-1]])
             for b, name in zip(before, ("qpos", "qvel", "act"), strict=True)
         )
-        return _Stepped(controls, angles, rates, act, after=out["qpos"][0])
+        return _Stepped(
+            controls,
+            angles,
+            rates,
+            act,
+            after=out["qpos"][0],
+            warnings=self._batch.warning[0].copy(),
+            until=float(self._batch.time[0]),
+        )
 
     def _rows(self, stepped: _Stepped, error: Array) -> ServoSteps:
         inputs, limit = stepped.controls.inputs, self.drive.limit
@@ -311,10 +329,10 @@ class Servo:
         joined, begins = smoothed(coefficients, self.step, SMOOTH)
         return _Pieces(joined, begins + self._first - OVERLAP)
 
-    def _check(self, first: int, error: Array) -> None:
+    def _check(self, first: int, stepped: _Stepped, error: Array) -> None:
         """Raise what went wrong first in a block: an axis lost, or MuJoCo at a loss."""
-        number, count = self._batch.warning[0].T
-        stopped = self._start + float(self._batch.time[0])
+        number, count = stepped.warnings.T
+        stopped = self._start + stepped.until
         lost = np.logical_not(np.abs(error) <= RUNAWAY)  # not a number is lost as well
         row, axis = np.argwhere(lost)[0] if lost.any() else (len(error), 0)
         if count.any() and self._time(first + int(row)) > stopped - 2 * self.step:
