@@ -124,14 +124,19 @@ class Turn:
 class JointAngles:
     """Where the axes of a table stood: `angles` (k,) [rad], as its encoders say.
 
-    `going_round`: the one that turned, whose angle counts as zero; -1 at rest.
+    `going_round`: the one that turned, whose angle counts as zero; -1 at rest. Where they stood
+    elsewhere than they were told to: `C_nb` there, and the turning one's `axis_b` (3,).
     """
 
     angles: Array
     going_round: int = -1
+    C_nb: Rotation | None = None
+    axis_b: Array | None = None
 
     def __post_init__(self) -> None:
         set_owned(self, angles=(self.angles, (len(self.angles),), float))
+        if self.axis_b is not None:
+            set_owned(self, axis_b=(self.axis_b, (3,), float))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -43,7 +43,7 @@ from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
 from stand.samples import CHANNELS, ImuBlock, TruthBlock
 from stand.simulation.collector import DwellCollector, TrueAttitudes
-from stand.simulation.settings import Settings, methods_of, run_id
+from stand.simulation.settings import Settings, follows_moves, methods_of, run_id
 from stand.simulation.simulation import Simulation, begins_of
 from stand.simulation.step_record import StepRecord
 from stand.table.kinematics import C_NW
@@ -162,7 +162,13 @@ class _Run:
         moving = [step.label for step, rests in steps if not rests.all()]
         known = self.settings
         collector = DwellCollector(
-            self.plan.stretches, known.rate_hz, moving, self.folder, imu=known.unit
+            self.plan.stretches,
+            known.rate_hz,
+            moving,
+            self.folder,
+            moves=follows_moves(known),
+            imu=known.unit,
+            stand=self.simulation.encoders_of,
         )
         waiting: list[Future[None]] = []
         done, total, steps_over = 0, self.simulation.total, 0
