@@ -36,6 +36,7 @@ from alignment.calibration.result import (
     Gravity,
     LeftOut,
     Nuisance,
+    Residual,
     basis_of,
     derived_of,
     parameters_of,
@@ -445,8 +446,33 @@ def _calibration(
         notes=(*told, *_beyond_noise(fit)),
         left_out=left.reasons,
         derived=derived_of(unknowns.keys, values, covariance),
+        residuals=_residuals(log, problem, fit, left),
         budget=_budget(fit, basis, {"rotation of the case": case, "drift of biases": drift}),
     )
+
+
+def _residuals(log: _Log, problem: Problem, fit: Fit, left: _Left) -> tuple[Residual, ...]:
+    """Of rests along the vertical and of rates, of moves across it, in sigmas of each."""
+    kept = [n for n in range(len(log.rests)) if n not in left.rests]
+    scale = np.sqrt(np.maximum(fit.worth(), 1e-3))
+    found = []
+    for n, rest in enumerate(kept):
+        own = (fit.group == "accel") & (fit.item == n)
+        # two of three are the vertical's own: one is left, along it
+        along = float(np.sign(fit.r[own] @ fit.state.up[n]))
+        worth = float(fit.worth()[own].sum())
+        size = along * float(np.sqrt(np.sum(fit.r[own] ** 2) / max(worth, 1e-3)))
+        found.append(Residual(f"rest {rest + 1}", "norm of force at rest", (size,)))
+        rates = (fit.group == "gyro") & (fit.item == n)
+        if rates.any():
+            values = tuple((fit.r[rates] / scale[rates]).tolist())
+            found.append(Residual(f"rest {rest + 1}", "rate at rest", values))
+    for n, (a, b) in enumerate(problem.moves.rests):
+        own = (fit.group == "move") & (fit.item == n)
+        values = tuple((fit.r[own] / scale[own]).tolist())
+        name = f"rest {kept[a] + 1} to {kept[b] + 1}"
+        found.append(Residual(name, "vertical after a move", values))
+    return tuple(found)
 
 
 def _of_biases(unknowns: Unknowns, variances: Array) -> Array:

@@ -210,6 +210,17 @@ def test_the_budget_adds_up():
     assert names >= {"readings at rests", "moves", "gravity", "data sheet", "rotation of the case"}
 
 
+def test_residuals_are_of_one_sigma():
+    """Each in its own sigma: their mean square is one, to 4 sqrt(2/n)."""
+    found, _ = calibrated("stim300", 3)
+    by_kind = {}
+    for one in found.residuals:
+        by_kind.setdefault(one.of, []).extend(one.sigmas)
+    assert [len(v) for v in by_kind.values()] == [16, 48, 30]
+    for values in by_kind.values():
+        assert np.mean(np.square(values)) == pytest.approx(1, abs=4 * np.sqrt(2 / len(values)))
+
+
 def test_gravitys_sigma_is_the_scales():
     """0.1 % of gravity is 0.1 % of every scale factor, and no bias."""
     unit = unit_of("hg9900", 4, 20)
