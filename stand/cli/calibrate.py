@@ -62,6 +62,14 @@ def calibrate(
         Path | None,
         typer.Option(metavar="X.json", help="The calibration; else calibration.json here."),
     ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="The certificate, a page, with calibration.json there."),
+    ] = None,
+    limits: Annotated[
+        Path | None,
+        typer.Option(metavar="X.toml", help="Of the page's verdicts; else the data sheet's."),
+    ] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -72,19 +80,27 @@ def calibrate(
 
     Example: stand calibrate log.csv --hand-held --latitude 48.5 --out calibration.json
 
-    With --json it prints the calibration, and writes it only if --out is given.
+    A certificate for the file: --report certificate --limits limits.toml
+
+    With --json it prints the calibration, and writes it only if --out or --report is given.
     """
     with quick_imports():
         from stand import api
         from stand.calibration.file import record_to_json
+        from stand.calibration.limits import load_limits
         from stand.errors import StandError
         from stand.folder import refuse_files
+        from stand.report.certificate import FILE, PAGE, write_certificate
 
     if not by_hand:
         raise StandError("missing --hand-held: the unit was turned by hand, without a table")
-    target = out or (None if as_json else Path("calibration.json"))
-    if target is not None:
-        refuse_files([target], force=force)
+    if limits is not None and report is None:
+        raise StandError("--limits: must have --report DIR with it, the page that judges by them")
+    bounds = None if limits is None else load_limits(limits)
+    target = out or (None if as_json or report is not None else Path("calibration.json"))
+    pages = [] if report is None else [report / PAGE, report / FILE]
+    refuse_files(pages, "--report", force=force)
+    refuse_files([] if target is None else [target], force=force)
     with progress("reading", as_json) as done:
         logs = [api.read(path, form=form, topic=topic, progress=done) for path in recordings]
     with working("estimating", as_json):
@@ -101,6 +117,9 @@ def calibrate(
             axes=form.axes or "",
             serial=serial,
         )
+    if report is not None:
+        with working("drawing", as_json):
+            pages = write_certificate(found, report, bounds, force=force)
     if target is not None:
         found.save(target, force=force)
     if as_json:
@@ -112,7 +131,8 @@ def calibrate(
     for line in found.remarks():
         console().print(line, style="dim", markup=False)
     show(console(), found.tables())
-    print(target)
+    for path in (*pages, *([] if target is None else [target])):
+        print(path)
 
 
 @takes_log_form

@@ -109,6 +109,19 @@ def test_calibrated_and_applied(here, made):
         here("apply", "c.json", "other.csv", *LOG, *wrong, "--out", "x.mcap", code=2)
 
 
+def test_a_certificate(here):
+    Path("limits.toml").write_text("[gyro]\nbias_deg_h = 1e-3\n")
+    said = ("calibrate", "log.csv", "--hand-held", *LOG, *HERE)
+    told = here(*said, "--report", "page", "--limits", "limits.toml").out
+    assert "page/certificate.html" in told
+    assert not Path("calibration.json").exists()
+    assert "✗ FAIL" in Path("page/certificate.html").read_text(encoding="utf-8")
+    here(*said, "--report", "page", code=2)
+    here(*said, "--limits", "limits.toml", code=2)
+    here(*said, "--report", "other", "--limits", "none.toml", code=2)
+    assert not Path("other").exists()
+
+
 def test_aligned_by_a_calibration(here):
     """Of tilt 1.9 mg of bias go, and 1 mrad of the triad's rotation, which no hand tells, stays."""
     here("calibrate", "log.csv", "--hand-held", *LOG, *HERE, "--imu", "stim300", "--out",
