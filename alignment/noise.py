@@ -238,13 +238,16 @@ def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
 
 def gap_doubt(readings: ImuReadings) -> tuple[str, ...]:
     """A flag where a step between stamps is above ten times the usual one."""
-    t, gap, before = readings.t, 0.0, 0.0
+    t, gap, before, shortest = readings.t, 0.0, 0.0, np.inf
     for rows in parts(len(t)):
         steps = np.diff(t[rows.start : rows.stop + 1])
         longest = int(np.argmax(steps)) if len(steps) else -1
         if longest >= 0 and steps[longest] > gap:
             gap, before = float(steps[longest]), float(t[rows.start + longest])
+        shortest = min(shortest, float(steps.min(initial=np.inf)))
         release(t)
+    if gap <= GAP * shortest:  # and so of the median, which takes its time
+        return ()
     some = np.concatenate([np.diff(excerpt) for excerpt in excerpts(t)])
     if gap <= GAP * np.median(some, overwrite_input=True):  # an hour's steps need no copy
         return ()

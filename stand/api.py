@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stand.recording.log import Log
     from stand.recording.log_form import LogForm
     from stand.recovered import Recovered
+    from stand.report.film import Film
     from stand.results.aligned import Aligned
     from stand.results.analysed import Analysed
     from stand.results.beside import Beside
@@ -253,6 +254,143 @@ def read(
         _path(path), topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle, named, form, progress
     )
     return shown(Recording, log)
+
+
+def film(
+    recording: Log | Named,
+    out: Named,
+    *,
+    t_from_s: float | None = None,
+    t_to_s: float | None = None,
+    speed: float | None = None,
+    camera: str = "review",
+    size: tuple[int, int] = (1280, 720),
+    method: str | None = None,
+    joints: str = "",
+    force: bool = False,
+    progress: Progress = _quiet,
+) -> Film:
+    """The moving stand beside its readings and its estimate, as a film.
+
+    Parameters
+    ----------
+    recording : Recording or path
+        Of `stand.run`, or a log with joint angles.
+    out : path
+        ``.mp4``, ``.gif`` or ``.webp``.
+    t_from_s, t_to_s : float, optional
+        What is shown [s]; else all.
+    speed : float, optional
+        So many times faster; else so that it takes 60 s at most.
+    camera : str
+        Of the model, or ``"azimuth,elevation,distance"`` [deg, deg, m].
+    size : (2,)
+        Width and height in pixels, even.
+    method : str, optional
+        Whose estimate grows; else the recording's first that answers.
+    joints : str
+        Which joint of a foreign table is which axis: ``"yaw=outer,pitch=-middle"``.
+    force : bool
+        Replace a file that is there.
+    progress : callable
+        Told the part done, 0 to 1.
+
+    Returns
+    -------
+    Film
+        ``path``, ``pictures``, ``duration`` [s], ``speed``.
+
+    Raises
+    ------
+    StandError
+        No joints; nothing that draws or encodes; an argument is not allowed; a file is there.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.film("recordings/sample", "film.avi")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: unknown --out film.avi: kind of film '.avi': ...
+    """
+    from stand.report.film import write_film
+
+    return write_film(
+        _of_file(recording),
+        Path(out),
+        t_from=t_from_s,
+        t_to=t_to_s,
+        speed=speed,
+        camera=camera,
+        size=size,
+        method=method,
+        joints=joints,
+        force=force,
+        progress=progress,
+    )
+
+
+def picture(
+    recording: Log | Named,
+    at_s: float,
+    out: Named,
+    *,
+    camera: str = "review",
+    size: tuple[int, int] = (1280, 720),
+    method: str | None = None,
+    joints: str = "",
+    force: bool = False,
+) -> Path:
+    """One moment of a recording as a PNG; arguments and faults as of `stand.film`.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    at_s : float
+        Which moment [s].
+    out : path
+        A PNG.
+    camera, size, method, joints : optional
+        As of `stand.film`.
+    force : bool
+        Replace a file that is there.
+
+    Returns
+    -------
+    Path
+        `out`.
+
+    Raises
+    ------
+    StandError
+        A moment beyond the recording; else as `stand.film`.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.picture("recordings/sample", 75, "moment.jpg")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: --out moment.jpg: must end in .png
+    """
+    from stand.report.film import write_picture
+
+    return write_picture(
+        _of_file(recording),
+        at_s,
+        Path(out),
+        camera=camera,
+        size=size,
+        method=method,
+        joints=joints,
+        force=force,
+    )
+
+
+def _of_file(recording: Log | Named) -> Log:
+    from stand.recording.log import Log
+
+    return recording if isinstance(recording, Log) else read(recording)
 
 
 def recover(place: Named | None = None) -> list[Recovered]:
