@@ -1,6 +1,7 @@
 """A unit's calibration from the stretches of one recording or several."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from alignment.calibration.model import AXES
 from alignment.calibration.observe import Observed
 from alignment.calibration.result import (
     Calibration,
+    Contribution,
     Gravity,
     Nuisance,
     basis_of,
@@ -82,6 +84,15 @@ def assembled(fit: Fit, reference_temperature: float = 25.0) -> Calibration:
         derived=derived_of(outside.keys, values, covariance),
         reference_temperature=reference_temperature,
     )
+
+
+def with_budget(fit: Fit, calibration: Calibration) -> Calibration:
+    """The same with what each source gives to every sigma."""
+    design = fit.design
+    outside = terms.outside(np.isin(np.arange(terms.COUNT), design.active))
+    parts = design.contributions(_rows(design, outside.matrix))
+    budget = [Contribution(name, fit.growth * sigmas) for name, sigmas in parts.items()]
+    return replace(calibration, budget=tuple(one for one in budget if one.sigmas.any()))
 
 
 def _rows(design: Design, matrix: Array) -> Array:

@@ -160,7 +160,8 @@ def test_published_method_and_python(made):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ((), "missing --hand-held"),
+        (("--hand-held", "--table", "precision"), "--table: not with --hand-held"),
+        (("--as-published",), "--as-published: needs --hand-held"),
         (("--hand-held", "--gravity", 1.62), "gravity = 1.62 m/s^2: must be 9 to 10.5"),
         (("--hand-held", "--gravity-sigma", -1), "gravity sigma = -1"),
         (("--hand-held", "--shortest", 0), "shortest = 0 s"),
