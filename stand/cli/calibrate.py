@@ -115,7 +115,7 @@ def calibrate(
         from stand.calibration.limits import load_limits
         from stand.errors import StandError
         from stand.folder import refuse_files
-        from stand.report.certificate import FILE, PAGE, write_certificate
+        from stand.report.certificate import FILE, PAGE, PICTURE, write_certificate
 
     on_table = {"--table": table, "--trust-table": trust_table, "--stretches": stretches}
     used = [name for name, value in (on_table | {"--free": free}).items() if value]
@@ -127,7 +127,7 @@ def calibrate(
         raise StandError("--limits: must have --report DIR with it, the page that judges by them")
     bounds = None if limits is None else load_limits(limits)
     target = out or (None if as_json or report is not None else Path("calibration.json"))
-    pages = [] if report is None else [report / PAGE, report / FILE]
+    pages = [] if report is None else [report / name for name in (PAGE, FILE, PICTURE)]
     refuse_files(pages, "--report", force=force)
     refuse_files([] if target is None else [target], force=force)
     with progress("reading", as_json) as done:

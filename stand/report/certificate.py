@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +33,7 @@ from stand.report.calibration import (
     number,
     size,
 )
-from stand.report.page import HUES, INK, SOFT, Drawing, drawing, frame, logarithmic, render
+from stand.report.page import HUES, INK, SOFT, Drawing, drawing, frame, logarithmic, picture, render
 from stand.report.provenance import provenance
 from stand.report.tables import TableData
 
@@ -40,9 +41,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PAGE, FILE = "certificate.html", "calibration.json"
+PAGE, FILE, PICTURE = "certificate.html", "calibration.json", "before-after.png"
 WIDTH = 10.0  # inches: the page's
 MOST_PARTS = 8  # of one drawing
+_Row = tuple[str, float, float, str]  # label, value, sigma, full name
+_Group = tuple[str, str, list[_Row]]  # title, unit, rows
 _GRADES = {Verdict.PASS: "good", Verdict.FAIL: "bad", Verdict.INDETERMINATE: "open"}
 _SENSORS = (("gyro", "Gyros"), ("accel", "Accelerometers"))
 
@@ -54,7 +57,7 @@ def write_certificate(
     *,
     force: bool = False,
 ) -> list[Path]:
-    """Write `certificate.html` and `calibration.json` into a folder, both or none.
+    """Write the page, its picture and `calibration.json` into a folder, all or none.
 
     Parameters
     ----------
@@ -70,9 +73,16 @@ def write_certificate(
     StandError
         One of them is there (and not `force`), or cannot be written.
     """
-    paths = folder / PAGE, folder / FILE
-    refuse_files(paths, "--report", force=force)
-    return write_files({paths[0]: page(record, limits), paths[1]: calibration_text(record)})
+    contents: dict[Path, bytes | str] = {
+        folder / PAGE: page(record, limits),
+        folder / FILE: calibration_text(record),
+    }
+    groups, limits = _groups(record), limits or sheet_limits(record)
+    if groups:
+        draw = partial(_before, groups, judged(record, limits), limits.coverage)
+        contents[folder / PICTURE] = picture(_size(groups), draw)
+    refuse_files(contents, "--report", force=force)
+    return write_files(contents)
 
 
 def page(record: CalibrationRecord, limits: Limits | None = None) -> str:
@@ -208,41 +218,45 @@ def before_and_after(
     groups = _groups(record)
     if not groups:
         return None
-    limits = {(j.name): j.limit for j in judgements}
-
-    def draw(figure: Figure) -> None:
-        heights = [len(rows) + 1.2 for _, _, rows in groups]
-        all_axes = figure.subplots(len(groups), 1, height_ratios=heights, squeeze=False)[:, 0]
-        for axes, (title, unit, rows) in zip(all_axes, groups, strict=True):
-            _dumbbells(axes, rows, coverage, limits)
-            frame(axes, f"{title} [{unit}]", grid="x")
-        all_axes[0].legend(
-            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=9,
-            labelcolor=INK,
-        )  # fmt: skip
-
-    rows = sum(len(rows) for _, _, rows in groups)
     words = "; ".join(
-        f"{row[0]}: {abs(row[1]):.3g} before, {coverage * row[2]:.2g} after, {unit}"
+        f"{row[0]}: {abs(row[1]) + coverage * row[2]:.3g} before, {coverage * row[2]:.2g} after, "
+        f"{unit}"
         for _, unit, group in groups
         for row in group
     )
     return drawing(
         "before",
-        (WIDTH, 0.6 + 0.22 * rows + 0.75 * len(groups)),
+        _size(groups),
         f"Errors before and after correction. {words}",
-        draw,
-        "Before: what the unit does uncorrected. After: the expanded uncertainty, which is what "
-        "its corrected readings may still be off.",
+        partial(_before, groups, judgements, coverage),
+        "Before: what uncorrected readings may be off, the size of the value and its expanded "
+        "uncertainty. After: the uncertainty alone, which is what corrected ones may be off.",
     )
 
 
-_Row = tuple[str, float, float, str]
+def _size(groups: Sequence[_Group]) -> tuple[float, float]:
+    rows = sum(len(rows) for _, _, rows in groups)
+    return WIDTH, 0.6 + 0.22 * rows + 0.75 * len(groups)
 
 
-def _groups(record: CalibrationRecord) -> list[tuple[str, str, list[_Row]]]:
-    """Parameters of one triad and term: title, unit, rows of (label, value, sigma, full name)."""
-    found: dict[tuple[str, str], tuple[str, str, list[_Row]]] = {}
+def _before(
+    groups: Sequence[_Group], judgements: Sequence[Judgement], coverage: float, figure: Figure
+) -> None:
+    limits = {j.name: j.limit for j in judgements}
+    heights = [len(rows) + 1.2 for _, _, rows in groups]
+    all_axes = figure.subplots(len(groups), 1, height_ratios=heights, squeeze=False)[:, 0]
+    for axes, (title, unit, rows) in zip(all_axes, groups, strict=True):
+        _dumbbells(axes, rows, coverage, limits)
+        frame(axes, f"{title} [{unit}]", grid="x")
+    all_axes[0].legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=9,
+        labelcolor=INK,
+    )  # fmt: skip
+
+
+def _groups(record: CalibrationRecord) -> list[_Group]:
+    """Parameters of one triad and term."""
+    found: dict[tuple[str, str], _Group] = {}
     for p in record.calibration.parameters:
         key, (unit, si) = p.key, unit_of(p.key)
         title = f"{dict(_SENSORS)[key.sensor]}: {key.term.replace('_', ' ')}"
@@ -257,17 +271,20 @@ def _dumbbells(axes: Axes, rows: list[_Row], coverage: float, limits: dict[str, 
     from matplotlib.ticker import LogLocator
 
     at = np.arange(len(rows))
-    # what is zero to all digits has no place on a logarithmic axis: a hundredth of its sigma
-    before = np.array([max(abs(v), 0.01 * s, 1e-12) for _, v, s, _ in rows])
+    # what has no sigma has no place on a logarithmic axis
     after = np.array([max(coverage * s, 1e-12) for _, _, s, _ in rows])
+    before = np.array([abs(v) for _, v, _, _ in rows]) + after
     axes.hlines(at, after, before, color=SOFT, linewidth=1.2)
-    axes.plot(before, at, "o", color=HUES[1], label="before: size of the value")
+    axes.plot(before, at, "o", color=HUES[1], label="before: value and uncertainty")
     axes.plot(after, at, "s", color=HUES[0], label="after: expanded uncertainty")
+    least, most = after.min(), before.max()
     own = [(limits[full], k) for k, (_, _, _, full) in enumerate(rows) if full in limits]
     if own:
         limit, where = zip(*own, strict=True)
         axes.plot(limit, where, "|", color=INK, markersize=13, markeredgewidth=2, label="limit")
+        most = max(most, *limit)
     axes.set_xscale("log")
+    axes.set_xlim(0.85 * least, 1.15 * max(most, 10 * least))  # no small gain looks a great one
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     logarithmic(axes.xaxis)
     axes.set_yticks(at, [label for label, *_ in rows])

@@ -69,7 +69,8 @@ def test_errors_are_shown_where_the_truth_is_known():
 
 def test_written_together_and_never_over_another(tmp_path):
     paths = write_certificate(a_full_record(), tmp_path / "c", LIMITS)
-    assert [p.name for p in paths] == ["certificate.html", "calibration.json"]
+    assert [p.name for p in paths] == ["certificate.html", "calibration.json", "before-after.png"]
+    assert paths[2].read_bytes().startswith(b"\x89PNG")
     assert load_calibration(tmp_path / "c").calibration.residuals[0].stretch == "rest 1"
     with pytest.raises(StandError, match=r"--report .*certificate\.html: exists"):
         write_certificate(a_full_record(), tmp_path / "c")
