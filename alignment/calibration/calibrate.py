@@ -79,6 +79,7 @@ def assembled(fit: Fit, reference_temperature: float = 25.0) -> Calibration:
         gravity=_gravity(fit),
         nuisance=(*_nuisances(fit), *_of_sessions(fit)),
         enlarged=growth,
+        notes=_contradiction(fit),
         null_space=untold(design),
         left_out=fit.left_out,
         derived=derived_of(outside.keys, values, covariance),
@@ -100,6 +101,16 @@ def _rows(design: Design, matrix: Array) -> Array:
     whole = np.zeros((len(matrix), design.model.count))
     whole[:, : terms.COUNT] = matrix
     return whole[:, design.active]
+
+
+def _contradiction(fit: Fit) -> tuple[str, ...]:
+    if not fit.contradicted:
+        return ()
+    return (
+        f"the readings contradict one another: chi-square {fit.chi_square:.0f} for {fit.dof}: "
+        f"every sigma is {fit.growth:.3g} times as large for it (another class of table than told, or "
+        "errors that nobody stated)",
+    )
 
 
 def _gravity(fit: Fit) -> Gravity:
