@@ -317,6 +317,40 @@ def test_units_and_axes_that_are_wrong(a_log, change, said):
     assert said in str(told.value)
 
 
+def test_a_sensor_at_full_scale(a_log):
+    """Gyros that end at 2 rad/s: the moves in which they did are named, or too few are left."""
+    peaks = np.abs(a_log.w_ib_b).max(axis=0)
+    log = replace(a_log, w_ib_b=np.clip(a_log.w_ib_b, *(0.9 * peaks.max() * np.array([-1, 1]))))
+    found = hand_held(log, MEASURED, SITE)
+    assert {out.reason.partition(" gyro ")[2] for out in found.left_out} == {"at full scale"}
+    assert found.chi_square < 2 * found.dof
+    with pytest.raises(AlignmentError, match=r"gyros by \d+ moves: rank \d of 9|no move between"):
+        hand_held(replace(a_log, w_ib_b=np.clip(a_log.w_ib_b, -0.7, 0.7)), MEASURED, SITE)
+
+
+def test_moves_too_quick_for_their_samples():
+    """A half turn in half a second at 10 Hz: no sigma can be enlarged for that."""
+    unit = unit_of("stim300", 1, 10)
+    log, _, _ = log_of(unit, anyhow(14, 1), rest_s=5, move_s=0.5)
+    with pytest.raises(AlignmentError, match=r"contradict one another by \d+ times their noise"):
+        hand_held(log, MEASURED, SITE)
+
+
+def test_a_unit_without_noise():
+    unit = unit_of("ideal", 1, 25)
+    log, _, _ = log_of(unit, anyhow(14, 1), rest_s=5)
+    found = hand_held(log, Gravity(value=G), SITE)
+    # the truth is made of samples' means, and integrated to the third order of 0.1 rad
+    assert np.abs(found.values).max() < 1e-6
+    assert np.abs(found.values / found.sigmas).max() < 4
+
+
+def test_a_gravity_that_is_odd_for_the_site(a_log):
+    found = hand_held(a_log, Gravity(value=9.79), SITE)
+    assert any("gravity 9.79 m/s^2 is -0.0194 off normal gravity" in n for n in found.notes)
+    assert not any("off normal gravity" in n for n in hand_held(a_log, MEASURED, SITE).notes)
+
+
 def test_too_few_rests(a_log):
     with pytest.raises(TooShort, match="3 rests in 24 s: at least 9 are needed"):
         hand_held(a_log.between(0, 24), MEASURED, SITE)
