@@ -12,25 +12,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Never
 
 if TYPE_CHECKING:
+    from stand.calibration.file import CalibrationRecord
     from stand.imu import ImuSpec
     from stand.imu.unit import Unit
     from stand.recording.log import Log
     from stand.recording.log_form import LogForm
     from stand.recovered import Recovered
-    from stand.results import (
-        Aligned,
-        Analysed,
-        Beside,
-        Campaigned,
-        Compared,
-        Driven,
-        Entries,
-        Recorded,
-        Recording,
-        Rehearsed,
-        Simulated,
-        Stretches,
-    )
+    from stand.report.film import Film
+    from stand.results.aligned import Aligned
+    from stand.results.analysed import Analysed
+    from stand.results.beside import Beside
+    from stand.results.calibrated import Calibrated
+    from stand.results.campaigned import Campaigned
+    from stand.results.compared import Compared
+    from stand.results.driven import Driven
+    from stand.results.entries import Entries
+    from stand.results.recorded import Recorded
+    from stand.results.recording import Recording
+    from stand.results.rehearsed import Rehearsed
+    from stand.results.simulated import Simulated
+    from stand.results.stretches import Stretches
     from stand.simulation.settings import Settings
 
 Named = str | PathLike[str]
@@ -82,7 +83,7 @@ def simulate(settings: Settings, progress: Progress = _quiet) -> Simulated:
     >>> float(abs(run.f_b - run.true_f_b).max())
     0.0
     """
-    from stand.results import simulated
+    from stand.results.simulated import simulated
 
     return simulated(_checked(settings), progress)
 
@@ -124,7 +125,8 @@ def run(
     (1200, ('triad', 'two-position'))
     """
     from stand.recorded_run import run as record
-    from stand.results import Recorded, shown
+    from stand.report.notebook import shown
+    from stand.results.recorded import Recorded
 
     return shown(Recorded, record(_checked(settings), out, force, progress))
 
@@ -173,7 +175,8 @@ def drive(
     from stand.evaluation.drive_result import DriveSettings
     from stand.imu import load_imu
     from stand.recorded_drive import run_drive
-    from stand.results import Driven, shown
+    from stand.report.notebook import shown
+    from stand.results.driven import Driven
     from stand.vehicle.scenario import load_drive
 
     settings = DriveSettings(load_drive(fspath(scenario)), load_imu(fspath(imu)), rate_hz, seed)
@@ -242,7 +245,8 @@ def read(
     from stand.recording.log import load_log
     from stand.recording.named_stretches import load_stretches
     from stand.recording.vehicle_log import vehicle_of
-    from stand.results import Recording, shown
+    from stand.report.notebook import shown
+    from stand.results.recording import Recording
 
     vehicle = vehicle_of(moving, start_attitude_deg, start_sigma_deg, fix_sigma)
     named = None if stretches is None else load_stretches(stretches)
@@ -250,6 +254,143 @@ def read(
         _path(path), topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle, named, form, progress
     )
     return shown(Recording, log)
+
+
+def film(
+    recording: Log | Named,
+    out: Named,
+    *,
+    t_from_s: float | None = None,
+    t_to_s: float | None = None,
+    speed: float | None = None,
+    camera: str = "review",
+    size: tuple[int, int] = (1280, 720),
+    method: str | None = None,
+    joints: str = "",
+    force: bool = False,
+    progress: Progress = _quiet,
+) -> Film:
+    """The moving stand beside its readings and its estimate, as a film.
+
+    Parameters
+    ----------
+    recording : Recording or path
+        Of `stand.run`, or a log with joint angles.
+    out : path
+        ``.mp4``, ``.gif`` or ``.webp``.
+    t_from_s, t_to_s : float, optional
+        What is shown [s]; else all.
+    speed : float, optional
+        So many times faster; else so that it takes 60 s at most.
+    camera : str
+        Of the model, or ``"azimuth,elevation,distance"`` [deg, deg, m].
+    size : (2,)
+        Width and height in pixels, even.
+    method : str, optional
+        Whose estimate grows; else the recording's first that answers.
+    joints : str
+        Which joint of a foreign table is which axis: ``"yaw=outer,pitch=-middle"``.
+    force : bool
+        Replace a file that is there.
+    progress : callable
+        Told the part done, 0 to 1.
+
+    Returns
+    -------
+    Film
+        ``path``, ``pictures``, ``duration`` [s], ``speed``.
+
+    Raises
+    ------
+    StandError
+        No joints; nothing that draws or encodes; an argument is not allowed; a file is there.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.film("recordings/sample", "film.avi")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: unknown --out film.avi: kind of film '.avi': ...
+    """
+    from stand.report.film import write_film
+
+    return write_film(
+        _of_file(recording),
+        Path(out),
+        t_from=t_from_s,
+        t_to=t_to_s,
+        speed=speed,
+        camera=camera,
+        size=size,
+        method=method,
+        joints=joints,
+        force=force,
+        progress=progress,
+    )
+
+
+def picture(
+    recording: Log | Named,
+    at_s: float,
+    out: Named,
+    *,
+    camera: str = "review",
+    size: tuple[int, int] = (1280, 720),
+    method: str | None = None,
+    joints: str = "",
+    force: bool = False,
+) -> Path:
+    """One moment of a recording as a PNG; arguments and faults as of `stand.film`.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    at_s : float
+        Which moment [s].
+    out : path
+        A PNG.
+    camera, size, method, joints : optional
+        As of `stand.film`.
+    force : bool
+        Replace a file that is there.
+
+    Returns
+    -------
+    Path
+        `out`.
+
+    Raises
+    ------
+    StandError
+        A moment beyond the recording; else as `stand.film`.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.picture("recordings/sample", 75, "moment.jpg")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: --out moment.jpg: must end in .png
+    """
+    from stand.report.film import write_picture
+
+    return write_picture(
+        _of_file(recording),
+        at_s,
+        Path(out),
+        camera=camera,
+        size=size,
+        method=method,
+        joints=joints,
+        force=force,
+    )
+
+
+def _of_file(recording: Log | Named) -> Log:
+    from stand.recording.log import Log
+
+    return recording if isinstance(recording, Log) else read(recording)
 
 
 def recover(place: Named | None = None) -> list[Recovered]:
@@ -301,6 +442,7 @@ def align(
     height_m: float | None = None,
     sequences: str | None = None,
     windows_s: Sequence[float] = (),
+    calibration: Named | CalibrationRecord | None = None,
 ) -> Aligned:
     """Estimate the attitude from recordings: several are several dwells of one unit.
 
@@ -319,6 +461,8 @@ def align(
     windows_s : sequence of float, optional
         Lengths of windows [s] into which every stretch is cut too: how their estimates scatter,
         beside the sigma stated.
+    calibration : path or of `stand.calibrate`, optional
+        Of the unit: taken out of the readings, its sigmas in place of the data sheet's.
 
     Returns
     -------
@@ -344,7 +488,8 @@ def align(
     stand.errors.StandError: unknown method 'traid': did you mean triad? known: ...
     """
     from stand.evaluation.aligned import align as align_logs
-    from stand.results import Aligned, shown
+    from stand.report.notebook import shown
+    from stand.results.aligned import Aligned
 
     several = isinstance(recordings, (list, tuple))
     logs = [_log(one) for one in (recordings if several else [recordings])]
@@ -356,21 +501,167 @@ def align(
         height_m=height_m,
         sequences=sequences,
         windows_s=windows_s,
+        calibration=calibration,
     )
     return shown(Aligned, found)
+
+
+def calibrate(
+    recordings: Log | Simulated | Named | Sequence[Log | Simulated | Named],
+    *,
+    hand_held: bool = False,
+    imu: str | ImuSpec | None = None,
+    gravity_m_s2: float | None = None,
+    gravity_sigma_m_s2: float | None = None,
+    latitude_deg: float | None = None,
+    height_m: float | None = None,
+    shortest_s: float = 1.0,
+    as_published: bool = False,
+    axes: str = "",
+    serial: str = "",
+) -> Calibrated:
+    """Find a unit's constant errors, with a sigma of each and what it is made of.
+
+    Parameters
+    ----------
+    recordings : Recording, Simulated, path, or several of them
+    hand_held : bool
+        Without a table: a unit that was turned by hand from rest to rest; rests are found.
+    imu : str or ImuSpec, optional
+        Unit whose data sheet says what is known before; without it nothing is.
+    gravity_m_s2, gravity_sigma_m_s2 : float, optional
+        As measured; else normal gravity of the site, which is good to 30 mGal.
+    latitude_deg, height_m : float, optional
+        Of the site; else as recorded.
+    shortest_s : float
+        Of a rest.
+    as_published : bool
+        The published hand-held method to the letter.
+    axes : str
+        With which the log was read, for the record.
+    serial : str
+        Of the unit, for the record.
+
+    Returns
+    -------
+    Calibrated
+        ``calibration``: parameters, covariance, null space, what was left out; ``errors`` where
+        the truth is known.
+
+    Raises
+    ------
+    StandError
+        An argument is not allowed; the readings do not tell.
+
+    Examples
+    --------
+    >>> import stand
+    >>> run = stand.simulate(stand.settings("two-position", imu="stim300", rate_hz=20))
+    >>> stand.calibrate(run, hand_held=True)
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: ...: 2 rests in 600 s: at least 9 are needed, ...
+    """
+    from stand.calibration.by_hand import by_hand
+    from stand.errors import StandError
+    from stand.report.notebook import shown
+    from stand.results.calibrated import Calibrated
+
+    several = isinstance(recordings, (list, tuple))
+    logs = [_log(one) for one in (recordings if several else [recordings])]
+    if not hand_held:
+        raise StandError("hand_held = False: must be True, for logs without a table")
+    found = by_hand(
+        logs,
+        imu=imu,
+        gravity=gravity_m_s2,
+        gravity_sigma=gravity_sigma_m_s2,
+        latitude_deg=latitude_deg,
+        height_m=height_m,
+        shortest_s=shortest_s,
+        as_published=as_published,
+        axes=axes,
+        serial=serial,
+    )
+    return shown(Calibrated, found)
+
+
+def apply(
+    calibration: Named | CalibrationRecord,
+    recording: Named,
+    out: Named,
+    *,
+    form: LogForm | None = None,
+    topic: str | None = None,
+    temperature_C: float | None = None,
+    force: bool = False,
+    progress: Progress = _quiet,
+) -> Recording:
+    """Take a unit's errors out of a log, and write what is left as an MCAP.
+
+    Parameters
+    ----------
+    calibration : path or of `stand.calibrate`
+    recording : path
+        A log of any kind, of this unit.
+    out : path
+        The MCAP to write, with the calibration and the hashes of both in its metadata.
+    form : stand.LogForm, optional
+        As of `stand.read`.
+    topic : str, optional
+        Of the IMU, where there are several.
+    temperature_C : float, optional
+        Of the unit, where the calibration has terms of temperature.
+    force : bool
+        Replace what is there.
+    progress : callable
+        Told the part read, 0 to 1.
+
+    Returns
+    -------
+    Recording
+        The corrected log, as `stand.read` gives it.
+
+    Raises
+    ------
+    StandError
+        `out` is there; the log or the calibration is not right, or not of this unit.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.apply("none.json", "log.mcap", "corrected.mcap")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: none.json: cannot read this calibration: No such file or directory
+    """
+    from stand.calibration.corrected import applied
+
+    applied(
+        calibration,
+        _path(recording),
+        _path(out),
+        form,
+        topic=topic,
+        temperature_C=temperature_C,
+        force=force,
+        progress=progress,
+    )
+    return read(out)
 
 
 def _log(recording: object) -> Log:
     from stand.errors import StandError
     from stand.recording.log import Log
-    from stand.results import Simulated
 
     if isinstance(recording, Log):
         return recording
-    if isinstance(recording, Simulated):
-        return recording.log
     if isinstance(recording, (str, PathLike)):
         return read(recording)
+    from stand.results.simulated import Simulated
+
+    if isinstance(recording, Simulated):
+        return recording.log
     raise StandError(
         f"recording: {type(recording).__name__}, must be a path or of stand.read, stand.simulate"
     )
@@ -408,12 +699,11 @@ def stretches(
     [('rest', 0.0, 295.5), ('rest', 304.0, 600.0)]
     """
     from stand.recording.found_stretches import stretches_of
-    from stand.recording.log import Log
-    from stand.results import Simulated, Stretches, shown
+    from stand.report.notebook import shown
+    from stand.results.stretches import Stretches
 
-    log = (
-        _log(recording) if isinstance(recording, Log | Simulated) else read(recording, topic=topic)
-    )
+    named = isinstance(recording, str | PathLike)
+    log = read(recording, topic=topic) if named else _log(recording)
     return shown(Stretches, stretches_of(log, shortest_s))
 
 
@@ -445,7 +735,8 @@ def rehearse(
     """
     from stand.errors import whole
     from stand.rehearsal.advice import with_advice
-    from stand.results import Rehearsed, shown
+    from stand.report.notebook import shown
+    from stand.results.rehearsed import Rehearsed
 
     if verify is not None:
         whole("verify", verify, 1)
@@ -496,7 +787,8 @@ def compare(
     """
     from stand.errors import whole
     from stand.evaluation.comparison import compare as compare_methods
-    from stand.results import Compared, shown
+    from stand.report.notebook import shown
+    from stand.results.compared import Compared
 
     whole("runs", runs, 1)
     if workers is not None:
@@ -566,7 +858,7 @@ def campaign(
     """
     from stand.campaigns.sweep import load_sweep
     from stand.errors import whole
-    from stand.results import Campaigned
+    from stand.results.campaigned import Campaigned
 
     if workers is not None:
         whole("workers", workers, 1)
@@ -617,9 +909,10 @@ def side_by_side(
     >>> [(e.a.label, bool(abs(e.off[2]) < 4 * e.sigmas[2])) for e in found.estimates]
     [('first', True)]
     """
+    from stand.arguments import words
     from stand.evaluation.side_by_side import side_by_side as beside
-    from stand.results import Beside, shown
-    from stand.simulation.settings import words
+    from stand.report.notebook import shown
+    from stand.results.beside import Beside
 
     logs = _log(a), _log(b)
     named = words("methods", methods)
@@ -670,22 +963,22 @@ def allan(
     >>> found.sheet_title
     'Safran STIM300, 10 g accelerometers (stim300)'
     """
+    from stand.arguments import ALLAN_TERMS, words
     from stand.errors import unknown
     from stand.evaluation.allan import analyse
-    from stand.recording.log import Log
-    from stand.results import Analysed, Simulated, shown
-    from stand.simulation.settings import ALLAN_TERMS, words
+    from stand.report.notebook import shown
+    from stand.results.analysed import Analysed
 
     asked = [term.upper() for term in words("terms", terms)]
     for term in asked:
         if term not in ALLAN_TERMS:
             raise unknown("term", term, ALLAN_TERMS)
-    if isinstance(recording, (Log, Simulated)):
-        source = _log(recording).imu
-    else:
+    if isinstance(recording, str | PathLike):
         from stand.recording.entrance import read_imu
 
         source = read_imu(_path(recording), topic, form, progress)
+    else:
+        source = _log(recording).imu
     return shown(Analysed, analyse(source, topic, t_from_s, t_to_s, imu, asked))
 
 
@@ -714,7 +1007,7 @@ def catalogue(what: str) -> Entries:
     ['Safran STIM300, 10 g accelerometers']
     """
     from stand.report.listing import listing
-    from stand.results import Entries
+    from stand.results.entries import Entries
 
     return Entries(listing(what))
 
@@ -774,10 +1067,10 @@ def unit(
     """
     from os import fspath
 
+    from stand.arguments import one_of, refuse_mistaken, words
     from stand.imu import ImuSpec, load_imu
     from stand.imu.unit import Unit
     from stand.samples import Sampling
-    from stand.simulation.settings import one_of, refuse_mistaken, words
 
     refuse_mistaken(mistaken, unit)
     spec = imu if isinstance(imu, ImuSpec) else load_imu(fspath(imu))

@@ -14,6 +14,7 @@ DOORS = {
     "mcap": ("stand.recording.mcap",),
     "rosbags": ("stand.recording.mcap.bag",),
     "pyulog": ("stand.recording.formats.ulog",),
+    "av": ("stand.report.encoding",),
     "h5py": ("stand.recording.formats.hdf5",),
     "pyarrow": (
         "stand.recording.formats.parquet",
@@ -36,18 +37,20 @@ OURS = ("alignment", "stand")
 STOREYS = (
     (
         "errors",
+        "arguments",
         "bounds",
         "versions",
         "toml_files",
         "columns",
         "folder",
         "samples",
+        "room",
         "table",
         "procedure",
         "imu",
     ),
     ("motion", "physics", "vehicle", "simulation"),
-    ("recording", "evaluation", "rehearsal", "campaigns"),
+    ("recording", "evaluation", "rehearsal", "campaigns", "calibration"),
     ("report", "recorded_run", "recorded_drive", "recovered", "api", "results", "cli", "__main__"),
 )
 
@@ -105,7 +108,7 @@ def trespassers(modules: dict[str, set[str]]) -> list[str]:
 
 def storey(module: str) -> int | None:
     """The storey of a module of the stand, from 0; None of the package's own face."""
-    part = module.split(".")[1] if "." in module else ""
+    part = module.split(".")[1] if within(module, "stand") and "." in module else ""
     return next((n for n, rooms in enumerate(STOREYS) if part in rooms), None)
 
 

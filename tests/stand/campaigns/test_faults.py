@@ -26,7 +26,9 @@ from stand.simulation.work import Done, Lost, Supply, Task, recipe_of
 
 pytestmark = pytest.mark.slow
 STAND = [sys.executable, "-c", "from stand.cli.app import main; main()"]
-LONG = SWEEP.replace("runs = 6", "runs = 80\nmethods = ['triad']").replace("rate_hz = 2", "rate_hz = 10")
+LONG = SWEEP.replace("runs = 6", "runs = 80\nmethods = ['triad']").replace(
+    "rate_hz = 2", "rate_hz = 10"
+)
 
 
 @pytest.fixture(scope="module")
