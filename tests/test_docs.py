@@ -30,6 +30,13 @@ SHORTER = {  # runs that only say more with more of them
     "--published": "--published --only S4",  # the last --only counts
 }
 
+SMALLER = {  # sweeps likewise: four cases of two runs
+    "runs = 100": "runs = 2",
+    "count = 10": "count = 2",
+    "count = 5": "count = 2",
+    "high = 1800": "high = 120",
+}
+
 
 def text_of(page):
     return page.read_text(encoding="utf-8")
@@ -97,6 +104,9 @@ def save_files(folder):
             if kind == "toml":
                 names = re.findall(r"`([\w-]+\.toml)`", before)
                 assert names, f"{page.name}: a TOML block without a name before it"
+                if "[[vary]]" in body:
+                    for long, short in SMALLER.items():
+                        body = body.replace(long, short)
                 (folder / names[-1]).write_text(body, encoding="utf-8")
 
 

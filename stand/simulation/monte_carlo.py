@@ -74,6 +74,7 @@ class Trials:
         self._blocks: list[Block] = []
         self._begins: dict[str, float | None] = {}
         self._truth: Truth | None = None
+        self._last: tuple[int, Imu] | None = None  # the unit of the last run
 
     def readings(self, seed: int) -> Readings:
         """The stretches of a run, and the true ``C_nb`` of each: at its end (encoder angle 0)."""
@@ -82,6 +83,9 @@ class Trials:
 
     def biases(self, seed: int) -> Array:
         """The turn-on biases (6,) that the unit of a run was given: [rad/s], then [m/s^2]."""
+        if self._last is not None and self._last[0] == seed:
+            imu = self._last[1]
+            return np.concatenate([imu.gyro_errors.bias, imu.accel_errors.bias])
         sensors = (("gyro", self._spec.gyro), ("accel", self._spec.accel))
         return np.concatenate([draw(spec, seed, sensor).bias for sensor, spec in sensors])
 
@@ -124,9 +128,11 @@ class Trials:
 
     def _imu(self, settings: Settings) -> Imu:
         temperature = temperature_of(settings.procedure)
-        return Imu(
+        imu = Imu(
             self._spec, settings.seed, settings.rate_hz, temperature, sampling=settings.sampling
         )
+        self._last = settings.seed, imu
+        return imu
 
     def _of(self, settings: Settings, planned: Plan) -> Iterator[_Sensing]:
         total = sample_count(planned.motion.duration, settings.rate_hz)
