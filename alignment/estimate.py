@@ -16,6 +16,7 @@ from alignment.angles import (
     near_singular,
 )
 from alignment.arrays import Array, owned, set_owned
+from alignment.calibration.result import Calibration
 
 ANGLES = ("roll", "yaw", "pitch")
 ANGLE_LIMIT = np.radians(30.0)  # sigma of a heading, or of an angle, that is still a number
@@ -92,6 +93,8 @@ class AttitudeEstimate:
         them, with their standard deviations.
     sway : mapping or None
         What a method found of the base's rocking, by name, SI.
+    calibration : Calibration or None
+        A unit's constants, where the method finds them: of the first of its estimates.
     """
 
     method: str
@@ -108,6 +111,7 @@ class AttitudeEstimate:
     biases: Array | None = None
     bias_sigmas: Array | None = None
     sway: Mapping[str, float] | None = None
+    calibration: Calibration | None = None
     # read off once: reports ask for them dozens of times
     _turns: Array | None = field(init=False, repr=False, default=None)
     _sigmas: Array | None = field(init=False, repr=False, default=None)

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from alignment.arrays import Array
-from alignment.doubts import drift_doubt
+from alignment.doubts import drift_doubt, drift_words
 from alignment.errors import NotAtRest, TooShort
 from alignment.parts import excerpts, mean, parts, release, sums_between
 from alignment.readings import Dwell, ImuReadings
@@ -25,6 +25,7 @@ _FINE = 4096  # blocks from which waves are summed: fewer would fold jitter down
 _ORDERS = 20  # periods of a record below which noise counts for its mean
 _FAR_LESS = 0.35  # of the whole: chance makes that of the lower half of orders in 2 of 1000
 _DRIFT_ORDERS = 8
+_WHOLE = 0.98  # part of a record from which a dwell is all of it
 _DRIFTS = 15.0  # mean F (1, 10 degrees of freedom) of three axes: 1 in 10 000 records of noise
 
 GAP = 10.0  # usual steps: a longer one is a gap
@@ -79,6 +80,52 @@ def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     values = readings.w_ib_b, readings.f_b
     means = np.concatenate([mean(v) for v in values])
     return means, np.concatenate([mean_variance(v) for v in values])
+
+
+def dwell_mean_and_variance(dwell: Dwell) -> tuple[Array, Array]:
+    """Means (6,) of a dwell and their variances, with what the record around it drifts by."""
+    means, variances = mean_and_variance(dwell.window())
+    return means, variances + around_variance(dwell)
+
+
+def around_variance(dwell: Dwell) -> Array:
+    """Variance (6,) of a dwell's means by a drift that only the record it is cut from shows.
+
+    Notes
+    -----
+    Of a record at rest that drifts steadily by D from end to end, windows that are a part p of it
+    have means that are spread evenly over ``(1 - p) D``: variance ``((1 - p) D)^2/12``. Zeros where
+    the record moves, or is the dwell.
+    """
+    drift, part = drift_around(dwell)
+    return np.asarray(((1 - part) * drift) ** 2 / 12)
+
+
+def drift_around(dwell: Dwell) -> tuple[Array, float]:
+    """How far the record that a dwell is cut from drifts (6,) at rest, and the dwell's part of it.
+
+    Zeros where the record moves, or is the dwell.
+    """
+    part = len(dwell.window()) / len(dwell.readings)
+    return (np.zeros(6) if part > _WHOLE else _drift_at_rest(dwell.readings)), part
+
+
+def around_doubt(dwell: Dwell) -> tuple[str, ...]:
+    """A flag where a dwell's record drifts."""
+    drift, _ = drift_around(dwell)
+    if not drift.any():
+        return ()
+    return (f"the record around it drifts, {drift_words(drift[:3], drift[3:])}: counted",)
+
+
+@lru_cache(maxsize=1)  # the windows of one record ask one after the other
+def _drift_at_rest(readings: ImuReadings) -> Array:
+    """How far rates and forces (6,) drift from end to end; zeros of a record that moves."""
+    try:
+        check_rest(readings, "")
+    except NotAtRest:
+        return np.zeros(6)
+    return np.concatenate([drift_of(readings.w_ib_b), drift_of(readings.f_b)])
 
 
 def integral_variance(values: Array) -> Array:

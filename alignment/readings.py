@@ -109,6 +109,20 @@ class Turn:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class JointAngles:
+    """Where the axes of a table stood: `angles` (k,) [rad], as its encoders say.
+
+    `going_round`: the one that turned, whose angle counts as zero; -1 at rest.
+    """
+
+    angles: Array
+    going_round: int = -1
+
+    def __post_init__(self) -> None:
+        set_owned(self, angles=(self.angles, (len(self.angles),), float))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Dwell:
     """Readings of an instrument that was told to stand still, or to turn at a constant rate.
 
@@ -121,7 +135,8 @@ class Dwell:
     t_from, t_to : float
         When it stood, or turned at constant rate [s].
     readings : ImuReadings
-        At least those between `t_from` and `t_to`; only those are used.
+        At least those between `t_from` and `t_to`; only those are used, but by a method that
+        follows the moves from one stretch to the next.
     nominal : Rotation or None
         ``C_nb`` that the table was told to take (of a turning one: at encoder angle 0), or that
         was programmed into a vehicle, at its first fix; None where nobody said.
@@ -131,6 +146,8 @@ class Dwell:
         Of a vehicle, between `t_from` and `t_to`.
     nominal_sigma : float or None
         How wrong a vehicle's `nominal` is about each axis [rad]; None where nobody said.
+    joints : JointAngles or None
+        Of the table; None where nobody said.
     """
 
     label: str
@@ -141,6 +158,7 @@ class Dwell:
     turn: Turn | None = None
     fixes: "Fixes | None" = None
     nominal_sigma: float | None = None
+    joints: JointAngles | None = None
 
     def window(self, start: float = 0.0, stop: float | None = None) -> ImuReadings:
         """Samples from `start` to `stop` seconds after the dwell began (to its end if None)."""

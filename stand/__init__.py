@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from stand.api import (
         align,
         allan,
+        campaign,
         catalogue,
         compare,
         drive,
@@ -38,6 +39,7 @@ __all__ = [
     "__version__",
     "align",
     "allan",
+    "campaign",
     "catalogue",
     "compare",
     "drive",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from stand.results.aligned import Aligned
     from stand.results.analysed import Analysed
     from stand.results.beside import Beside
+    from stand.results.campaigned import Campaigned
     from stand.results.compared import Compared
     from stand.results.driven import Driven
     from stand.results.entries import Entries
@@ -505,6 +506,83 @@ def compare(
     if workers is not None:
         whole("workers", workers, 1)
     return shown(Compared, compare_methods(_checked(settings), runs, progress, workers))
+
+
+def campaign(
+    sweep: Named,
+    out: Named | None = None,
+    *,
+    resume: bool = False,
+    workers: int | None = None,
+    scheduler: object = None,
+) -> Campaigned:
+    """Thousands of runs over any parameter: an iterator, and a table of what it made.
+
+    Parameters
+    ----------
+    sweep : path
+        TOML file: what is run and what is varied in it.
+    out : path, optional
+        Folder for its results; else one of its own under ``recordings``.
+    resume : bool
+        Go on with the campaign that is there; nothing that it holds is made again.
+    workers : int, optional
+        Processes, which change nothing but the time: with one, runs are made in this one. A
+        script that lets more than one work must keep its own behind
+        ``if __name__ == "__main__"``.
+    scheduler : str or object, optional
+        Of a Dask cluster: its address, ``"local"`` for one that is started here, or a cluster or
+        client of Dask's.
+
+    Returns
+    -------
+    Campaigned
+        Iterate over it: each run as it is made, kept whatever ends the iteration. ``run()`` makes
+        all of them; ``columns()`` is the table, ``summary()`` what it says, ``write_page()`` the
+        same to look at.
+
+    Raises
+    ------
+    StandError
+        The sweep is not right; the folder is another campaign's, or cannot be written.
+    RunFailed
+        A bug in a run, with its seed.
+
+    Examples
+    --------
+    >>> import stand, tempfile, pathlib
+    >>> folder = pathlib.Path(tempfile.mkdtemp())
+    >>> text = '''title = "Two units"
+    ... procedure = "two-position"
+    ... rate_hz = 2
+    ... runs = 2
+    ... [[vary]]
+    ... key = "imu"
+    ... values = ["hg9900", "ring-laser"]
+    ... '''
+    >>> _ = (folder / "units.toml").write_text(text)
+    >>> made = stand.campaign(folder / "units.toml", folder / "units", workers=1)
+    >>> [(run.case, run.seed) for run in made]
+    [(1, 0), (1, 1), (2, 0), (2, 1)]
+    >>> columns = made.columns()
+    >>> sorted({str(q) for q in columns["quantity"][columns["method"] == "triad"]})
+    ['NEES', 'heading', 'pitch', 'roll', 'yaw']
+    """
+    from stand.campaigns.sweep import load_sweep
+    from stand.errors import whole
+    from stand.results.campaigned import Campaigned
+
+    if workers is not None:
+        whole("workers", workers, 1)
+    engine = None
+    if scheduler is not None:
+        from stand.simulation.cluster import engine_at
+
+        engine, workers = engine_at(scheduler, workers), None
+    folder = None if out is None else Path(out)
+    return Campaigned(
+        load_sweep(Path(sweep)), folder, resume=resume, engine=engine, workers=workers
+    )
 
 
 def side_by_side(

@@ -107,7 +107,7 @@ def trespassers(modules: dict[str, set[str]]) -> list[str]:
 
 def storey(module: str) -> int | None:
     """The storey of a module of the stand, from 0; None of the package's own face."""
-    part = module.split(".")[1] if "." in module else ""
+    part = module.split(".")[1] if within(module, "stand") and "." in module else ""
     return next((n for n, rooms in enumerate(STOREYS) if part in rooms), None)
 
 

@@ -17,7 +17,14 @@ from alignment.estimate import AttitudeEstimate
 from alignment.gains import Answer, compass_gain, each_alone, from_b
 from alignment.information import Stretch
 from alignment.levelling import attitude_covariance, attitude_sensitivity
-from alignment.noise import check_rest, gap_doubt, mean_and_variance, rest_doubt
+from alignment.noise import (
+    around_doubt,
+    around_variance,
+    check_rest,
+    gap_doubt,
+    mean_and_variance,
+    rest_doubt,
+)
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
@@ -110,7 +117,8 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
         window = dwell.window()
         check_rest(window, dwell.label)
         windows.append(window)
-        summaries.append(mean_and_variance(window))
+        means, variances = mean_and_variance(window)
+        summaries.append((means, variances + around_variance(dwell)))
     singles = [
         _single(dwell, window, summary, site, options)
         for dwell, window, summary in zip(dwells, windows, summaries, strict=True)
@@ -155,7 +163,7 @@ def _single(
     to_latitude = _latitude_sensitivity(latitude, min(rate, EARTH_RATE), gravity)
     variance = attitude_covariance(C_nb, whole, to_latitude)[0, 0]
     flags = gap_doubt(window) + saturation_doubt(dwell.label, window)
-    flags += heading_doubt(covariance) + rest_doubt(window)
+    flags += heading_doubt(covariance) + rest_doubt(window) + around_doubt(dwell)
     if abs(rate / EARTH_RATE - 1) > _RATE_DOUBT:
         flags += ("mean rate is not Earth's 15.04 deg/h within 20 %: gyro bias, or not at rest",)
     return AttitudeEstimate(

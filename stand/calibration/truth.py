@@ -6,6 +6,7 @@ import numpy as np
 
 from alignment.arrays import Array
 from alignment.calibration import Key
+from stand.imu.filter import LAG
 from stand.imu.model import UnitErrors
 from stand.imu.preset import ImuSpec
 
@@ -30,7 +31,7 @@ def true_value(key: Key, gyro: UnitErrors, accel: UnitErrors, spec: ImuSpec) -> 
         "g_sensitivity": lambda: errors.g_sensitivity[i, j],
         "g2_sensitivity": lambda: errors.g2_sensitivity[i, j],
         "lever_arm": lambda: spec.places[i, j],
-        "lag": lambda: 1 / (2 * np.pi * triad.bandwidth),
+        "lag": lambda: LAG / triad.bandwidth,
         "temperature_bias": lambda: errors.bias_temperature[i],
         "temperature_scale": lambda: errors.scale_temperature[i],
     }

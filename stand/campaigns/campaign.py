@@ -5,20 +5,19 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Generator, Iterator
-from contextlib import closing, suppress
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from stand.campaigns.folder import alone, default_folder, opened
-from stand.campaigns.results import Results
+from stand.campaigns.results import NotWritten, Results
 from stand.campaigns.sweep import Case, Sweep
 from stand.campaigns.trial import ENDED, Row, Run, predicted, ready
-from stand.errors import StandError
 from stand.folder import write_file
 from stand.rehearsal.result import Prediction
 from stand.simulation.parallel import pool
-from stand.simulation.work import Engine, Lost, Supply, Task, here, processes_for, recipe_of
+from stand.simulation.work import Done, Engine, Lost, Supply, Task, here, processes_for, recipe_of
 
 PREDICTIONS = "predictions.json"
 EVERY_S = 1.0  # between what is kept
@@ -84,13 +83,15 @@ class Campaign:
         wanted = sweep.seeds
         self.done = sum(sum(s in wanted for s in seeds) for seeds in self._known.values())
         self._engine = engine or engine_of(self.total - self.done, workers)
+        self._predictions: dict[int, list[dict[str, Any]]] = {}
         self.lost: list[Lost] = []
 
     def __iter__(self) -> Generator[Run]:
         with alone(self.folder):
             yield from self._runs()
-            self._predict()
             self.results.finish()
+            if self._predictions:
+                self._write_predictions()
 
     def _runs(self) -> Generator[Run]:
         kept: list[Run] = []
@@ -98,50 +99,49 @@ class Campaign:
         with closing(self._engine(Supply(self._tasks()))) as found:
             try:
                 for done in found:
-                    now = time.monotonic()
-                    fresh: list[Run] = []
-                    slow = False
-                    if isinstance(done, Lost):
-                        self.lost.append(done)
-                        fresh = [Run(done.case, done.seed, (Row(refusal=ENDED),))]
-                    elif done is not None:
-                        made = zip(done.seeds, done.results, strict=True)
-                        fresh = [Run(done.case, seed, rows) for seed, rows in made]
-                        slow = done.seconds > SLOW_S * len(fresh)
+                    fresh = self._fresh(done)
                     kept += fresh
-                    if kept and (slow or now - last > EVERY_S):
+                    slow = isinstance(done, Done) and done.seconds > SLOW_S * len(done.seeds)
+                    if kept and (slow or time.monotonic() - last > EVERY_S):
                         self.results.add(kept)
-                        kept, last = [], now
+                        kept, last = [], time.monotonic()
                     self.done += len(fresh)
                     yield from fresh
-            except BaseException as error:
-                full = isinstance(error, StandError) and "cannot write" in str(error)
-                if not full:
-                    self.results.add(kept)
+            except NotWritten:
+                raise
+            except BaseException:
+                self.results.add(kept)
                 raise
             self.results.add(kept)
 
+    def _fresh(self, done: Done | Lost | None) -> list[Run]:
+        """The runs in what an engine says; predictions are put aside."""
+        if done is None:
+            return []
+        if done.case < 0:
+            if isinstance(done, Done):
+                self._predictions[-done.case] = [_plain(p) for p in done.results[0]]
+            return []
+        if isinstance(done, Lost):
+            self.lost.append(done)
+            return [Run(done.case, done.seed, (Row(refusal=ENDED),))]
+        made = zip(done.seeds, done.results, strict=True)
+        return [Run(done.case, seed, rows) for seed, rows in made]
+
     def _tasks(self) -> Iterator[Task]:
+        """The runs that are missing; then what `rehearse` says of every case, as case -n."""
         for case in self.sweep.cases():
             known = self._known.get(case.number, set())
             seeds = [seed for seed in self.sweep.seeds if seed not in known]
             if seeds:
                 yield Task(case.number, recipe_of(partial(ready, case.settings)), seeds)
+        if not (self.folder / PREDICTIONS).exists():
+            for case in self.sweep.cases():
+                yield Task(-case.number, recipe_of(partial(predicted, case.settings)), (0,))
 
-    def _predict(self) -> None:
-        """What `rehearse` says of every case, beside the results."""
-        if (self.folder / PREDICTIONS).exists():
-            return
-        tasks = (
-            Task(case.number, recipe_of(partial(predicted, case.settings)), (0,))
-            for case in self.sweep.cases()
-        )
-        found: dict[int, Any] = {}
-        with closing(self._engine(Supply(tasks))) as engine:
-            for done in engine:
-                if done is not None and not isinstance(done, Lost):
-                    found[done.case] = [_plain(p) for p in done.results[0]]
-        ordered = {str(case): found.get(case, []) for case in range(1, self.cases + 1)}
+    def _write_predictions(self) -> None:
+        cases = range(1, self.cases + 1)
+        ordered = {str(case): self._predictions.get(case, []) for case in cases}
         write_file(self.folder / PREDICTIONS, json.dumps(ordered) + "\n")
 
 
@@ -170,8 +170,6 @@ def size_of(sweep: Sweep, known: int = 0) -> Size:
         rows += len(trial(case.settings.seed + 1)) / len(numbers)
         seconds += (time.process_time() - begin) / len(numbers)
     runs = count * sweep.entry.runs
-    with suppress(ZeroDivisionError):
-        rows = round(rows)
     return Size(
         cases=count,
         runs=runs,

@@ -53,6 +53,10 @@ def _schema(pa: Any) -> Any:
     return pa.schema([(name, kinds[name]) for name in COLUMNS])
 
 
+class NotWritten(StandError):
+    """Rows that could not be kept: the disk is full, or may not be written."""
+
+
 class Results:
     """The rows in a folder."""
 
@@ -80,7 +84,7 @@ class Results:
 
         Raises
         ------
-        StandError
+        NotWritten
             They cannot be written.
         """
         if runs:
@@ -107,7 +111,7 @@ class Results:
         files = self.files()
         if not files:
             return {name: np.empty(0, object if name in WORDS else float) for name in names}
-        table = self._in_order(self._joined(files))
+        table = self._plain(self._in_order(self._joined(files)))
         return {name: _array(table[name]) for name in names}
 
     def table(self) -> Any:
@@ -150,12 +154,15 @@ class Results:
 
     def _in_order(self, table: Any) -> Any:
         """By case, seed, method, window, place, quantity; words numbered in that order."""
-        pa = self._arrow
-        plain = table.cast(
-            pa.schema([(f.name, pa.string() if f.name in WORDS else f.type) for f in _schema(pa)])
-        )
         order = [(name, "ascending") for name in COLUMNS[:6]]
-        return plain.sort_by(order).combine_chunks().cast(_schema(pa))
+        plain = self._plain(table).sort_by(order).combine_chunks()
+        return plain.cast(_schema(self._arrow))
+
+    def _plain(self, table: Any) -> Any:
+        """The same with its words spelled out."""
+        pa = self._arrow
+        kinds = [(f.name, pa.string() if f.name in WORDS else f.type) for f in table.schema]
+        return table.cast(pa.schema(kinds))
 
     def _table(self, runs: Sequence[Run]) -> Any:
         pa = self._arrow
@@ -186,7 +193,10 @@ class Results:
                 "seed": "DELTA_BINARY_PACKED", **dict.fromkeys(NUMBERS, "BYTE_STREAM_SPLIT")
             },
         )  # fmt: skip
-        write_file(path, sink.getvalue().to_pybytes())
+        try:
+            write_file(path, sink.getvalue().to_pybytes())
+        except StandError as error:
+            raise NotWritten(str(error)) from error
 
 
 def _run_of(table: Any) -> NDArray[np.int64]:

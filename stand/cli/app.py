@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stand.cli.align import align, allan, import_log
+from stand.cli.campaign import campaign
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
 from stand.cli.progress import Stopped
 from stand.cli.review import recover, report, view
@@ -42,6 +43,7 @@ COMMANDS = {
     "align": align,
     "compare": compare,
     "rehearse": rehearse,
+    "campaign": campaign,
     "export": export,
     "import": import_log,
     "list": list_entries,

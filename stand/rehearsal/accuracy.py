@@ -13,8 +13,8 @@ from alignment.information.circle import Rival
 from alignment.information.result import DETERMINED
 from alignment.methods.position_gains import known_to
 from alignment.units import DEG
+from stand.imu.instrument import unit_of
 from stand.motion.plan import Plan, PlannedStep
-from stand.rehearsal.instrument import unit_of
 from stand.rehearsal.planned import planned_stretch
 from stand.rehearsal.predictions import Parts, angles, rounder, withheld
 from stand.rehearsal.refusals import (

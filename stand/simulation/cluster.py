@@ -12,13 +12,13 @@ import os
 import time
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from stand.errors import StandError
 from stand.simulation.parallel import interrupts_noted
-from stand.simulation.work import Batch, Done, Failure, Lost, Supply, answer
+from stand.simulation.work import Batch, Done, Engine, Failure, Lost, Supply, answer
 from stand.versions import versions
 
 LOOPBACK = "127.0.0.1"
@@ -66,6 +66,8 @@ def cluster(supply: Supply, address: str) -> Generator[Done | Lost | None]:
         Ctrl-C, or SIGTERM where it is taken for that.
     """
     _, distributed = libraries()
+    if supply.empty:
+        return
     with interrupts_noted() as noted, _client(distributed, address) as client:
         _check_workers(client, address)
         far = _Far(client, address)
@@ -236,6 +238,44 @@ def _keep_memory() -> None:
         mallopt = ctypes.CDLL(None).mallopt
         for option, value in (_MMAP, _TRIM):
             mallopt(option, value)
+
+
+LOCAL = "local"
+
+
+def engine_at(scheduler: Any, workers: int | None = None) -> Engine:
+    """Who makes runs at a scheduler.
+
+    Parameters
+    ----------
+    scheduler : str or object
+        An address, as ``tcp://127.0.0.1:8786``; ``"local"``: one that is started here and ends
+        with the work; or a cluster or client of Dask's.
+    workers : int, optional
+        Of one that is started here; else as many as there are cores.
+
+    Raises
+    ------
+    StandError
+        It is none of these; Dask is not installed.
+    """
+    libraries()
+    if scheduler == LOCAL:
+        return partial(_local, workers=workers or os.cpu_count() or 1)
+    if workers is not None:
+        raise StandError("--workers: of a scheduler that is started elsewhere, as many as it has")
+    client = getattr(scheduler, "scheduler", None)  # a client has one
+    address = getattr(scheduler, "scheduler_address", getattr(client, "address", scheduler))
+    if not isinstance(address, str) or "://" not in address:
+        raise StandError(f"--scheduler {address}: must be as tcp://127.0.0.1:8786, or {LOCAL}")
+    return partial(cluster, address=address)
+
+
+def _local(supply: Supply, workers: int) -> Generator[Done | Lost | None]:
+    if supply.empty:
+        return
+    with of_this_machine(workers) as address:
+        yield from cluster(supply, address)
 
 
 @contextmanager

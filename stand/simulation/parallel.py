@@ -106,6 +106,8 @@ def pool(supply: Supply, workers: int) -> Generator[Done | Lost | None]:
     KeyboardInterrupt
         Ctrl-C, or SIGTERM where it is taken for that.
     """
+    if supply.empty:
+        return
     crew: list[_Worker] = []
     unborn = 0
     try:

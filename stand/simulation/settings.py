@@ -33,6 +33,7 @@ from stand.physics.dynamics import Payload
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import Procedure, load_procedure, table_of
 from stand.samples import Sampling
+from stand.simulation.benches import bench_of
 from stand.table.kinematics import base_arm, gimbal_arm
 from stand.table.table import Table, load_table, without_errors
 from stand.table.table_errors import TableErrors, TableErrorsEntry, draw
@@ -250,14 +251,31 @@ def assembled(
         rate_hz=rate_hz,
         **rest,  # pyright: ignore[reportArgumentType]  # checked by its fields
     )
-    return replace(plain, options=replace(choices, priors=stated_priors(plain)))
+    return replace(plain, options=_with_knowledge(choices, plain))
 
 
 def with_procedure(made: Settings, procedure: Procedure) -> Settings:
     """The same with another procedure, whose options and rocking the estimators are told."""
     options = replace(procedure.entry.estimate.options(), rule=made.options.rule)
     changed = replace(made, procedure=procedure, options=options)
-    return replace(changed, options=replace(options, priors=stated_priors(changed)))
+    return replace(changed, options=_with_knowledge(options, changed))
+
+
+def _with_knowledge(options: Options, made: Settings) -> Options:
+    """Options with what unit and table may do: priors, and for a calibration all of it."""
+    bench = None
+    if any(ESTIMATORS[method].design is not None for method in methods_of(made)):
+        ideal = made.motion is MotionKind.IDEAL
+        bench = bench_of(
+            made.unit,
+            made.stated_table,
+            made.site,
+            made.sampling,
+            made.rate_hz,
+            ideal=ideal,
+            temperature=temperature_of(made.procedure),
+        )
+    return replace(options, priors=stated_priors(made), bench=bench)
 
 
 def stated_priors(made: Settings) -> Priors:
@@ -291,6 +309,11 @@ def methods_of(settings: Settings) -> tuple[str, ...]:
     if settings.methods is not None:
         return settings.methods
     return settings.procedure.entry.estimate.methods
+
+
+def follows_moves(settings: Settings) -> bool:
+    """Whether a method needs what the unit reads between the stretches."""
+    return any(ESTIMATORS[method].follows_moves for method in methods_of(settings))
 
 
 def payload_of(procedure: Procedure) -> Payload:

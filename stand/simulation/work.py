@@ -94,6 +94,14 @@ class Supply:
                 return None
             self._seeds = iter(self._task.seeds)
 
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to be done."""
+        batch = self.take()
+        if batch is not None:
+            self.put_back(batch)
+        return batch is None
+
     def _size(self, case: int) -> int:
         seconds = self._seconds.get(case)
         if seconds is None:
