@@ -2,15 +2,17 @@
 
 Variants (both directions, a slower or second turn, an added position, a longer offset window,
 another start azimuth, or none) are tried at their own length and then with longer stretches: the
-least that passes, by steps of `_GROWTH` and halving between them. Of all that pass within every
+least that passes of lengths an eighth of an octave apart; those that are out of reach are passed
+over. Of all that pass within every
 limit the shortest comes first; where none does, the best that was tried says what stands in the
 way.
 """
 
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from math import ceil
+from math import ceil, exp, inf, log
 from typing import Any
 
 from alignment import ESTIMATORS
@@ -24,11 +26,11 @@ from stand.rehearsal.result import Advice, Change, Judgement, Rehearsal, Verdict
 from stand.rehearsal.wording import toml_of
 from stand.simulation.settings import Settings, with_procedure
 
-_GROWTH = 2.0
+_GROWTH = 2.0  # of a length that fails, at least
 _MOST = 64.0  # times the length
+_FACTORS = (1.0, *(2.0**k * (1 + n / 8) for k in range(6) for n in range(1, 9)))
 _LONGEST = 7 * 86400.0  # s: no advice is longer than that
 _DEARER = 3.0  # times the shortest found: no longer ones are looked for
-_HALVINGS = 3
 _NO_GAIN = 0.99  # of sigma: a stretch twice as long that does not gain that is limited otherwise
 _KEPT = 3  # pieces of advice per quantity
 _AXIS = "outer"  # turns about the vertical
@@ -88,26 +90,54 @@ def _longer(
     settings: Settings, data: Data, wanted: Sequence[str], longest: float, tried: list[_Trial]
 ) -> _Trial | None:
     """The shortest lengthening of a variant that passes within `longest` s; None: none does."""
-    factor, before, sigma = 1.0, 0.0, float("inf")
+    before, off, k, least = 0.0, inf, 0, 0.0
     while True:
-        trial = _tried(settings, _stretched(data, factor))
+        trial = _tried(settings, _stretched(data, _FACTORS[k]))
         if trial is None or trial.result.duration.total > longest:
             return None
         tried.append(trial)
         if _passes(trial.result, wanted):
             break
-        now = _worst(trial.result, wanted)
-        if factor >= _MOST or (now > _NO_GAIN * sigma and now < float("inf")):
+        factor, now = _FACTORS[k], _worst(trial.result, wanted)
+        if factor == _FACTORS[-1] or (now > _NO_GAIN * off and now < inf):
             return None
-        before, factor, sigma = factor, factor * _GROWTH, now
-    best = trial
-    for _ in range(_HALVINGS if before else 0):
-        middle = (before + factor) / 2
-        trial = _tried(settings, _stretched(data, middle))
+        least = _reach(before, off, factor, now) if _smooth(data) else factor
+        before, off = factor, now
+        k = bisect_left(_FACTORS, max(least, _GROWTH * factor))
+        k = min(k, len(_FACTORS) - 1)
+    failed = bisect_left(_FACTORS, max(least, before)) - (before < least)
+    return _shortest(settings, data, wanted, (failed, k), trial) if k else trial
+
+
+def _reach(before: float, off: float, factor: float, now: float) -> float:
+    """The least length at which what is off by `now` at `factor` can pass.
+
+    `off` was at `before`. What is off falls ever more slowly: noise averages out, and what does
+    not average remains. So no length passes that the slope between these two does not reach.
+    """
+    if not (before and off < inf and now > 1.0):
+        return factor
+    slope = log(off / now) / log(factor / before)
+    return factor * exp(log(now) / slope)
+
+
+def _smooth(data: Data) -> bool:
+    """Whether all lengths go with the factor: turns are whole, and go in steps."""
+    return not any("turns" in step for step in data["step"])
+
+
+def _shortest(
+    settings: Settings, data: Data, wanted: Sequence[str], ends: tuple[int, int], best: _Trial
+) -> _Trial:
+    """The shortest that passes between factors of which the first fails and the last passes."""
+    failed, passed = ends
+    while passed - failed > 1:
+        middle = (failed + passed) // 2
+        trial = _tried(settings, _stretched(data, _FACTORS[middle]))
         if trial is not None and _passes(trial.result, wanted):
-            best, factor = trial, middle
+            best, passed = trial, middle
         else:
-            before = middle
+            failed = middle
     return best
 
 
@@ -119,7 +149,7 @@ def _tried(settings: Settings, data: Data) -> _Trial | None:
         procedure = procedure_from(source)
     except StandError:
         return None
-    result = rehearse(with_procedure(settings, procedure))
+    result = rehearse(with_procedure(settings, procedure), judged_only=True)
     return _Trial(data, text, result) if result.feasible else None
 
 
@@ -128,12 +158,12 @@ def _passes(result: Rehearsal, wanted: Sequence[str]) -> bool:
 
 
 def _worst(result: Rehearsal, wanted: Sequence[str]) -> float:
-    """How far the worst of what is wanted is off, as a part of what is required."""
+    """How far the worst of what is wanted is off, as a part of what would pass."""
     open_ones = [
         j for j in result.judgements if j.quantity in wanted and j.verdict is not Verdict.PASS
     ]
     return max(
-        (float("inf") if j.expanded is None else j.expanded / j.required for j in open_ones),
+        (inf if j.expanded is None else j.expanded * (1 + j.guard) / j.required for j in open_ones),
         default=0.0,
     )
 
