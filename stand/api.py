@@ -12,14 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Never
 
 if TYPE_CHECKING:
+    from stand.calibration.file import CalibrationRecord
     from stand.imu import ImuSpec
     from stand.imu.unit import Unit
     from stand.recording.log import Log
     from stand.recording.log_form import LogForm
     from stand.recovered import Recovered
+    from stand.report.film import Film
     from stand.results.aligned import Aligned
     from stand.results.analysed import Analysed
     from stand.results.beside import Beside
+    from stand.results.calibrated import Calibrated
     from stand.results.campaigned import Campaigned
     from stand.results.compared import Compared
     from stand.results.driven import Driven
@@ -253,6 +256,143 @@ def read(
     return shown(Recording, log)
 
 
+def film(
+    recording: Log | Named,
+    out: Named,
+    *,
+    t_from_s: float | None = None,
+    t_to_s: float | None = None,
+    speed: float | None = None,
+    camera: str = "review",
+    size: tuple[int, int] = (1280, 720),
+    method: str | None = None,
+    joints: str = "",
+    force: bool = False,
+    progress: Progress = _quiet,
+) -> Film:
+    """The moving stand beside its readings and its estimate, as a film.
+
+    Parameters
+    ----------
+    recording : Recording or path
+        Of `stand.run`, or a log with joint angles.
+    out : path
+        ``.mp4``, ``.gif`` or ``.webp``.
+    t_from_s, t_to_s : float, optional
+        What is shown [s]; else all.
+    speed : float, optional
+        So many times faster; else so that it takes 60 s at most.
+    camera : str
+        Of the model, or ``"azimuth,elevation,distance"`` [deg, deg, m].
+    size : (2,)
+        Width and height in pixels, even.
+    method : str, optional
+        Whose estimate grows; else the recording's first that answers.
+    joints : str
+        Which joint of a foreign table is which axis: ``"yaw=outer,pitch=-middle"``.
+    force : bool
+        Replace a file that is there.
+    progress : callable
+        Told the part done, 0 to 1.
+
+    Returns
+    -------
+    Film
+        ``path``, ``pictures``, ``duration`` [s], ``speed``.
+
+    Raises
+    ------
+    StandError
+        No joints; nothing that draws or encodes; an argument is not allowed; a file is there.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.film("recordings/sample", "film.avi")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: unknown --out film.avi: kind of film '.avi': ...
+    """
+    from stand.report.film import write_film
+
+    return write_film(
+        _of_file(recording),
+        Path(out),
+        t_from=t_from_s,
+        t_to=t_to_s,
+        speed=speed,
+        camera=camera,
+        size=size,
+        method=method,
+        joints=joints,
+        force=force,
+        progress=progress,
+    )
+
+
+def picture(
+    recording: Log | Named,
+    at_s: float,
+    out: Named,
+    *,
+    camera: str = "review",
+    size: tuple[int, int] = (1280, 720),
+    method: str | None = None,
+    joints: str = "",
+    force: bool = False,
+) -> Path:
+    """One moment of a recording as a PNG; arguments and faults as of `stand.film`.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    at_s : float
+        Which moment [s].
+    out : path
+        A PNG.
+    camera, size, method, joints : optional
+        As of `stand.film`.
+    force : bool
+        Replace a file that is there.
+
+    Returns
+    -------
+    Path
+        `out`.
+
+    Raises
+    ------
+    StandError
+        A moment beyond the recording; else as `stand.film`.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.picture("recordings/sample", 75, "moment.jpg")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: --out moment.jpg: must end in .png
+    """
+    from stand.report.film import write_picture
+
+    return write_picture(
+        _of_file(recording),
+        at_s,
+        Path(out),
+        camera=camera,
+        size=size,
+        method=method,
+        joints=joints,
+        force=force,
+    )
+
+
+def _of_file(recording: Log | Named) -> Log:
+    from stand.recording.log import Log
+
+    return recording if isinstance(recording, Log) else read(recording)
+
+
 def recover(place: Named | None = None) -> list[Recovered]:
     """Bring back what interrupted recordings hold, each where it was to be.
 
@@ -302,6 +442,7 @@ def align(
     height_m: float | None = None,
     sequences: str | None = None,
     windows_s: Sequence[float] = (),
+    calibration: Named | CalibrationRecord | None = None,
 ) -> Aligned:
     """Estimate the attitude from recordings: several are several dwells of one unit.
 
@@ -320,6 +461,8 @@ def align(
     windows_s : sequence of float, optional
         Lengths of windows [s] into which every stretch is cut too: how their estimates scatter,
         beside the sigma stated.
+    calibration : path or of `stand.calibrate`, optional
+        Of the unit: taken out of the readings, its sigmas in place of the data sheet's.
 
     Returns
     -------
@@ -358,8 +501,153 @@ def align(
         height_m=height_m,
         sequences=sequences,
         windows_s=windows_s,
+        calibration=calibration,
     )
     return shown(Aligned, found)
+
+
+def calibrate(
+    recordings: Log | Simulated | Named | Sequence[Log | Simulated | Named],
+    *,
+    hand_held: bool = False,
+    imu: str | ImuSpec | None = None,
+    gravity_m_s2: float | None = None,
+    gravity_sigma_m_s2: float | None = None,
+    latitude_deg: float | None = None,
+    height_m: float | None = None,
+    shortest_s: float = 1.0,
+    as_published: bool = False,
+    axes: str = "",
+    serial: str = "",
+) -> Calibrated:
+    """Find a unit's constant errors, with a sigma of each and what it is made of.
+
+    Parameters
+    ----------
+    recordings : Recording, Simulated, path, or several of them
+    hand_held : bool
+        Without a table: a unit that was turned by hand from rest to rest; rests are found.
+    imu : str or ImuSpec, optional
+        Unit whose data sheet says what is known before; without it nothing is.
+    gravity_m_s2, gravity_sigma_m_s2 : float, optional
+        As measured; else normal gravity of the site, which is good to 30 mGal.
+    latitude_deg, height_m : float, optional
+        Of the site; else as recorded.
+    shortest_s : float
+        Of a rest.
+    as_published : bool
+        The published hand-held method to the letter.
+    axes : str
+        With which the log was read, for the record.
+    serial : str
+        Of the unit, for the record.
+
+    Returns
+    -------
+    Calibrated
+        ``calibration``: parameters, covariance, null space, what was left out; ``errors`` where
+        the truth is known.
+
+    Raises
+    ------
+    StandError
+        An argument is not allowed; the readings do not tell.
+
+    Examples
+    --------
+    >>> import stand
+    >>> run = stand.simulate(stand.settings("two-position", imu="stim300", rate_hz=20))
+    >>> stand.calibrate(run, hand_held=True)
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: ...: 2 rests in 600 s: at least 9 are needed, ...
+    """
+    from stand.calibration.by_hand import by_hand
+    from stand.errors import StandError
+    from stand.report.notebook import shown
+    from stand.results.calibrated import Calibrated
+
+    several = isinstance(recordings, (list, tuple))
+    logs = [_log(one) for one in (recordings if several else [recordings])]
+    if not hand_held:
+        raise StandError("hand_held = False: must be True, for logs without a table")
+    found = by_hand(
+        logs,
+        imu=imu,
+        gravity=gravity_m_s2,
+        gravity_sigma=gravity_sigma_m_s2,
+        latitude_deg=latitude_deg,
+        height_m=height_m,
+        shortest_s=shortest_s,
+        as_published=as_published,
+        axes=axes,
+        serial=serial,
+    )
+    return shown(Calibrated, found)
+
+
+def apply(
+    calibration: Named | CalibrationRecord,
+    recording: Named,
+    out: Named,
+    *,
+    form: LogForm | None = None,
+    topic: str | None = None,
+    temperature_C: float | None = None,
+    force: bool = False,
+    progress: Progress = _quiet,
+) -> Recording:
+    """Take a unit's errors out of a log, and write what is left as an MCAP.
+
+    Parameters
+    ----------
+    calibration : path or of `stand.calibrate`
+    recording : path
+        A log of any kind, of this unit.
+    out : path
+        The MCAP to write, with the calibration and the hashes of both in its metadata.
+    form : stand.LogForm, optional
+        As of `stand.read`.
+    topic : str, optional
+        Of the IMU, where there are several.
+    temperature_C : float, optional
+        Of the unit, where the calibration has terms of temperature.
+    force : bool
+        Replace what is there.
+    progress : callable
+        Told the part read, 0 to 1.
+
+    Returns
+    -------
+    Recording
+        The corrected log, as `stand.read` gives it.
+
+    Raises
+    ------
+    StandError
+        `out` is there; the log or the calibration is not right, or not of this unit.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.apply("none.json", "log.mcap", "corrected.mcap")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: none.json: cannot read this calibration: No such file or directory
+    """
+    from stand.calibration.corrected import applied
+
+    applied(
+        calibration,
+        _path(recording),
+        _path(out),
+        form,
+        topic=topic,
+        temperature_C=temperature_C,
+        force=force,
+        progress=progress,
+    )
+    return read(out)
 
 
 def _log(recording: object) -> Log:

@@ -200,9 +200,10 @@ def _gaps(readings: ImuReadings, rests: Sequence[tuple[float, float]]) -> set[in
     """Moves with a gap in them, by the number of the rest before."""
     steps = np.diff(readings.t)
     wide = readings.t[1:][steps > GAP * np.median(steps)]
-    return {
-        k for k in range(len(rests) - 1) if ((wide > rests[k][0]) & (wide <= rests[k + 1][1])).any()
-    }
+    # a rest that a gap begins starts a step before its first stamp
+    late = 2 * readings.interval
+    pairs = enumerate(pairwise(rests))
+    return {k for k, (a, b) in pairs if ((wide > a[1]) & (wide <= b[0] + late)).any()}
 
 
 def _check_rests(readings: ImuReadings, rests: Sequence[tuple[float, float]]) -> None:
@@ -219,14 +220,19 @@ def _check_unit(means: RestMeans, gravity: Gravity) -> None:
     """Whether what rests read can be gravity at all."""
     norm = float(np.median(np.linalg.norm(means.accel, axis=1)))
     if abs(norm / gravity.value - 1) > WRONG_UNIT:
-        hint = ""
-        for name, size in (("g", STANDARD_GRAVITY), ("mg", 1e-3 * STANDARD_GRAVITY)):
-            if abs(norm * size / gravity.value - 1) < WRONG_UNIT:
-                hint = f"; are they in {name}? "
+        hints = [name for name, size in _UNITS if abs(norm * size / gravity.value - 1) < WRONG_UNIT]
+        hint = f": their unit seems to be {hints[0]}" if hints else ""
         raise AlignmentError(
-            f"accelerometers read {norm:.4g} at rest, must be near {gravity.value:.4g} m/s^2"
-            f"{hint.rstrip()}"
+            f"accelerometers read {norm:.4g} m/s^2 at rest, must be near {gravity.value:.4g}{hint}"
         )
+
+
+# what accelerometers may be in whose unit was taken for m/s^2, or for g where they are in that
+_UNITS = (
+    ("g", STANDARD_GRAVITY),
+    ("mg", 1e-3 * STANDARD_GRAVITY),
+    ("m/s^2, not g", 1 / STANDARD_GRAVITY),
+)
 
 
 def _accelerometers_tell(
@@ -374,10 +380,8 @@ def _gyros_tell(problem: Problem, fit: Fit, priors: Priors | None) -> tuple[str,
     AlignmentError
         Turns do not tell all, and nothing else says it.
     """
-    rows = fit.rows
-    own = rows.group == "move"
     first = 3  # of the unknowns: biases come first, then scale, rotation, leaning
-    J = rows.J[own][:, first : first + 9]
+    J = fit.J[fit.group == "move", first : first + 9]
     rank, condition, lost = rank_of(J, LEAST_TURNING)
     text = f"gyros by {len(problem.moves.spans)} moves: rank {rank} of 9"
     if rank == 9:
@@ -502,10 +506,10 @@ def _nuisance(problem: Problem, fit: Fit) -> tuple[Nuisance, ...]:
 def _budget(fit: Fit, basis: Array, more: dict[str, Array]) -> tuple[Contribution, ...]:
     """Where the variances come from: each group of rows moves the fit on its own."""
     q = basis.shape[1]
-    gain = basis @ fit.covariance[:q] @ fit.rows.J.T
+    gain = basis @ fit.covariance[:q] @ fit.J.T
     found = []
     for name, groups in _SOURCES.items():
-        own = np.isin(fit.rows.group, groups)
+        own = np.isin(fit.group, groups)
         variance = (gain[:, own] ** 2).sum(axis=1)
         found.append(Contribution(name, np.sqrt(variance)))
     found += [Contribution(name, np.sqrt(P.diagonal())) for name, P in more.items()]

@@ -71,31 +71,46 @@ class State:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Rows:
-    """Whitened rows: `J` (n, q), residuals `r` (n,), the `group` and `item` of each."""
+    """Rows as they are linear about a state.
+
+    `J` (n, q), residuals `r` (n,), their `variance` (n,) by noise alone and what each variance of
+    `GROUPS` beyond noise adds to it by `more` (n, 3); the `group` and `item` (n,) of each.
+    """
 
     J: Array
     r: Array
+    variance: Array
+    more: Array
     group: np.ndarray
     item: IntArray
+
+    def whitened(self, extra: dict[str, float]) -> tuple[Array, Array]:
+        """J and r over the sigmas, with variances beyond noise."""
+        beyond = np.array([extra[group] for group in GROUPS])
+        sigma = np.sqrt(self.variance + self.more @ beyond)
+        return self.J / sigma[:, None], self.r / sigma
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Fit:
-    """A fit: `state`; `covariance` (q, q) of all unknowns, the unit's first; `rows` at the end.
+    """A fit: `state`; `covariance` (q, q) of all unknowns, the unit's first; `J` and `r` whitened,
+    `group` and `item` of each row.
 
     `chi_square` and `dof` are those of the noise alone, before anything was enlarged.
     """
 
     state: State
     covariance: Array
-    rows: Rows
-    chi_square: float
-    dof: int
+    J: Array
+    r: Array
+    group: np.ndarray
+    item: IntArray
+    chi_square: float = 0.0
+    dof: int = 0
 
     def worth(self) -> Array:
         """Redundancy (n,) of each row: what the fit leaves of its variance."""
-        hat = np.einsum("ij,jk,ik->i", self.rows.J, self.covariance, self.rows.J)
-        return np.asarray(1 - hat)
+        return np.asarray(1 - np.sum(self.J @ self.covariance * self.J, axis=1))
 
 
 def start(problem: Problem) -> State:
@@ -189,7 +204,7 @@ def rows_of(problem: Problem, state: State) -> Rows:
     ]
     return Rows(**{
         name: np.concatenate([getattr(one, name) for one in made])
-        for name in ("J", "r", "group", "item")
+        for name in Rows.__slots__
     })  # fmt: skip
 
 
@@ -225,33 +240,21 @@ def _at_rest(problem: Problem, state: State, C: Array) -> Rows:
         ],
         axis=1,
     )
+    gyro_drift, accel_drift = problem.drift
     variance = np.stack(
-        [
-            rests.accel_variance + problem.drift[1] + state.extra["accel"],
-            rests.gyro_variance + problem.drift[0] + state.extra["gyro"],
-        ],
-        axis=1,
+        [rests.accel_variance + accel_drift, rests.gyro_variance + gyro_drift], axis=1
     )
-    sigma = np.sqrt(variance)
-    group = np.broadcast_to(np.array(GROUPS[:2])[None, :, None], r.shape)
-    item = np.broadcast_to(np.arange(k)[:, None, None], r.shape)
-    rows = Rows(
-        J=(J / sigma[..., None]).reshape(-1, at.total),
-        r=(r / sigma).ravel(),
-        group=group.ravel(),
-        item=item.ravel(),
+    group = np.broadcast_to(np.array(GROUPS[:2])[None, :, None], r.shape).ravel()
+    item = np.broadcast_to(np.arange(k)[:, None, None], r.shape).ravel()
+    keep = np.full(len(item), not problem.first_bias) | (group == "accel") | (item == 0)
+    return Rows(
+        J=J.reshape(-1, at.total)[keep],
+        r=r.ravel()[keep],
+        variance=variance.ravel()[keep],
+        more=(group[:, None] == np.array(GROUPS)).astype(float)[keep],
+        group=group[keep],
+        item=item[keep],
     )
-    if not problem.first_bias:
-        return rows
-    keep = (rows.group == "accel") | (rows.item == 0)
-    return Rows(J=rows.J[keep], r=rows.r[keep], group=rows.group[keep], item=rows.item[keep])
-
-
-def move_variances(problem: Problem, state: State) -> Array:
-    """Variance (m,) of the vertical after each move [rad^2]: walk, drift of biases, the rest."""
-    spans = problem.moves.spans
-    drift = (problem.drift[0] + state.extra["gyro"]) * spans**2
-    return np.asarray(problem.rests.walk * spans + drift + state.extra["move"])
 
 
 def _of_moves(problem: Problem, state: State, moved: Turned, C: Array) -> Rows:
@@ -271,10 +274,14 @@ def _of_moves(problem: Problem, state: State, moved: Turned, C: Array) -> Rows:
         J[n, :, at.up(a)] = across @ back @ (B[a] + T * cross_matrix(earth) @ B[a])
         J[n, :, at.up(b)] = -np.eye(2)
         J[n, :, at.earth(chain)] = -T * across @ back @ cross_matrix(u[a]) @ C[a].T
-    sigma = np.sqrt(move_variances(problem, state))[:, None]
+    # walk, and biases that are off those of the rests
+    own = problem.rests.walk * moves.spans + problem.drift[0] * moves.spans**2
+    more = np.column_stack([np.zeros(m), moves.spans**2, np.ones(m)])
     return Rows(
-        J=(J / sigma[..., None]).reshape(-1, at.total),
-        r=(r / sigma).ravel(),
+        J=J.reshape(-1, at.total),
+        r=r.ravel(),
+        variance=np.repeat(own, 2),
+        more=np.repeat(more, 2, axis=0),
         group=np.repeat("move", 2 * m),
         item=np.repeat(np.arange(m), 2),
     )
@@ -296,7 +303,15 @@ def _of_priors(problem: Problem, state: State) -> Rows:
     for chain in range(at.chains):
         made += _of_earth(problem, state, chain, at)
     J, r, group = zip(*made, strict=True)
-    return Rows(J=np.array(J), r=np.array(r), group=np.array(group), item=np.zeros(len(r), int))
+    n = len(r)
+    return Rows(
+        J=np.array(J),
+        r=np.array(r),
+        variance=np.ones(n),
+        more=np.zeros((n, len(GROUPS))),
+        group=np.array(group),
+        item=np.zeros(n, int),
+    )
 
 
 def _of_earth(
@@ -326,22 +341,23 @@ def _of_earth(
 # --- solved --------------------------------------------------------------------------------------
 
 
-def solve(problem: Problem, state: State) -> tuple[State, Array, Rows]:
-    """Gauss-Newton to a thousandth of a sigma.
+def solve(problem: Problem, state: State) -> tuple[State, Rows]:
+    """Gauss-Newton to a thousandth of a sigma; the rows there.
 
     Raises
     ------
     AlignmentError
         It does not settle: readings that no unit of such errors gives.
     """
+    rows = rows_of(problem, state)
     for _ in range(STEPS):
-        rows = rows_of(problem, state)
-        step, covariance = _least_squares(rows.J, rows.r)
-        state = _stepped(problem, state, step)
+        step, covariance = _least_squares(*rows.whitened(state.extra))
         if not np.isfinite(step).all():
             break
         if (np.abs(step) <= SETTLED * np.sqrt(covariance.diagonal())).all():
-            return state, covariance, rows_of(problem, state)
+            return state, rows
+        state = _stepped(problem, state, step)
+        rows = rows_of(problem, state)
     raise AlignmentError(
         "the fit does not settle: wrong units or axes, or readings that gravity and the gyros "
         "contradict"
@@ -390,12 +406,12 @@ def median_ratio(chi_square: Array, worth: Array) -> float:
     return float(np.median(chi_square[there] / usual))
 
 
-def by_item(fit: "Fit", group: str) -> tuple[Array, Array]:
+def by_item(fit: Fit, group: str) -> tuple[Array, Array]:
     """Chi-square and redundancy (m,) of each rest or move, of one group of rows."""
-    own = fit.rows.group == group
-    items, worth = fit.rows.item[own], fit.worth()[own]
+    own = fit.group == group
+    items, worth = fit.item[own], fit.worth()[own]
     count = int(items.max()) + 1 if own.any() else 0
-    chi_square = np.bincount(items, fit.rows.r[own] ** 2, count).astype(float)
+    chi_square = np.bincount(items, fit.r[own] ** 2, count).astype(float)
     return chi_square, np.bincount(items, np.maximum(worth, 0.0), count).astype(float)
 
 
@@ -408,39 +424,40 @@ def fitted(problem: Problem, ratio: Ratio = mean_ratio) -> Fit:
     ratio : callable
         By which chi-square is brought to the degrees of freedom.
     """
-    state, covariance, rows = solve(problem, start(problem))
-    fit = _fit(state, covariance, rows)
-    # of readings: what sheet, gravity and the Earth say of themselves is no residual of theirs
-    chi_square, dof = float(rows.r @ rows.r), len(rows.r) - rows.J.shape[1]
+    state, rows = solve(problem, start(problem))
+    fit = _weighed(state, rows)
+    # the unknowns without a prior are paid for by rows, the others by their own
+    chi_square, dof = float(fit.r @ fit.r), len(fit.r) - fit.J.shape[1]
     for _ in range(ROUNDS):
-        extra, settled = _enlarged(problem, fit, ratio)
+        extra, settled = _enlarged(fit, rows, ratio)
         if settled:
             break
-        state, covariance, rows = solve(problem, replace(fit.state, extra=extra))
-        fit = _fit(state, covariance, rows)
+        fit = _weighed(replace(state, extra=extra), rows)
+    if any(fit.state.extra.values()):
+        fit = _weighed(*solve(problem, fit.state))
     return replace(fit, chi_square=chi_square, dof=max(dof, 0))
 
 
-def _fit(state: State, covariance: Array, rows: Rows) -> Fit:
-    return Fit(state=state, covariance=covariance, rows=rows, chi_square=0.0, dof=0)
+def _weighed(state: State, rows: Rows) -> Fit:
+    """The fit by rows that are linear about a state, with variances as the state has them."""
+    J, r = rows.whitened(state.extra)
+    step, covariance = _least_squares(J, r)
+    return Fit(
+        state=state, covariance=covariance, J=J, r=r - J @ step, group=rows.group, item=rows.item
+    )
 
 
-def _enlarged(problem: Problem, fit: Fit, ratio: Ratio) -> tuple[dict[str, float], bool]:
+def _enlarged(fit: Fit, rows: Rows, ratio: Ratio) -> tuple[dict[str, float], bool]:
     """Variances beyond noise that bring each group's chi-square nearer; whether it is there."""
     extra, settled = dict(fit.state.extra), True
-    rests = problem.rests
-    own = {
-        "accel": float(rests.accel_variance.mean()) + problem.drift[1] + extra["accel"],
-        "gyro": float(rests.gyro_variance.mean()) + problem.drift[0] + extra["gyro"],
-        "move": float(move_variances(problem, fit.state).mean()) if len(problem.moves.spans) else 0,
-    }
+    beyond = np.array([extra[group] for group in GROUPS])
+    variance = rows.variance + rows.more @ beyond
     for group in GROUPS:
         chi_square, worth = by_item(fit, group)
         if worth.sum() < 1:
             continue
-        more = (ratio(chi_square, worth) - 1) * own[group]
-        wanted = max(0.0, extra[group] + more)
-        if abs(wanted - extra[group]) > EVEN * own[group]:
-            settled = False
+        usual = float(variance[rows.group == group].mean())
+        wanted = max(0.0, extra[group] + (ratio(chi_square, worth) - 1) * usual)
+        settled &= abs(wanted - extra[group]) <= EVEN * usual
         extra[group] = wanted
     return extra, settled

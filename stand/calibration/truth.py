@@ -1,14 +1,17 @@
 """What a calibration should find: the constants that a simulated unit was given."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from pydantic import Json, TypeAdapter
 
 from alignment.arrays import Array
 from alignment.calibration import Key
+from stand.errors import StandError
 from stand.imu.filter import LAG
 from stand.imu.model import UnitErrors
 from stand.imu.preset import ImuSpec
+from stand.recording.metadata import recorded_imu
 
 
 def true_value(key: Key, gyro: UnitErrors, accel: UnitErrors, spec: ImuSpec) -> float:
@@ -41,3 +44,33 @@ def true_value(key: Key, gyro: UnitErrors, accel: UnitErrors, spec: ImuSpec) -> 
 def true_values(keys: Sequence[Key], gyro: UnitErrors, accel: UnitErrors, spec: ImuSpec) -> Array:
     """Parameters (n,) of a simulated unit of this sheet, SI."""
     return np.array([true_value(key, gyro, accel, spec) for key in keys])
+
+
+_Numbers = TypeAdapter(Json[list[float] | list[list[float]]])
+
+
+def errors_of(
+    keys: Sequence[Key], values: Array, metadata: Mapping[str, Mapping[str, str]]
+) -> list[float] | None:
+    """Values less truth (n,), SI, where a recording of ours says the truth; else None.
+
+    Raises
+    ------
+    StandError
+        The recording's record of its unit is not right.
+    """
+    drawn, sheet = metadata.get("unit"), recorded_imu(metadata)
+    if drawn is None or sheet is None:
+        return None
+    gyro, accel = (_errors(drawn, sensor) for sensor in ("gyro", "accel"))
+    return (np.asarray(values) - true_values(keys, gyro, accel, sheet)).tolist()
+
+
+def _errors(drawn: Mapping[str, str], sensor: str) -> UnitErrors:
+    try:
+        return UnitErrors(**{
+            name: np.array(_Numbers.validate_python(drawn[f"{sensor}_{name}"]))
+            for name in UnitErrors.__slots__
+        })  # fmt: skip
+    except (KeyError, ValueError) as error:
+        raise StandError(f"record unit: not what a unit was given: {error!r}") from error

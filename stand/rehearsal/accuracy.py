@@ -15,6 +15,7 @@ from alignment.methods.position_gains import known_to
 from alignment.units import DEG
 from stand.imu.instrument import unit_of
 from stand.motion.plan import Plan, PlannedStep
+from stand.rehearsal.constants import constants_by
 from stand.rehearsal.planned import planned_stretch
 from stand.rehearsal.predictions import Parts, angles, rounder, withheld
 from stand.rehearsal.refusals import (
@@ -72,6 +73,9 @@ def _method(name: str, scene: Scene, unit: InstrumentErrors, observe: bool) -> P
         return _by_gains(name, method.gains, scene, unit, observe)
     if method.functional is not None:
         return _over_time(name, method, scene, unit, observe)
+    if method.design is not None:
+        found, seen = constants_by(name, method, scene)
+        return found, [seen]
     raise AlignmentError(f"no prediction is made: {method.no_prediction}; see --verify")
 
 

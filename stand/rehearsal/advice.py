@@ -16,7 +16,6 @@ from math import ceil, exp, inf, log
 from typing import Any
 
 from alignment import ESTIMATORS
-from alignment.units import DEG
 from stand import toml_files as catalogue
 from stand.errors import StandError
 from stand.procedure.procedure import procedure_from
@@ -27,6 +26,7 @@ from stand.rehearsal.wording import toml_of
 from stand.simulation.settings import Settings, with_procedure
 
 _GROWTH = 2.0  # of a length that fails, at least
+_WHOLE = 0.95  # of a length that whole seconds make of it
 _MOST = 64.0  # times the length
 _FACTORS = (1.0, *(2.0**k * (1 + n / 8) for k in range(6) for n in range(1, 9)))
 _LONGEST = 7 * 86400.0  # s: no advice is longer than that
@@ -51,7 +51,7 @@ class _Trial:
 def with_advice(settings: Settings) -> Rehearsal:
     """A rehearsal, with advice for every quantity that fails."""
     result = rehearse(settings)
-    failing = [j.quantity for j in result.judgements if j.verdict is Verdict.FAIL]
+    failing = [j.quantity for j in result.judgements if j.verdict is Verdict.FAIL and not j.refused]
     if not failing or not result.feasibility:
         return result
     data = settings.procedure.entry.model_dump(exclude_unset=True, mode="json")
@@ -70,7 +70,7 @@ def with_advice(settings: Settings) -> Rehearsal:
 
 
 def _wanted(result: Rehearsal) -> tuple[str, ...]:
-    return tuple(j.quantity for j in result.judgements)
+    return tuple(j.quantity for j in result.judgements if not j.refused)
 
 
 def _remedies(
@@ -113,12 +113,13 @@ def _reach(before: float, off: float, factor: float, now: float) -> float:
     """The least length at which what is off by `now` at `factor` can pass.
 
     `off` was at `before`. What is off falls ever more slowly: noise averages out, and what does
-    not average remains. So no length passes that the slope between these two does not reach.
+    not average remains. So no length passes that the slope between these two does not reach, but
+    for whole seconds, which lengthen a little more than they were asked to.
     """
     if not (before and off < inf and now > 1.0):
         return factor
     slope = log(off / now) / log(factor / before)
-    return factor * exp(log(now) / slope)
+    return max(factor, _WHOLE * factor * exp(log(now) / slope))
 
 
 def _smooth(data: Data) -> bool:
@@ -289,10 +290,10 @@ def _advice_of(quantity: str, before: Data, trial: _Trial) -> Advice:
     judged = _judged(trial.result.judgements, quantity)
     duration = trial.result.duration.total
     assert judged.sigma is not None
-    known = f" beside a bias of {judged.bias / DEG:.3g} deg" if judged.bias else ""
+    told = f" beside a bias of {_told(judged, judged.bias)}" if judged.bias else ""
     text = (
         f"{'; '.join(_in_words(change) for change in changes)}: {quantity} then has a sigma of "
-        f"{judged.sigma / DEG:.3g} deg{known} by {judged.method}, in {duration:.0f} s"
+        f"{_told(judged, judged.sigma)}{told} by {judged.method}, in {duration:.0f} s"
     )
     return Advice(
         quantity=quantity,
@@ -302,6 +303,11 @@ def _advice_of(quantity: str, before: Data, trial: _Trial) -> Advice:
         duration=duration,
         toml=trial.text,
     )
+
+
+def _told(judged: Judgement, value: float) -> str:
+    """A value [SI] in the unit of what is judged."""
+    return f"{value / judged.per:.3g} {judged.unit}"
 
 
 def _judged(judgements: Sequence[Judgement], quantity: str) -> Judgement:
@@ -327,11 +333,11 @@ def _nothing(quantity: str, before: Data, tried: Sequence[_Trial]) -> Advice:
     longest = max(trial.result.duration.total for trial in tried)
     text = (
         f"none of {len(tried)} procedures tried, up to {_MOST:g} times as long ({longest:.0f} s), "
-        f"reaches {judged.required / DEG:g} deg with coverage {judged.coverage:g}: "
-        f"{_in_the_way(best.result, judged)}"
+        f"reaches {judged.required / judged.per:g} {judged.unit} with coverage "
+        f"{judged.coverage:g}: {_in_the_way(best.result, judged)}"
     )
     changed = "; ".join(_in_words(change) for change in _changes(before, best.data))
-    reached = "" if judged.expanded is None else f" to {judged.expanded / DEG:.3g} deg"
+    reached = "" if judged.expanded is None else f" to {_told(judged, judged.expanded)}"
     better = f" in the best, which comes{reached} in {best.result.duration.total:.0f} s ({changed})"
     text += better if changed else ""
     return Advice(quantity=quantity, text=text, changes=(), sigma=None, duration=None)

@@ -9,6 +9,7 @@ from stand.campaigns.campaign import Size
 from stand.campaigns.summary import Refused, Series, Summary, Worst, Yield, sensitivities
 from stand.campaigns.sweep import shown
 from stand.folder import write_file
+from stand.recording.hashes import sha256_of_text
 from stand.report.campaign_figures import (
     curves,
     distribution,
@@ -22,7 +23,6 @@ from stand.report.campaign_figures import (
 )
 from stand.report.document import method_text
 from stand.report.page import render, span_text
-from stand.report.provenance import sha256_of_text
 from stand.report.tables import TableData
 from stand.report.wording import deg_text, digits
 from stand.versions import versions

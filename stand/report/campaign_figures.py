@@ -270,7 +270,9 @@ def tornado(found: Sequence[Sensitivity], series: Series) -> Drawing | None:
                 )  # fmt: skip
         axes.set_yticks(range(len(found)), [s.label for s in found])
         axes.set_ylim(len(found) - 0.5, -0.5)
-        axes.margins(x=0.15)
+        least, most = min(s.span[0] for s in found) / per, max(s.span[1] for s in found) / per
+        room = 0.12 * (most - least)
+        axes.set_xlim(least - room, most + room)
         axes.set_xlabel(f"rms error [{unit}], over all values of the others")
         frame(axes, grid="x")
         axes.tick_params(axis="y", colors=INK)

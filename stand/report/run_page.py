@@ -26,6 +26,7 @@ from stand.folder import refuse_files, write_file
 from stand.imu.preset import ImuEntry
 from stand.procedure.procedure import ProcedureEntry, RequireEntry
 from stand.recording.curves import AngleCurves
+from stand.recording.hashes import sha256_of_file, sha256_of_text
 from stand.recording.log import Log, load_log
 from stand.recording.mcap.reader import read_attachments
 from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN, recorded_steps
@@ -39,7 +40,7 @@ from stand.report.figures import Bar, channels, errors, timeline
 from stand.report.gallery import Gallery, Position, gallery
 from stand.report.judged import judged
 from stand.report.page import render, span_text
-from stand.report.provenance import provenance, sha256_of_file, sha256_of_text
+from stand.report.provenance import provenance
 from stand.report.tables import TableData
 from stand.simulation.step_record import StepRecord, records_from_json
 from stand.table.table import TableEntry

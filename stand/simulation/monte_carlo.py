@@ -151,7 +151,8 @@ class Trials:
     ) -> _Sensing:
         """Without the joints, which only a turn is asked for."""
         ticks = np.arange(first, last + 1)
-        over = truth.over(planned.motion, ticks / settings.rate_hz, settings.sampling)
+        rate_hz = settings.rate_hz
+        over = truth.over(planned.motion, ticks / rate_hz, settings.sampling, rate_hz)
         stamps, six = stamps_ns(ticks[1:], settings.rate_hz), np.zeros((last - first, 6))
         block = TruthBlock(
             t_ns=stamps,
