@@ -719,7 +719,7 @@ def rehearse(
     verify : int, optional
         Simulate so many runs and set what they come to beside the predictions.
     progress : callable
-        Told the part of those runs that is done, 0 to 1.
+        Told the part done, 0 to 1: of those runs, without any of the changes that are tried.
 
     Raises
     ------
@@ -740,7 +740,7 @@ def rehearse(
 
     if verify is not None:
         whole("verify", verify, 1)
-    answer = with_advice(_checked(settings))
+    answer = with_advice(_checked(settings), _quiet if verify else progress)
     if verify is not None:
         from stand.rehearsal.verify import with_verification
 

@@ -197,10 +197,6 @@ def _compare_published(only: str, out: Path | None, as_json: bool) -> None:
                 print(path)
 
 
-def _unseen(done: float) -> None:
-    """Progress of no runs."""
-
-
 def rehearse(
     procedure: Annotated[
         str, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
@@ -271,10 +267,9 @@ def rehearse(
         from stand.report.rehearsal import refuse_report
 
         refuse_report(report, force)
-    title = f"{settings.procedure.id}, {settings.imu.id}, {verify} runs"
-    watching = working("rehearsing", as_json) if verify is None else progress(title, as_json)
-    with watching as done:
-        result = stand.rehearse(settings, verify=verify, progress=done if verify else _unseen)
+    runs_told = "what would help" if verify is None else f"{verify} runs"
+    with progress(f"{settings.procedure.id}, {settings.imu.id}, {runs_told}", as_json) as done:
+        result = stand.rehearse(settings, verify=verify, progress=done)
     runs = result.verification
     if as_json:
         print_json(rehearsal_json(result))

@@ -9,7 +9,7 @@ way.
 """
 
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from math import ceil, exp, inf, log
@@ -48,8 +48,10 @@ class _Trial:
     result: Rehearsal
 
 
-def with_advice(settings: Settings) -> Rehearsal:
-    """A rehearsal, with advice for every quantity that fails."""
+def with_advice(
+    settings: Settings, progress: Callable[[float], None] = lambda done: None
+) -> Rehearsal:
+    """A rehearsal, with advice for every quantity that fails; `progress` is told of variants."""
     result = rehearse(settings)
     failing = [j.quantity for j in result.judgements if j.verdict is Verdict.FAIL and not j.refused]
     if not failing or not result.feasibility:
@@ -57,12 +59,12 @@ def with_advice(settings: Settings) -> Rehearsal:
     data = settings.procedure.entry.model_dump(exclude_unset=True, mode="json")
     tried: list[_Trial] = []
     wanted = _wanted(result)
-    whole = _remedies(settings, data, wanted, tried)
+    whole = _remedies(settings, data, wanted, tried, progress)
     advice: list[Advice] = []
     for quantity in failing:
         found = whole
         if not whole and wanted != (quantity,):
-            found = _remedies(settings, data, (quantity,), tried)
+            found = _remedies(settings, data, (quantity,), tried, progress)
         advice += [_advice_of(quantity, data, trial) for trial in found[:_KEPT]]
         if not found:
             advice.append(_nothing(quantity, data, tried))
@@ -74,15 +76,22 @@ def _wanted(result: Rehearsal) -> tuple[str, ...]:
 
 
 def _remedies(
-    settings: Settings, data: Data, wanted: Sequence[str], tried: list[_Trial]
+    settings: Settings,
+    data: Data,
+    wanted: Sequence[str],
+    tried: list[_Trial],
+    progress: Callable[[float], None],
 ) -> list[_Trial]:
     """Changes that make all the `wanted` pass, the shortest first; all goes into `tried`."""
     found: list[_Trial] = []
-    for variant in _variants(data, settings):
+    variants = list(_variants(data, settings))
+    for number, variant in enumerate(variants):
+        progress(number / len(variants))
         cheapest = min((t.result.duration.total for t in found), default=_LONGEST / _DEARER)
         trial = _longer(settings, variant, wanted, _DEARER * cheapest, tried)
         if trial is not None:
             found.append(trial)
+    progress(1.0)
     return sorted(found, key=lambda trial: trial.result.duration.total)
 
 
@@ -105,7 +114,8 @@ def _longer(
         before, off = factor, now
         k = bisect_left(_FACTORS, max(least, _GROWTH * factor))
         k = min(k, len(_FACTORS) - 1)
-    failed = bisect_left(_FACTORS, max(least, before)) - (before < least)
+    least = max(_WHOLE * least, before)  # whole seconds lengthen a little more than was asked
+    failed = bisect_left(_FACTORS, least) - (before < least)
     return _shortest(settings, data, wanted, (failed, k), trial) if k else trial
 
 
@@ -113,13 +123,12 @@ def _reach(before: float, off: float, factor: float, now: float) -> float:
     """The least length at which what is off by `now` at `factor` can pass.
 
     `off` was at `before`. What is off falls ever more slowly: noise averages out, and what does
-    not average remains. So no length passes that the slope between these two does not reach, but
-    for whole seconds, which lengthen a little more than they were asked to.
+    not average remains. So no length passes that the slope between these two does not reach.
     """
     if not (before and off < inf and now > 1.0):
         return factor
     slope = log(off / now) / log(factor / before)
-    return max(factor, _WHOLE * factor * exp(log(now) / slope))
+    return factor * exp(log(now) / slope)
 
 
 def _smooth(data: Data) -> bool:

@@ -3,6 +3,7 @@
 The rehearsals themselves are told what to say, for it is the search that is tested.
 """
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -248,6 +249,14 @@ def test_the_least_of_all_lengths_is_found(told, floor, needed):
     least = next(np.ceil(t) for t in lengths if sigma(np.ceil(t)) <= PASSES)
     assert first.duration == least
     assert len(tried) <= 9  # as doubling and halving would
+
+
+def test_progress_is_told_of_variants(told, monkeypatch):
+    seen = []
+    watched = partial(advice.with_advice, progress=seen.append)
+    monkeypatch.setitem(globals(), "with_advice", watched)
+    told(procedure(["carousel"], TURN.format("rate_deg_s = 20\nturns = 3")), never)
+    assert seen == [0.0, 0.25, 0.5, 0.75, 1.0]
 
 
 def test_out_of_reach_is_told_by_the_longest(told):
