@@ -27,11 +27,14 @@ from alignment.units import ARC_SECOND, DEG_PER_HOUR
 HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"
 EARTH_RATE, LATITUDE = 7.292115e-5, np.radians(48.5)
+REPEATS = 2
+MINUTES = (1, 10, 60, 360, 1440)
+RATES = (20, 50, 100, 200, 500, 1000, 2000, 4000)
 VERSIONS = """
 from importlib.metadata import version
 print(*(f"{name} {version(name)}" for name in ("python-ins", "ahrs", "allantools")), sep=", ")
 """
-TURNS = 5  # pairs that count, after one that does not
+TURNS = int(sys.argv[2]) if len(sys.argv) > 2 else 5  # pairs that count, after one that does not
 
 UNIT = """
 title = "The errors that both sides have"
@@ -295,9 +298,9 @@ Curve = list[tuple[float, float]]
 
 
 def curves(folder: Path, ours: Side) -> dict[str, dict[str, Curve]]:
-    """Seconds against length, rate and axes: the best of two, after one for warmth."""
+    """Seconds against length, rate and axes: the best of `REPEATS`, after one for warmth."""
 
-    def cost(text: str, rate: int, unit: str, repeats: int = 2) -> float:
+    def cost(text: str, rate: int, unit: str, repeats: int = REPEATS) -> float:
         procedure = folder / "curve.toml"
         procedure.write_text(text)
         told = {"procedure": str(procedure), "unit": unit, "rate": rate}
@@ -305,25 +308,19 @@ def curves(folder: Path, ours: Side) -> dict[str, dict[str, Curve]]:
 
     unit = str(folder / "unit.toml")
     cost(sway(60), 200, unit, 1)
-    minutes = (1, 10, 60, 360, 1440)
-    rates = (20, 50, 100, 200, 500, 1000, 2000, 4000)
+    lengths = [(60 * k, REPEATS if k < 360 else 1) for k in MINUTES]
+    axes = range(1, len(AXES) + 1)
     found: dict[str, dict[str, Curve]] = {
         "length": {
-            "at rest, 20 Hz": [
-                (60 * k, cost(rest(60 * k), 20, unit, 1 + (k < 1440))) for k in minutes
-            ],
-            "swaying, 20 Hz": [
-                (60 * k, cost(sway(60 * k), 20, unit, 1 + (k < 360))) for k in minutes
-            ],
+            "at rest, 20 Hz": [(s, cost(rest(s), 20, unit, n)) for s, n in lengths],
+            "three axes rock, 20 Hz": [(s, cost(rocking(3, s), 20, unit, n)) for s, n in lengths],
         },
         "rate": {
-            "sway of 60 s, no errors": [(r, cost(sway(60), r, "ideal")) for r in rates],
-            "sway of 60 s, a unit's errors": [(r, cost(sway(60), r, unit)) for r in rates],
+            "sway of 60 s, no errors": [(r, cost(sway(60), r, "ideal")) for r in RATES],
+            "sway of 60 s, a unit's errors": [(r, cost(sway(60), r, unit)) for r in RATES],
         },
         "axes": {
-            "sines of 60 s, 200 Hz": [
-                (k, cost(rocking(k, 60), 200, unit)) for k in range(1, len(AXES) + 1)
-            ],
+            "sines of 60 s, 200 Hz": [(k, cost(rocking(k, 60), 200, unit)) for k in axes],
         },
     }
     return found
