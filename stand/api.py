@@ -760,7 +760,7 @@ def rehearse(
     scheduler : str or object, optional
         Of a Dask cluster that makes them, as of `stand.campaign`.
     progress : callable
-        Told the part of those runs that is done, 0 to 1.
+        Told the part done, 0 to 1: of those runs, without any of the changes that are tried.
 
     Raises
     ------
@@ -781,7 +781,7 @@ def rehearse(
 
     if verify is not None:
         whole("verify", verify, 1)
-    answer = with_advice(_checked(settings))
+    answer = with_advice(_checked(settings), _quiet if verify else progress)
     if verify is not None:
         from stand.rehearsal.verify import with_verification
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, permutations, product
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from alignment.arrays import Array
 from alignment.calibration.hand_held_fit import (
@@ -391,7 +391,7 @@ def _worst(fit: Fit) -> tuple[str, int, float] | None:
         for n in there:
             size = chi_square[n] / worth[n]
             dof = max(1.0, round(worth[n]))
-            if chi2.sf(size * dof, dof) < FAR:
+            if chdtrc(dof, size * dof) < FAR:
                 found.append((float(np.sqrt(size)), group, int(n)))
     if not found:
         return None

@@ -122,6 +122,17 @@ def test_floors(latitude, heading):
         assert predicted == pytest.approx(factor * floor(latitude), rel=1e-9)
 
 
+def test_sensitivities_alone_cost_no_decomposition(monkeypatch):
+    """Who asks for them alone, as a prediction of a given gain does, pays for none of it."""
+    site = Site(48.5 * DEG)
+    monkeypatch.setattr(np.linalg, "svd", None)
+    monkeypatch.setattr(np.linalg, "cholesky", None)
+    found = information(rests(0, 180), headed(75), site, ALL_UNKNOWN)
+    assert found.J.shape == (12, len(found.parameters))
+    with pytest.raises(TypeError):
+        _ = found.root
+
+
 def test_a_floor_by_hand():
     """0.01 deg/rt-h over 600 s at 48.5 deg: 0.01/sqrt(1/6) = 0.0244949 deg/h of 9.96651 deg/h."""
     site = Site(48.5 * DEG)
