@@ -1,10 +1,13 @@
 """Owned, checked, read-only arrays: what makes a frozen dataclass really immutable."""
 
 from collections.abc import Sequence
+from mmap import mmap
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from alignment.parts import in_parts
 
 Array = NDArray[np.floating[Any]]
 IntArray = NDArray[np.int64]
@@ -47,7 +50,7 @@ def owned(
         wanted = tuple("any" if n is None else n for n in shape)
         raise ValueError(f"{name}: shape {array.shape}, must be {wanted}")
     good = np.isfinite if not nan else _finite_or_nan
-    if array.dtype.kind == "f" and not good(array).all():
+    if array.dtype.kind == "f" and not all(good(p).all() for p in in_parts(np.atleast_1d(array))):
         row = np.argwhere(~good(array))[0]
         raise ValueError(f"{name}: not finite at index {tuple(int(i) for i in row)}")
     array.flags.writeable = False
@@ -63,6 +66,8 @@ def _immutable(array: NDArray[Any]) -> bool:
     if array.flags.writeable:
         return False
     if array.flags.owndata:
+        return True
+    if isinstance(array.base, mmap):  # of a file that nobody else knows
         return True
     return isinstance(array.base, np.ndarray) and _immutable(array.base)
 

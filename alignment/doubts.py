@@ -12,16 +12,27 @@ def heading_doubt(covariance: Array) -> tuple[str, ...]:
     return ("heading sigma above 8 deg: beyond first order",) if sigma > 8.0 else ()
 
 
-def drift_doubt(gyro: Array, accel: Array) -> tuple[str, ...]:
-    """A flag where readings at rest drift beyond noise, by so much (3,) from end to end."""
+def drift_words(gyro: Array, accel: Array) -> str:
+    """What drifts by how much (3,): gyros [rad/s], accelerometers [m/s^2]; '' for nothing."""
     told = []
     if gyro.any():
-        told.append(f"gyros by {gyro.max() / DEG_PER_HOUR:.2g} deg/h")
+        told.append(f"gyros by {_short(gyro.max() / DEG_PER_HOUR)} deg/h")
     if accel.any():
-        told.append(f"accelerometers by {accel.max() / STANDARD_GRAVITY * 1e6:.2g} ug")
+        told.append(f"accelerometers by {_short(accel.max() / STANDARD_GRAVITY * 1e6)} ug")
+    return " and ".join(told)
+
+
+def _short(value: float) -> str:
+    """Two digits, of hundreds too: no 1e+02."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def drift_doubt(gyro: Array, accel: Array) -> tuple[str, ...]:
+    """A flag where readings at rest drift beyond noise, by so much (3,) from end to end."""
+    told = drift_words(gyro, accel)
     if not told:
         return ()
     return (
-        f"drift from end to end beyond noise: {' and '.join(told)}: counted as one sigma; a "
+        f"drift from end to end beyond noise: {told}: counted as one sigma; a "
         "slower one is not known without a data sheet",
     )

@@ -1,7 +1,7 @@
 """The answer of an estimator: an attitude, how sure it is, and what was found on the way."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from alignment.angles import (
     near_singular,
 )
 from alignment.arrays import Array, owned, set_owned
+from alignment.calibration.result import Calibration
 
 ANGLES = ("roll", "yaw", "pitch")
 ANGLE_LIMIT = np.radians(30.0)  # sigma of a heading, or of an angle, that is still a number
@@ -92,6 +93,8 @@ class AttitudeEstimate:
         them, with their standard deviations.
     sway : mapping or None
         What a method found of the base's rocking, by name, SI.
+    calibration : Calibration or None
+        A unit's constants, where the method finds them: of the first of its estimates.
     """
 
     method: str
@@ -108,12 +111,21 @@ class AttitudeEstimate:
     biases: Array | None = None
     bias_sigmas: Array | None = None
     sway: Mapping[str, float] | None = None
+    calibration: Calibration | None = None
+    # read off once: reports ask for them dozens of times
+    _turns: Array | None = field(init=False, repr=False, default=None)
+    _sigmas: Array | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         shapes = {"covariance": (3, 3), "biases": (6,), "bias_sigmas": (6,)}
         there = {name: value for name in shapes if (value := getattr(self, name)) is not None}
         set_owned(self, **{name: (value, shapes[name], float) for name, value in there.items()})
-
+        if self.C_nb is not None:
+            turns = angles_from_C_nb(self.sequence, self.C_nb)
+            set_owned(self, _turns=(turns, (3,), float))
+            if self.covariance is not None and not self.singular:
+                sigmas = angle_sigmas(self.sequence, turns, self.covariance)
+                set_owned(self, _sigmas=(sigmas, (3,), float))
         if "latitude" in self.undetermined:
             object.__setattr__(self, "latitude", None)
 
@@ -123,10 +135,9 @@ class AttitudeEstimate:
 
         None without an attitude.
         """
-        if self.C_nb is None:
+        if self._turns is None:
             return None
-        stands = determined(self._angle_sigmas())
-        return np.where(stands, angles_from_C_nb(self.sequence, self.C_nb), np.nan)
+        return np.where(determined(self._angle_sigmas()), self._turns, np.nan)
 
     @property
     def heading(self) -> float | None:
@@ -149,17 +160,12 @@ class AttitudeEstimate:
     @property
     def singular(self) -> bool:
         """Whether roll, yaw and pitch cannot be told apart by this sequence here."""
-        return self.C_nb is not None and bool(
-            near_singular(self.sequence, angles_from_C_nb(self.sequence, self.C_nb))
-        )
+        return self._turns is not None and bool(near_singular(self.sequence, self._turns))
 
     @property
     def sigmas(self) -> Array | None:
         """Standard deviations of roll, yaw, pitch [rad], (3,); None where there are none."""
-        if self.C_nb is None or self.covariance is None or self.singular:
-            return None
-        angles = angles_from_C_nb(self.sequence, self.C_nb)
-        return angle_sigmas(self.sequence, angles, self.covariance)
+        return self._sigmas
 
     @property
     def undetermined(self) -> dict[str, str]:
@@ -173,8 +179,8 @@ class AttitudeEstimate:
 
     def _angle_sigmas(self) -> Array:
         """As `sigmas`; where the outer turns merge both have the azimuth's, 0 without any."""
-        if self.sigmas is not None:
-            return self.sigmas
+        if self._sigmas is not None:
+            return self._sigmas
         if self.covariance is None or not self.singular:
             return np.zeros(3)
         middle = "pitch" if self.sequence is Sequence.YAW_PITCH_ROLL else "roll"

@@ -4,6 +4,7 @@ Whatever the rest of the house must know of a method stands in its entry.
 """
 
 from alignment.method import Method, Window
+from alignment.methods.calibration import calibration, calibration_design
 from alignment.methods.carousel import carousel
 from alignment.methods.carousel_gains import carousel_gains
 from alignment.methods.fine import fine, fine_tracks, innovations
@@ -136,6 +137,18 @@ ESTIMATORS = {
         needs_latitude=True,
         tracks=fine_tracks,
         innovations=innovations,
+    ),
+    "calibration": Method(
+        title="A unit's biases, scale factors, axes and more from a test on a table",
+        source="[C] multi-position and rate tests, in one fit with the table's own errors",
+        note="± of noise, drift, seat, table and gravity; attitudes are those that the table was "
+        "told",
+        estimate=calibration,
+        takes="any",
+        design=calibration_design,
+        needs_latitude=True,
+        carries_nominal=True,
+        follows_moves=True,
     ),
     "vectors": Method(
         title="Vector matching with satellite navigation: as printed, observing form, Kalman "

@@ -6,6 +6,8 @@ from functools import wraps
 from types import MappingProxyType
 from typing import Literal
 
+from alignment.calibration.design import Design
+from alignment.calibration.session import Session
 from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
@@ -61,8 +63,11 @@ class Method:
         Predicts, for rests and steady turns: an `Answer` per estimate, from the planned stretches.
     functional : callable or None
         Predicts, for any motion: how one stretch is answered, from what perfect sensors read.
+    design : callable or None
+        Predicts, for a method that finds the unit's constants and no attitude: what planned
+        stations and moves will tell of them.
     no_prediction : str
-        Why it does neither, in words. Exactly one of the three is there.
+        Why it does none of this, in words. Exactly one of the four is there.
     needs_latitude, needs_offset, needs_upright : bool
         ``site.latitude`` must be known; each dwell must hold the offset window and be at a nominal
         attitude; Y1 must be near the vertical.
@@ -79,6 +84,8 @@ class Method:
         Its sigma depends on where on the horizon the axes point.
     tells_mean : bool
         Its attitude is the mean one of a stretch, where all others tell that at its end.
+    follows_moves : bool
+        It takes the readings between its stretches too.
     knows_skew : bool
         Its sigmas hold for triads skewed by design (`Priors.gyro_axes`); others refuse such units.
     windows : mapping
@@ -103,6 +110,7 @@ class Method:
     takes: Takes = "rest"
     gains: Gains | None = None
     functional: Callable[[ImuReadings, Site, Options], Functional] | None = None
+    design: Callable[[Session, Site, Options], Design] | None = None
     no_prediction: str = ""
     needs_latitude: bool = False
     needs_offset: bool = False
@@ -113,6 +121,7 @@ class Method:
     fits_positions: bool = False
     azimuth_matters: bool = False
     tells_mean: bool = False
+    follows_moves: bool = False
     knows_skew: bool = False
     windows: Mapping[str, Window] = field(default_factory=dict)
     published_deg: tuple[float, float, float] | None = None
@@ -120,10 +129,12 @@ class Method:
     innovations: Callable[[Dwell, Site, Options], Innovations] | None = None
 
     def __post_init__(self) -> None:
-        ways = (self.gains is not None, self.functional is not None, bool(self.no_prediction))
+        predicting = (self.gains, self.functional, self.design)
+        ways = [way is not None for way in predicting] + [bool(self.no_prediction)]
         if sum(ways) != 1:
             raise ValueError(
-                f"{self.title}: needs one of gains, functional, no_prediction; has {sum(ways)}"
+                f"{self.title}: needs one of gains, functional, design, no_prediction; has "
+                f"{sum(ways)}"
             )
         if not self.knows_skew:
             object.__setattr__(self, "estimate", _of_square_triads(self.estimate))

@@ -11,8 +11,9 @@ from itertools import pairwise
 import numpy as np
 
 from alignment.arrays import Array
-from alignment.doubts import drift_doubt
+from alignment.doubts import drift_doubt, drift_words
 from alignment.errors import NotAtRest, TooShort
+from alignment.parts import excerpts, mean, parts, release, sums_between
 from alignment.readings import Dwell, ImuReadings
 from alignment.sampling import step_of
 
@@ -24,6 +25,7 @@ _FINE = 4096  # blocks from which waves are summed: fewer would fold jitter down
 _ORDERS = 20  # periods of a record below which noise counts for its mean
 _FAR_LESS = 0.35  # of the whole: chance makes that of the lower half of orders in 2 of 1000
 _DRIFT_ORDERS = 8
+_WHOLE = 0.98  # part of a record from which a dwell is all of it
 _DRIFTS = 15.0  # mean F (1, 10 degrees of freedom) of three axes: 1 in 10 000 records of noise
 
 GAP = 10.0  # usual steps: a longer one is a gap
@@ -44,8 +46,7 @@ def block_means(values: Array, blocks: int) -> Array:
     if n < blocks:
         raise TooShort(f"{n} samples: at least {blocks} are needed")
     edges = np.arange(blocks + 1) * n // blocks
-    sums = np.add.reduceat(values, edges[:-1], axis=0)
-    return sums / np.diff(edges)[:, None]
+    return sums_between(values, edges) / np.diff(edges)[:, None]
 
 
 def mean_variance(values: Array) -> Array:
@@ -77,8 +78,54 @@ def mean_variance(values: Array) -> Array:
 def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     """Means (6,) of rates and forces, and the variances (6,) of those means, as `mean_variance`."""
     values = readings.w_ib_b, readings.f_b
-    means = np.concatenate([v.mean(axis=0) for v in values])
+    means = np.concatenate([mean(v) for v in values])
     return means, np.concatenate([mean_variance(v) for v in values])
+
+
+def dwell_mean_and_variance(dwell: Dwell) -> tuple[Array, Array]:
+    """Means (6,) of a dwell and their variances, with what the record around it drifts by."""
+    means, variances = mean_and_variance(dwell.window())
+    return means, variances + around_variance(dwell)
+
+
+def around_variance(dwell: Dwell) -> Array:
+    """Variance (6,) of a dwell's means by a drift that only the record it is cut from shows.
+
+    Notes
+    -----
+    Of a record at rest that drifts steadily by D from end to end, windows that are a part p of it
+    have means that are spread evenly over ``(1 - p) D``: variance ``((1 - p) D)^2/12``. Zeros where
+    the record moves, or is the dwell.
+    """
+    drift, part = drift_around(dwell)
+    return np.asarray(((1 - part) * drift) ** 2 / 12)
+
+
+def drift_around(dwell: Dwell) -> tuple[Array, float]:
+    """How far the record that a dwell is cut from drifts (6,) at rest, and the dwell's part of it.
+
+    Zeros where the record moves, or is the dwell.
+    """
+    part = len(dwell.window()) / len(dwell.readings)
+    return (np.zeros(6) if part > _WHOLE else _drift_at_rest(dwell.readings)), part
+
+
+def around_doubt(dwell: Dwell) -> tuple[str, ...]:
+    """A flag where a dwell's record drifts."""
+    drift, _ = drift_around(dwell)
+    if not drift.any():
+        return ()
+    return (f"the record around it drifts, {drift_words(drift[:3], drift[3:])}: counted",)
+
+
+@lru_cache(maxsize=1)  # the windows of one record ask one after the other
+def _drift_at_rest(readings: ImuReadings) -> Array:
+    """How far rates and forces (6,) drift from end to end; zeros of a record that moves."""
+    try:
+        check_rest(readings, "")
+    except NotAtRest:
+        return np.zeros(6)
+    return np.concatenate([drift_of(readings.w_ib_b), drift_of(readings.f_b)])
 
 
 def integral_variance(values: Array) -> Array:
@@ -119,7 +166,7 @@ def _sums(values: Array) -> tuple[Array, np.ndarray]:
     """Sums (m, k) of values less their mean over blocks between edges (m + 1,) [samples]."""
     n, m = len(values), min(len(values), _FINE)
     edges = np.arange(m + 1) * n // m
-    total = np.add.reduceat(values, edges[:-1], axis=0)
+    total = sums_between(values, edges)
     lengths = np.diff(edges)[:, None]
     return total - lengths * (total.sum(axis=0) / n), edges
 
@@ -191,12 +238,20 @@ def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
 
 def gap_doubt(readings: ImuReadings) -> tuple[str, ...]:
     """A flag where a step between stamps is above ten times the usual one."""
-    steps = np.diff(readings.t)
-    longest = int(np.argmax(steps))
-    gap = float(steps[longest])
-    if gap <= GAP * np.median(steps, overwrite_input=True):  # an hour's steps need no copy
+    t, gap, before, shortest = readings.t, 0.0, 0.0, np.inf
+    for rows in parts(len(t)):
+        steps = np.diff(t[rows.start : rows.stop + 1])
+        longest = int(np.argmax(steps)) if len(steps) else -1
+        if longest >= 0 and steps[longest] > gap:
+            gap, before = float(steps[longest]), float(t[rows.start + longest])
+        shortest = min(shortest, float(steps.min(initial=np.inf)))
+        release(t)
+    if gap <= GAP * shortest:  # and so of the median, which takes its time
         return ()
-    return (f"gap of {gap:.3g} s after {readings.t[longest]:.3f} s",)
+    some = np.concatenate([np.diff(excerpt) for excerpt in excerpts(t)])
+    if gap <= GAP * np.median(some, overwrite_input=True):  # an hour's steps need no copy
+        return ()
+    return (f"gap of {gap:.3g} s after {before:.3f} s",)
 
 
 def check_at_rest(dwell: Dwell) -> None:
@@ -226,6 +281,8 @@ def check_rest(readings: ImuReadings, label: str) -> None:
         raise NotAtRest(f"{label}: specific force is zero: falling, or no accelerometers")
     tilts = np.arctan2(np.linalg.norm(np.cross(f, mean_f), axis=1), f @ mean_f)
     rates = np.linalg.norm(w - w.mean(axis=0), axis=1)
+    if tilts.max() <= REST_TILT and rates.max() <= REST_RATE:  # whatever the noise would excuse
+        return
     tilt = max(REST_TILT, _scatter(readings.f_b, f) / size)
     rate = max(REST_RATE, _scatter(readings.w_ib_b, w))
     span = readings.interval * len(readings) / blocks
@@ -280,8 +337,9 @@ def _scatter(values: Array, means: Array) -> float:
     if len(values) < 3:
         return 0.0
     per_block = len(values) / len(means)
-    second = np.abs(np.diff(values, 2, axis=0))
-    sigma = 1.4826 / np.sqrt(6 * per_block) * np.median(second, axis=0)
+    second = np.concatenate([np.diff(some, 2, axis=0) for some in excerpts(values)])
+    np.abs(second, out=second)
+    sigma = 1.4826 / np.sqrt(6 * per_block) * np.median(second, axis=0, overwrite_input=True)
     if len(means) >= FEWEST_BLOCKS:
         jumps = np.abs(np.diff(means, axis=0))
         sigma = np.minimum(sigma, 1.4826 / np.sqrt(2) * np.median(jumps, axis=0))

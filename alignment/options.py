@@ -1,11 +1,14 @@
 """Choices of the methods, apart from the readings and the site."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 from alignment.angles import SequenceRule
 from alignment.skew import Axes
 
 _NOISE = ("gyro_walk", "accel_walk")
+_DRIFTS = ("instability", "random_walk", "ramp")
+_CHANGING = (*_NOISE, *(f"{s}_{d}" for s in ("gyro", "accel") for d in _DRIFTS), "lever_arm")
+_DESIGN = ("gyro_axes", "accel_axes")
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,15 +95,23 @@ class Priors:
         names = (f.name for f in fields(self) if f.name.startswith(("gyro_", "accel_")))
         return not any(getattr(self, name) for name in names if name not in _NOISE)
 
+    @property
+    def changing(self) -> "Priors":
+        """What differs from time to time: noise and drifts; no constant of unit or table."""
+        constant = {f.name: 0.0 for f in fields(self) if f.name not in (*_CHANGING, *_DESIGN)}
+        return replace(self, **constant)
+
 
 @dataclass(frozen=True, slots=True)
 class Options:
     """What a person may choose.
 
     `offset_window` [s]: how much of each dwell gives the zero offsets. `rule`: which order of
-    turns each position is read by. `priors`: what is known of instrument and table.
+    turns each position is read by. `priors`: what is known of instrument and table. `bench`: what a
+    calibration is told instead, an `alignment.calibration.bench.Bench`.
     """
 
     offset_window: float = 10.0
     rule: SequenceRule = SequenceRule.REGULAR
     priors: Priors = field(default_factory=Priors)
+    bench: object | None = field(default=None, repr=False)

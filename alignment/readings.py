@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
 from alignment.errors import TooShort
+from alignment.parts import parts, release
 
 EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
 
@@ -47,12 +48,16 @@ class ImuReadings:
             w_ib_b=(self.w_ib_b, (n, 3), float),
             f_b=(self.f_b, (n, 3), float),
         )
-        back = np.flatnonzero(self.t[1:] <= self.t[:-1])
-        if len(back):
-            k = int(back[0]) + 1
-            raise ValueError(
-                f"t: sample {k} at {self.t[k]:.9f} s does not come after {self.t[k - 1]:.9f} s"
-            )
+        for rows in parts(n):
+            here = self.t[max(0, rows.start - 1) : rows.stop]
+            back = np.flatnonzero(here[1:] <= here[:-1])
+            if len(back):
+                before, after = here[back[0]], here[back[0] + 1]
+                k = max(0, rows.start - 1) + int(back[0]) + 1
+                raise ValueError(
+                    f"t: sample {k} at {after:.9f} s does not come after {before:.9f} s"
+                )
+            release(self.t)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -104,6 +109,20 @@ class Turn:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class JointAngles:
+    """Where the axes of a table stood: `angles` (k,) [rad], as its encoders say.
+
+    `going_round`: the one that turned, whose angle counts as zero; -1 at rest.
+    """
+
+    angles: Array
+    going_round: int = -1
+
+    def __post_init__(self) -> None:
+        set_owned(self, angles=(self.angles, (len(self.angles),), float))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Dwell:
     """Readings of an instrument that was told to stand still, or to turn at a constant rate.
 
@@ -116,7 +135,8 @@ class Dwell:
     t_from, t_to : float
         When it stood, or turned at constant rate [s].
     readings : ImuReadings
-        At least those between `t_from` and `t_to`; only those are used.
+        At least those between `t_from` and `t_to`; only those are used, but by a method that
+        follows the moves from one stretch to the next.
     nominal : Rotation or None
         ``C_nb`` that the table was told to take (of a turning one: at encoder angle 0), or that
         was programmed into a vehicle, at its first fix; None where nobody said.
@@ -126,6 +146,8 @@ class Dwell:
         Of a vehicle, between `t_from` and `t_to`.
     nominal_sigma : float or None
         How wrong a vehicle's `nominal` is about each axis [rad]; None where nobody said.
+    joints : JointAngles or None
+        Of the table; None where nobody said.
     """
 
     label: str
@@ -136,6 +158,7 @@ class Dwell:
     turn: Turn | None = None
     fixes: "Fixes | None" = None
     nominal_sigma: float | None = None
+    joints: JointAngles | None = None
 
     def window(self, start: float = 0.0, stop: float | None = None) -> ImuReadings:
         """Samples from `start` to `stop` seconds after the dwell began (to its end if None)."""

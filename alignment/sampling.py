@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alignment.arrays import Array, IntArray
+from alignment.parts import excerpts
 
 SHORT = 0.5  # of the mean step: less between two stamps is a burst
 BURSTS = 0.05  # of all steps that must be so short, and as many that make up for it
@@ -67,6 +68,9 @@ def repeats(values: Array) -> IntArray | None:
     runs of like rows are then of one length, or of two that follow one another, which runs of
     coarsely rounded values are not.
     """
+    first = np.count_nonzero(values[1:, 0] != values[:-1, 0])
+    if first > 1 and len(values) < OFTEN * (first - 1):  # rows change at least as often
+        return None
     changed = np.any(values[1:] != values[:-1], axis=1)
     starts = np.concatenate([[0], np.flatnonzero(changed) + 1])
     runs = np.diff(starts)[1:]
@@ -80,8 +84,11 @@ def repeats(values: Array) -> IntArray | None:
 def step_of(values: Array) -> float:
     """The step of rounded values (n,), which are multiples of it but for an offset; 0: none.
 
-    Values that hardly change show none: one change may be anything.
+    Values that hardly change show none: one change may be anything. Of more than `parts.MOST`
+    excerpts serve.
     """
+    pieces = excerpts(values)
+    values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
     levels = np.unique(values)
     if len(levels) > len(values) / 2 or np.count_nonzero(np.diff(values)) < CHANGES:
         return 0.0

@@ -10,6 +10,7 @@ import numpy as np
 
 from alignment.arrays import Array
 from alignment.errors import Saturated
+from alignment.parts import excerpts, in_parts, parts, release
 from alignment.readings import ImuReadings
 from alignment.sampling import step_of
 
@@ -74,32 +75,61 @@ def saturation_doubt(label: str, readings: ImuReadings) -> tuple[str, ...]:
 
 def _at_full_scale(channel: Array, stated: float) -> int:
     """How many samples of a channel (n,) are clipped."""
+    ends = [(part.max(), part.min()) for part in in_parts(channel)]
+    highest, lowest = float(max(high for high, _ in ends)), float(min(low for _, low in ends))
     if np.isfinite(stated):
-        size = np.abs(channel)
-        if size.max() < (1 - NEAR_RANGE) * stated:
+        if max(highest, -lowest) < (1 - NEAR_RANGE) * stated:
             return 0
         # what is clipped and then rounded may be half a step short of it
-        return int(np.count_nonzero(size >= (1 - AT_RANGE) * stated - step_of(channel) / 2))
+        least = (1 - AT_RANGE) * stated - step_of(channel) / 2
+        return sum(int(np.count_nonzero(np.abs(part) >= least)) for part in in_parts(channel))
     total = 0
-    for end, away in ((channel.max(), 1.0), (channel.min(), -1.0)):
-        # full scale lies away from zero
-        at_end = channel == end if away * end > 0 else np.zeros(len(channel), bool)
-        count = int(np.count_nonzero(at_end))
-        if LEAST <= count < len(channel) and _is_clipped(channel, float(end), at_end):
+    for end, away in ((highest, 1.0), (lowest, -1.0)):
+        if away * end <= 0:  # full scale lies away from zero
+            continue
+        count = sum(int(np.count_nonzero(part == end)) for part in in_parts(channel))
+        if LEAST <= count < len(channel) and _is_clipped(channel, end, count):
             total += count
     return total
 
 
-def _is_clipped(channel: Array, end: float, at_end: np.ndarray) -> bool:
-    """Whether the samples of a channel (n,) that are `at_end` pile up at its extreme `end`."""
-    inside = channel[~at_end]
-    # steps away from the extreme; what differs by less is one value, rounded differently
-    away = np.abs(inside - end)
-    steps, times = np.unique(np.rint(away / (FINEST * away.max())), return_counts=True)
-    if len(steps) < LEAST_VALUES or np.count_nonzero(at_end) < PILED * times[0]:
+def _is_clipped(channel: Array, end: float, count: int) -> bool:
+    """Whether the `count` samples of a channel (n,) that are at its extreme `end` pile up there."""
+    farthest = max(float(np.abs(part - end).max()) for part in in_parts(channel))
+    values, next_to_it = _nearest(channel, end, FINEST * farthest)
+    if values < LEAST_VALUES or count < PILED * next_to_it:
         return False
-    left, reached = ~at_end[1:] & at_end[:-1], ~at_end[:-1] & at_end[1:]
-    strides = np.abs(np.concatenate([channel[1:][left], channel[:-1][reached]]) - end)
+    strides = _strides(channel, end)
     rounding = (TWICE if len(strides) < 2 * FEW else ROUNDED) * step_of(channel)
-    first, third = (float(np.median(np.abs(np.diff(inside, k)))) for k in (1, 3))
+    inside = [some[some != end] for some in excerpts(channel)]
+    first, third = (
+        float(np.median(np.abs(np.concatenate([np.diff(some, k) for some in inside]))))
+        for k in (1, 3)
+    )
     return third > max(JITTER * first, rounding) and float(np.mean(strides)) >= STRIDE * first
+
+
+def _nearest(channel: Array, end: float, step: float) -> tuple[int, int]:
+    """Of values off `end`, in steps: how many there are (up to `LEAST_VALUES`), and how many times
+    the nearest stands. What differs by less than a step is one value, rounded differently.
+    """
+    times: dict[float, int] = {}
+    for part in in_parts(channel):
+        off = np.rint(np.abs(part[part != end] - end) / step)
+        for value, count in zip(*np.unique(off, return_counts=True), strict=True):
+            if len(times) >= LEAST_VALUES and value > max(times):
+                break
+            times[float(value)] = times.get(float(value), 0) + int(count)
+    return len(times), times[min(times)]
+
+
+def _strides(channel: Array, end: float) -> Array:
+    """How far samples lie from the extreme that they leave, then those from which it is reached."""
+    left, reached = [], []
+    for rows in parts(len(channel)):
+        part = channel[rows.start : rows.stop + 1]
+        at_end = part == end
+        left.append(part[1:][~at_end[1:] & at_end[:-1]])
+        reached.append(part[:-1][~at_end[:-1] & at_end[1:]])
+        release(channel)
+    return np.abs(np.concatenate([*left, *reached]) - end)

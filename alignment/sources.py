@@ -6,6 +6,8 @@ SOURCES = {
     "S1": "Azimuth error of a self-orienting strapdown system under random rocking (two gyros)",
     "S2": "Correction of the orientation matrix in an inertial-satellite system: invariants and "
     "vector matching",
+    "C": "Calibration on a table: IEEE Std 517 (gyros) and 1293 (accelerometers), with the table's "
+    "errors estimated beside the unit's",
     "S4": "Analytic, dynamic and double (two-position) gyrocompassing, with error budgets",
 }
 

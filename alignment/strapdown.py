@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array
 from alignment.cross import cross
 from alignment.errors import AlignmentError
+from alignment.parts import in_parts, release
 from alignment.quaternions import multiply, normalised, prefix_product
 from alignment.readings import ImuReadings
 
@@ -152,6 +153,7 @@ def carry(readings: ImuReadings, block: float, offset: Array | None = None) -> C
     step = max(1, _CHUNK // per)
     for first in range(0, m, step):
         _carry_blocks(readings, start_t, edges, slice(first, min(first + step, m)), offset, out)
+        release(readings.t, readings.w_ib_b, readings.f_b)
     return out
 
 
@@ -168,11 +170,11 @@ def integrate(
     total = np.array([0.0, 0.0, 0.0, 1.0])
     before = 0
     start_t = readings.t[0] - readings.interval
-    h = np.diff(readings.t, prepend=start_t)[:, None]
     for k, end in enumerate(ends):
         for first in range(before, int(end), _CHUNK):
             part = slice(first, min(first + _CHUNK, int(end)))
-            d = _in_pairs((readings.w_ib_b[part] - offset) * h[part])
+            h = np.diff(readings.t[part], prepend=start_t if first == 0 else readings.t[first - 1])
+            d = _in_pairs((readings.w_ib_b[part] - offset) * h[:, None])
             run = prefix_product(quaternions(rotation_vectors(d[:, 0], d[:, 1])))
             total = normalised(multiply(total, run[-1]))
         before = int(end)
@@ -190,7 +192,7 @@ def _in_pairs(rows: Array) -> Array:
 
 
 def _check_steps(readings: ImuReadings) -> None:
-    fastest = float(max(readings.w_ib_b.max(), -readings.w_ib_b.min()))
+    fastest = float(max(max(w.max(), -w.min()) for w in in_parts(readings.w_ib_b)))
     if fastest * readings.interval > _LARGEST_STEP:
         raise AlignmentError(
             f"rate of {np.degrees(fastest):.0f} deg/s: {fastest * readings.interval:.2f} rad in a "

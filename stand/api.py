@@ -12,25 +12,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Never
 
 if TYPE_CHECKING:
+    from stand.calibration.file import CalibrationRecord
     from stand.imu import ImuSpec
     from stand.imu.unit import Unit
     from stand.recording.log import Log
     from stand.recording.log_form import LogForm
     from stand.recovered import Recovered
     from stand.report.film import Film
-    from stand.results import (
-        Aligned,
-        Analysed,
-        Beside,
-        Compared,
-        Driven,
-        Entries,
-        Recorded,
-        Recording,
-        Rehearsed,
-        Simulated,
-        Stretches,
-    )
+    from stand.results.aligned import Aligned
+    from stand.results.analysed import Analysed
+    from stand.results.beside import Beside
+    from stand.results.calibrated import Calibrated
+    from stand.results.campaigned import Campaigned
+    from stand.results.compared import Compared
+    from stand.results.driven import Driven
+    from stand.results.entries import Entries
+    from stand.results.recorded import Recorded
+    from stand.results.recording import Recording
+    from stand.results.rehearsed import Rehearsed
+    from stand.results.simulated import Simulated
+    from stand.results.stretches import Stretches
     from stand.simulation.settings import Settings
 
 Named = str | PathLike[str]
@@ -82,7 +83,7 @@ def simulate(settings: Settings, progress: Progress = _quiet) -> Simulated:
     >>> float(abs(run.f_b - run.true_f_b).max())
     0.0
     """
-    from stand.results import simulated
+    from stand.results.simulated import simulated
 
     return simulated(_checked(settings), progress)
 
@@ -124,7 +125,8 @@ def run(
     (1200, ('triad', 'two-position'))
     """
     from stand.recorded_run import run as record
-    from stand.results import Recorded, shown
+    from stand.report.notebook import shown
+    from stand.results.recorded import Recorded
 
     return shown(Recorded, record(_checked(settings), out, force, progress))
 
@@ -173,7 +175,8 @@ def drive(
     from stand.evaluation.drive_result import DriveSettings
     from stand.imu import load_imu
     from stand.recorded_drive import run_drive
-    from stand.results import Driven, shown
+    from stand.report.notebook import shown
+    from stand.results.driven import Driven
     from stand.vehicle.scenario import load_drive
 
     settings = DriveSettings(load_drive(fspath(scenario)), load_imu(fspath(imu)), rate_hz, seed)
@@ -242,7 +245,8 @@ def read(
     from stand.recording.log import load_log
     from stand.recording.named_stretches import load_stretches
     from stand.recording.vehicle_log import vehicle_of
-    from stand.results import Recording, shown
+    from stand.report.notebook import shown
+    from stand.results.recording import Recording
 
     vehicle = vehicle_of(moving, start_attitude_deg, start_sigma_deg, fix_sigma)
     named = None if stretches is None else load_stretches(stretches)
@@ -438,6 +442,7 @@ def align(
     height_m: float | None = None,
     sequences: str | None = None,
     windows_s: Sequence[float] = (),
+    calibration: Named | CalibrationRecord | None = None,
 ) -> Aligned:
     """Estimate the attitude from recordings: several are several dwells of one unit.
 
@@ -456,6 +461,8 @@ def align(
     windows_s : sequence of float, optional
         Lengths of windows [s] into which every stretch is cut too: how their estimates scatter,
         beside the sigma stated.
+    calibration : path or of `stand.calibrate`, optional
+        Of the unit: taken out of the readings, its sigmas in place of the data sheet's.
 
     Returns
     -------
@@ -481,7 +488,8 @@ def align(
     stand.errors.StandError: unknown method 'traid': did you mean triad? known: ...
     """
     from stand.evaluation.aligned import align as align_logs
-    from stand.results import Aligned, shown
+    from stand.report.notebook import shown
+    from stand.results.aligned import Aligned
 
     several = isinstance(recordings, (list, tuple))
     logs = [_log(one) for one in (recordings if several else [recordings])]
@@ -493,21 +501,167 @@ def align(
         height_m=height_m,
         sequences=sequences,
         windows_s=windows_s,
+        calibration=calibration,
     )
     return shown(Aligned, found)
+
+
+def calibrate(
+    recordings: Log | Simulated | Named | Sequence[Log | Simulated | Named],
+    *,
+    hand_held: bool = False,
+    imu: str | ImuSpec | None = None,
+    gravity_m_s2: float | None = None,
+    gravity_sigma_m_s2: float | None = None,
+    latitude_deg: float | None = None,
+    height_m: float | None = None,
+    shortest_s: float = 1.0,
+    as_published: bool = False,
+    axes: str = "",
+    serial: str = "",
+) -> Calibrated:
+    """Find a unit's constant errors, with a sigma of each and what it is made of.
+
+    Parameters
+    ----------
+    recordings : Recording, Simulated, path, or several of them
+    hand_held : bool
+        Without a table: a unit that was turned by hand from rest to rest; rests are found.
+    imu : str or ImuSpec, optional
+        Unit whose data sheet says what is known before; without it nothing is.
+    gravity_m_s2, gravity_sigma_m_s2 : float, optional
+        As measured; else normal gravity of the site, which is good to 30 mGal.
+    latitude_deg, height_m : float, optional
+        Of the site; else as recorded.
+    shortest_s : float
+        Of a rest.
+    as_published : bool
+        The published hand-held method to the letter.
+    axes : str
+        With which the log was read, for the record.
+    serial : str
+        Of the unit, for the record.
+
+    Returns
+    -------
+    Calibrated
+        ``calibration``: parameters, covariance, null space, what was left out; ``errors`` where
+        the truth is known.
+
+    Raises
+    ------
+    StandError
+        An argument is not allowed; the readings do not tell.
+
+    Examples
+    --------
+    >>> import stand
+    >>> run = stand.simulate(stand.settings("two-position", imu="stim300", rate_hz=20))
+    >>> stand.calibrate(run, hand_held=True)
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: ...: 2 rests in 600 s: at least 9 are needed, ...
+    """
+    from stand.calibration.by_hand import by_hand
+    from stand.errors import StandError
+    from stand.report.notebook import shown
+    from stand.results.calibrated import Calibrated
+
+    several = isinstance(recordings, (list, tuple))
+    logs = [_log(one) for one in (recordings if several else [recordings])]
+    if not hand_held:
+        raise StandError("hand_held = False: must be True, for logs without a table")
+    found = by_hand(
+        logs,
+        imu=imu,
+        gravity=gravity_m_s2,
+        gravity_sigma=gravity_sigma_m_s2,
+        latitude_deg=latitude_deg,
+        height_m=height_m,
+        shortest_s=shortest_s,
+        as_published=as_published,
+        axes=axes,
+        serial=serial,
+    )
+    return shown(Calibrated, found)
+
+
+def apply(
+    calibration: Named | CalibrationRecord,
+    recording: Named,
+    out: Named,
+    *,
+    form: LogForm | None = None,
+    topic: str | None = None,
+    temperature_C: float | None = None,
+    force: bool = False,
+    progress: Progress = _quiet,
+) -> Recording:
+    """Take a unit's errors out of a log, and write what is left as an MCAP.
+
+    Parameters
+    ----------
+    calibration : path or of `stand.calibrate`
+    recording : path
+        A log of any kind, of this unit.
+    out : path
+        The MCAP to write, with the calibration and the hashes of both in its metadata.
+    form : stand.LogForm, optional
+        As of `stand.read`.
+    topic : str, optional
+        Of the IMU, where there are several.
+    temperature_C : float, optional
+        Of the unit, where the calibration has terms of temperature.
+    force : bool
+        Replace what is there.
+    progress : callable
+        Told the part read, 0 to 1.
+
+    Returns
+    -------
+    Recording
+        The corrected log, as `stand.read` gives it.
+
+    Raises
+    ------
+    StandError
+        `out` is there; the log or the calibration is not right, or not of this unit.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.apply("none.json", "log.mcap", "corrected.mcap")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: none.json: cannot read this calibration: No such file or directory
+    """
+    from stand.calibration.corrected import applied
+
+    applied(
+        calibration,
+        _path(recording),
+        _path(out),
+        form,
+        topic=topic,
+        temperature_C=temperature_C,
+        force=force,
+        progress=progress,
+    )
+    return read(out)
 
 
 def _log(recording: object) -> Log:
     from stand.errors import StandError
     from stand.recording.log import Log
-    from stand.results import Simulated
 
     if isinstance(recording, Log):
         return recording
-    if isinstance(recording, Simulated):
-        return recording.log
     if isinstance(recording, (str, PathLike)):
         return read(recording)
+    from stand.results.simulated import Simulated
+
+    if isinstance(recording, Simulated):
+        return recording.log
     raise StandError(
         f"recording: {type(recording).__name__}, must be a path or of stand.read, stand.simulate"
     )
@@ -545,12 +699,11 @@ def stretches(
     [('rest', 0.0, 295.5), ('rest', 304.0, 600.0)]
     """
     from stand.recording.found_stretches import stretches_of
-    from stand.recording.log import Log
-    from stand.results import Simulated, Stretches, shown
+    from stand.report.notebook import shown
+    from stand.results.stretches import Stretches
 
-    log = (
-        _log(recording) if isinstance(recording, Log | Simulated) else read(recording, topic=topic)
-    )
+    named = isinstance(recording, str | PathLike)
+    log = read(recording, topic=topic) if named else _log(recording)
     return shown(Stretches, stretches_of(log, shortest_s))
 
 
@@ -582,7 +735,8 @@ def rehearse(
     """
     from stand.errors import whole
     from stand.rehearsal.advice import with_advice
-    from stand.results import Rehearsed, shown
+    from stand.report.notebook import shown
+    from stand.results.rehearsed import Rehearsed
 
     if verify is not None:
         whole("verify", verify, 1)
@@ -633,12 +787,90 @@ def compare(
     """
     from stand.errors import whole
     from stand.evaluation.comparison import compare as compare_methods
-    from stand.results import Compared, shown
+    from stand.report.notebook import shown
+    from stand.results.compared import Compared
 
     whole("runs", runs, 1)
     if workers is not None:
         whole("workers", workers, 1)
     return shown(Compared, compare_methods(_checked(settings), runs, progress, workers))
+
+
+def campaign(
+    sweep: Named,
+    out: Named | None = None,
+    *,
+    resume: bool = False,
+    workers: int | None = None,
+    scheduler: object = None,
+) -> Campaigned:
+    """Thousands of runs over any parameter: an iterator, and a table of what it made.
+
+    Parameters
+    ----------
+    sweep : path
+        TOML file: what is run and what is varied in it.
+    out : path, optional
+        Folder for its results; else one of its own under ``recordings``.
+    resume : bool
+        Go on with the campaign that is there; nothing that it holds is made again.
+    workers : int, optional
+        Processes, which change nothing but the time: with one, runs are made in this one. A
+        script that lets more than one work must keep its own behind
+        ``if __name__ == "__main__"``.
+    scheduler : str or object, optional
+        Of a Dask cluster: its address, ``"local"`` for one that is started here, or a cluster or
+        client of Dask's.
+
+    Returns
+    -------
+    Campaigned
+        Iterate over it: each run as it is made, kept whatever ends the iteration. ``run()`` makes
+        all of them; ``columns()`` is the table, ``summary()`` what it says, ``write_page()`` the
+        same to look at.
+
+    Raises
+    ------
+    StandError
+        The sweep is not right; the folder is another campaign's, or cannot be written.
+    RunFailed
+        A bug in a run, with its seed.
+
+    Examples
+    --------
+    >>> import stand, tempfile, pathlib
+    >>> folder = pathlib.Path(tempfile.mkdtemp())
+    >>> text = '''title = "Two units"
+    ... procedure = "two-position"
+    ... rate_hz = 2
+    ... runs = 2
+    ... [[vary]]
+    ... key = "imu"
+    ... values = ["hg9900", "ring-laser"]
+    ... '''
+    >>> _ = (folder / "units.toml").write_text(text)
+    >>> made = stand.campaign(folder / "units.toml", folder / "units", workers=1)
+    >>> [(run.case, run.seed) for run in made]
+    [(1, 0), (1, 1), (2, 0), (2, 1)]
+    >>> columns = made.columns()
+    >>> sorted({str(q) for q in columns["quantity"][columns["method"] == "triad"]})
+    ['NEES', 'heading', 'pitch', 'roll', 'yaw']
+    """
+    from stand.campaigns.sweep import load_sweep
+    from stand.errors import whole
+    from stand.results.campaigned import Campaigned
+
+    if workers is not None:
+        whole("workers", workers, 1)
+    engine = None
+    if scheduler is not None:
+        from stand.simulation.cluster import engine_at
+
+        engine, workers = engine_at(scheduler, workers), None
+    folder = None if out is None else Path(out)
+    return Campaigned(
+        load_sweep(Path(sweep)), folder, resume=resume, engine=engine, workers=workers
+    )
 
 
 def side_by_side(
@@ -677,9 +909,10 @@ def side_by_side(
     >>> [(e.a.label, bool(abs(e.off[2]) < 4 * e.sigmas[2])) for e in found.estimates]
     [('first', True)]
     """
+    from stand.arguments import words
     from stand.evaluation.side_by_side import side_by_side as beside
-    from stand.results import Beside, shown
-    from stand.simulation.settings import words
+    from stand.report.notebook import shown
+    from stand.results.beside import Beside
 
     logs = _log(a), _log(b)
     named = words("methods", methods)
@@ -730,22 +963,22 @@ def allan(
     >>> found.sheet_title
     'Safran STIM300, 10 g accelerometers (stim300)'
     """
+    from stand.arguments import ALLAN_TERMS, words
     from stand.errors import unknown
     from stand.evaluation.allan import analyse
-    from stand.recording.log import Log
-    from stand.results import Analysed, Simulated, shown
-    from stand.simulation.settings import ALLAN_TERMS, words
+    from stand.report.notebook import shown
+    from stand.results.analysed import Analysed
 
     asked = [term.upper() for term in words("terms", terms)]
     for term in asked:
         if term not in ALLAN_TERMS:
             raise unknown("term", term, ALLAN_TERMS)
-    if isinstance(recording, (Log, Simulated)):
-        source = _log(recording).imu
-    else:
+    if isinstance(recording, str | PathLike):
         from stand.recording.entrance import read_imu
 
         source = read_imu(_path(recording), topic, form, progress)
+    else:
+        source = _log(recording).imu
     return shown(Analysed, analyse(source, topic, t_from_s, t_to_s, imu, asked))
 
 
@@ -774,7 +1007,7 @@ def catalogue(what: str) -> Entries:
     ['Safran STIM300, 10 g accelerometers']
     """
     from stand.report.listing import listing
-    from stand.results import Entries
+    from stand.results.entries import Entries
 
     return Entries(listing(what))
 
@@ -834,10 +1067,10 @@ def unit(
     """
     from os import fspath
 
+    from stand.arguments import one_of, refuse_mistaken, words
     from stand.imu import ImuSpec, load_imu
     from stand.imu.unit import Unit
     from stand.samples import Sampling
-    from stand.simulation.settings import one_of, refuse_mistaken, words
 
     refuse_mistaken(mistaken, unit)
     spec = imu if isinstance(imu, ImuSpec) else load_imu(fspath(imu))

@@ -80,7 +80,7 @@ def folder_beside(out: Path) -> Iterator[Path]:
         try:
             with _named(beside, out, f"--out {out}"):
                 beside.mkdir()
-                with _held(beside):
+                with held(beside):
                     yield beside
                     _put_in_place(beside, out)
         finally:
@@ -104,7 +104,7 @@ def file_beside(path: Path) -> Iterator[Path]:
         try:
             with _named(beside, path, str(path)):
                 beside.open("xb").close()
-                with _held(beside):
+                with held(beside):
                     yield beside
                     beside.replace(target)
         finally:
@@ -172,16 +172,22 @@ def left_of(target: Path) -> list[Left]:
 
 
 @contextmanager
-def _held(path: Path) -> Iterator[None]:
-    """While a writer is at work, and no longer: the kernel lets go of what a dead one held."""
+def held(path: Path) -> Iterator[bool]:
+    """While a writer is at work, and no longer: the kernel lets go of what a dead one held.
+
+    Whether no other holds it.
+    """
     if fcntl is None:
-        yield
+        yield True
         return
     number = os.open(path, os.O_RDONLY)
+    ours = True
     try:
-        with suppress(OSError):  # a file system without locks
+        try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
+        except OSError as error:  # or a file system without locks
+            ours = error.errno not in (errno.EAGAIN, errno.EACCES)
+        yield ours
     finally:
         os.close(number)
 

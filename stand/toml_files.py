@@ -73,14 +73,15 @@ def find(folder: str, what: str, name: str) -> Source:
         Neither an id nor a file; near matches are named.
     """
     if name.endswith(".toml") or "/" in name or "\\" in name:
-        return _read_file(what, Path(name))
+        return read_file(what, Path(name))
     if name not in ids(folder):
         raise unknown(what, name, ids(folder))
     text = (files("stand") / folder / f"{name}.toml").read_text(encoding="utf-8")
     return Source(name, f"{name}.toml", text)
 
 
-def _read_file(what: str, path: Path) -> Source:
+def read_file(what: str, path: Path) -> Source:
+    """The text of a user's file; `StandError` where it cannot be read."""
     try:
         refuse_no_file(path)
         return Source(path.stem, str(path), path.read_text(encoding="utf-8"))
@@ -201,3 +202,35 @@ def _allowed(error: ErrorDetails) -> str:
     if error["type"] == "value_error":
         return str(context.get("error", error["msg"]))
     return _SHAPES.get(error["type"]) or error["msg"].replace("Input should", "must")
+
+
+def table_of_text(source: Source) -> dict[str, Any]:
+    """The plain values, tables and arrays of an entry's text, unchecked.
+
+    Raises
+    ------
+    StandError
+        It is not TOML.
+    """
+    return _data(source)
+
+
+def keys_of_path(path: str) -> tuple[str, ...]:
+    """The keys of a dotted path, as TOML writes it: ``step."X1 up".duration_s``.
+
+    Raises
+    ------
+    StandError
+        It is none.
+    """
+    try:
+        (key, value), *more = tomllib.loads(f"{path} = 0").items()
+        keys = [key]
+        while isinstance(value, dict):
+            ((key, value),) = value.items()
+            keys.append(key)
+    except ValueError as error:
+        raise StandError(f"{path!r}: is no path of keys with dots between") from error
+    if more or value != 0:
+        raise StandError(f"{path!r}: is no path of keys with dots between")
+    return tuple(keys)

@@ -10,6 +10,7 @@ import pytest
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, Field
 
+from stand.calibration.file import CalibrationEntry
 from stand.errors import StandError
 from stand.imu.preset import ImuEntry, imu_from
 from stand.procedure.procedure import ProcedureEntry, procedure_from
@@ -31,7 +32,7 @@ from stand.vehicle.scenario import DriveEntry, drive_from
 TOML = (ProcedureEntry, ImuEntry, TableEntry, DriveEntry)
 RECORDS = (
     *(RunRecord, SiteRecord, ScheduleRecord, SettledRecord, InterruptedRecord, EstimateRecord),
-    *(Sigmas, DriveRecord),
+    *(Sigmas, DriveRecord, CalibrationEntry),
 )
 SOON_S = 2.0
 

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, Dwell, ImuReadings, Method, Options, Priors, Site, Turn
+from alignment.calibration.session import Session, Station
 from alignment.errors import NotAtRest, PoleError
 from alignment.information import Stretch
 from alignment.methods.rocking_gains import inertial_functional
@@ -254,7 +255,7 @@ def test_every_estimator_says_what_it_is(name):
 
 @METHODS
 def test_every_estimator_predicts_its_sigma_or_says_why_not(name):
-    """By one of its two ways; a reason is a sentence, not a word, and is not told of itself."""
+    """By one of its ways; a reason is a sentence, not a word, and is not told of itself."""
     method = ESTIMATORS[name]
     if method.no_prediction:
         assert len(method.no_prediction.split()) > 8
@@ -268,6 +269,12 @@ def test_every_estimator_predicts_its_sigma_or_says_why_not(name):
             assert len(answer.stretches) == len(answer.planned)
             assert answer.label in {s.label for s in planned(name)}
             assert answer.window in method.windows or not answer.window
+    elif method.design is not None:
+        stations = tuple(Station(s, np.zeros(0)) for s in planned(name))
+        design = method.design(Session(stations, (), 0.1), SITE, TOLD)
+        assert np.isfinite(design.covariance).all()
+        # the readings tell something of every bias
+        assert (np.sqrt(design.covariance.diagonal()) < design.sigmas)[:3].all()
     else:
         run = method.functional(stretches(name)[1].readings, SITE, TOLD)
         assert np.isfinite(run.gyro).all()
@@ -284,7 +291,7 @@ def test_every_estimator_predicts_its_sigma_or_says_why_not(name):
     ],
 )
 def test_a_method_says_one_thing_of_its_prediction(ways):
-    with pytest.raises(ValueError, match="needs one of gains, functional, no_prediction"):
+    with pytest.raises(ValueError, match="needs one of gains, functional, design, no_prediction"):
         Method(title="A", source="[S0] a", note="±", estimate=ESTIMATORS["rk4"].estimate, **ways)
 
 
@@ -412,7 +419,7 @@ def test_no_estimator_finds_a_heading_at_a_pole(name):
         found = ESTIMATORS[name].estimate(dwells, Site(90 * DEG), OPTIONS)
     except PoleError:
         return
-    assert ESTIMATORS[name].needs_offset
+    assert ESTIMATORS[name].needs_offset or ESTIMATORS[name].carries_nominal
     for e, d in zip(found, dwells, strict=True):
         assert (d.nominal.inv() * e.C_nb).magnitude() < 1e-12  # rounding
 

@@ -24,6 +24,7 @@ from alignment.allan.peculiar import AXES, peculiar, scatter
 from alignment.allan.stretches import Interruption, between, interruptions
 from alignment.allan.terms import KEYS, design, index, value, variance, weight
 from alignment.arrays import Array, set_owned
+from alignment.cores import over_cores
 from alignment.errors import NotAtRest, TooShort
 from alignment.noise import check_rest
 from alignment.readings import ImuReadings
@@ -242,15 +243,21 @@ def analyse(
         label = "record" if len(parts) == 1 else f"stretch {number}"
         notes += saturation_doubt(label, part)
     stretches = tuple(_stretch(part, step) for step, part in parts)
-    channels: list[Channel] = []
-    for sensor in SENSORS:
+
+    def of_sensor(sensor: str) -> tuple[list[str], list[Channel]]:
         triads = [p.w_ib_b if sensor == "gyro" else p.f_b for _, p in parts]
         step, triads, told = _new_ones(sensor, triads, [s.interval for s in stretches])
-        notes += told + peculiar(sensor, [part for _, part in parts], stretches[0].interval)
-        known = (bandwidths or {}).get(sensor, np.inf)
+        told += peculiar(sensor, [part for _, part in parts], stretches[0].interval)
+        known, own = (bandwidths or {}).get(sensor, np.inf), []
         for k, axis in enumerate(AXES):
             signals = [np.ascontiguousarray(triad[:, k]) for triad in triads]
-            channels.append(channel(sensor, axis, signals, step, sheet, known))
+            own.append(channel(sensor, axis, signals, step, sheet, known))
+        return told, own
+
+    channels: list[Channel] = []
+    for told, own in over_cores(of_sensor, SENSORS):
+        notes += told
+        channels += own
     result = Analysis(tuple(channels), stretches, tuple(events), tuple(notes))
     for term in asked:
         _refuse_unless_shown(term, result.channels, result.duration)

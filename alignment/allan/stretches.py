@@ -42,9 +42,7 @@ def interruptions(t: Array) -> list[Interruption]:
     if len(t) < 3:
         return []
     steps = np.diff(t)
-    usual = float(np.median(steps))
-    late = np.flatnonzero(steps > GAP * usual)
-    found = [_gap(t, int(k), usual) for k in late if _is_gap(steps, int(k), usual)]
+    found = _gaps(t, steps) if steps.max() > GAP * steps.min() else []
     edges = [0, *(gap.sample for gap in found), len(t)]
     for start, stop in pairwise(edges):
         found += _changes(t, start, stop)
@@ -55,6 +53,12 @@ def between(t: Array, events: list[Interruption]) -> list[slice]:
     """The samples of the stretches without interruption, in order of time."""
     edges = [0, *(event.sample for event in events), len(t)]
     return [slice(a, b) for a, b in pairwise(edges) if b > a]
+
+
+def _gaps(t: Array, steps: Array) -> list[Interruption]:
+    usual = float(np.median(steps))
+    late = np.flatnonzero(steps > GAP * usual)
+    return [_gap(t, int(k), usual) for k in late if _is_gap(steps, int(k), usual)]
 
 
 def _is_gap(steps: Array, k: int, usual: float) -> bool:
@@ -75,12 +79,12 @@ def _changes(t: Array, start: int, stop: int) -> list[Interruption]:
         return []
     here = t[start:stop]
     mean = (here[window:] - here[:-window]) / window
-    ratio = np.abs(np.log(mean[window:] / mean[:-window]))
-    at = np.flatnonzero(ratio > max(RATE, LATE / window))
+    ratio, most = mean[window:] / mean[:-window], np.exp(max(RATE, LATE / window))
+    at = np.flatnonzero((ratio > most) | (ratio < 1 / most))
     found = []
     for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
         if len(run):
-            k = int(run[np.argmax(ratio[run])])
+            k = int(run[np.argmax(np.abs(np.log(ratio[run])))])
             sample = start + k + window + 1
             found.append(
                 Interruption(

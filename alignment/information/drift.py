@@ -7,6 +7,7 @@ sine of them. Closed forms: nothing is sampled.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -79,13 +80,13 @@ def gauss_markov(spans: Sequence[Span], time: float) -> Array:
         same = (k == m) * 2 * a * span.length / (a**2 - m**2)
         return same - decayed * (1 / ((a - m) * (a - k)) + 1 / ((a + m) * (a + k)))
 
-    def between(first: Span, second: Span) -> np.ndarray:
-        end = -np.expm1(-a * first.length) / (a + 1j * first.orders * first.rate)
-        begin = -np.expm1(-a * second.length) / (a - 1j * second.orders * second.rate)
-        gap = second.start - first.start - first.length
-        return np.exp(-a * gap) * end[:, None] * begin[None, :]
-
-    return _assembled(spans, within, between)
+    ends = [-np.expm1(-a * s.length) / (a + 1j * s.orders * s.rate) for s in spans]
+    begins = [-np.expm1(-a * s.length) / (a - 1j * s.orders * s.rate) for s in spans]
+    starts = _by_order(spans, [s.start for s in spans])
+    stops = _by_order(spans, [s.start + s.length for s in spans])
+    gaps = np.where(starts[:, None] < starts[None, :], starts[None, :] - stops[:, None], np.inf)
+    pairs = np.concatenate(ends)[:, None] * np.concatenate(begins)[None, :] * np.exp(-a * gaps)
+    return _assembled(spans, within, pairs)
 
 
 def random_walk(spans: Sequence[Span]) -> Array:
@@ -105,12 +106,11 @@ def random_walk(spans: Sequence[Span]) -> Array:
             result[1:, 1:] += np.array([[2.0, -1.0], [-1.0, 2.0]]) * T / r**2
         return result
 
-    def between(first: Span, second: Span) -> np.ndarray:
-        early = [_moment(first, k) + first.start * first.length * (k == 0) for k in first.orders]
-        late = second.length * (second.orders == 0)
-        return np.array(early)[:, None] * late[None, :]
-
-    return _assembled(spans, within, between)
+    early = [_moment(s, k) + s.start * s.length * (k == 0) for s in spans for k in s.orders]
+    late = np.concatenate([s.length * (s.orders == 0) for s in spans])
+    starts = _by_order(spans, [s.start for s in spans])
+    before = starts[:, None] < starts[None, :]
+    return _assembled(spans, within, before * np.array(early)[:, None] * late[None, :])
 
 
 def _moment(span: Span, order: float) -> complex:
@@ -118,24 +118,26 @@ def _moment(span: Span, order: float) -> complex:
     return span.length**2 / 2 if order == 0 else span.length / (1j * order * span.rate)
 
 
-def _assembled(
-    spans: Sequence[Span],
-    within: Callable[[Span], np.ndarray],
-    between: Callable[[Span, Span], np.ndarray],
-) -> Array:
-    """Blocks by `within(span)` and `between(first, second)`, as real coefficients.
+def _by_order(spans: Sequence[Span], values: Sequence[float]) -> Array:
+    """Values of the spans, once for each of their harmonics."""
+    return np.repeat(np.asarray(values, dtype=float), [len(s.orders) for s in spans])
 
-    `within` holds E[x_k conj(x_m)] of integrals x, `between` E[x_k x_m].
+
+def _assembled(
+    spans: Sequence[Span], within: Callable[[Span], np.ndarray], pairs: np.ndarray
+) -> Array:
+    """Covariances as real coefficients, of what `within` and `pairs` say of integrals x.
+
+    `within(span)` holds E[x_k conj(x_m)] of one, `pairs` (h, h) E[x_k x_m] of an earlier one's and
+    a later one's, 0 elsewhere.
     """
     edges = np.concatenate([[0], np.cumsum([len(s.orders) for s in spans])])
-    C: Array = np.zeros((edges[-1], edges[-1]))
-    for i, a in enumerate(spans):
-        at = slice(edges[i], edges[i + 1])
-        M = a.to_coefficients
-        C[at, at] = np.real(M @ within(a) @ M.conj().T)
-        for j, b in enumerate(spans):
-            if a.start < b.start:
-                to = slice(edges[j], edges[j + 1])
-                C[at, to] = np.real(M @ between(a, b) @ b.to_coefficients.T)
-                C[to, at] = C[at, to].T
+    slices = [slice(a, b) for a, b in pairwise(edges.tolist())]
+    matrices = [span.to_coefficients for span in spans]
+    left = np.concatenate([M @ pairs[own] for M, own in zip(matrices, slices, strict=True)])
+    upper = [left[:, own] @ M.T for M, own in zip(matrices, slices, strict=True)]
+    C: Array = np.real(np.concatenate(upper, axis=1))
+    C = C + C.T
+    for span, M, own in zip(spans, matrices, slices, strict=True):
+        C[own, own] = np.real(M @ within(span) @ M.conj().T)
     return C

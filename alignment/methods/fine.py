@@ -38,6 +38,7 @@ from alignment.methods.inertial import (
     told_at,
     wander_doubt,
 )
+from alignment.noise import around_doubt
 from alignment.nominal import TRACK_STEP
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
@@ -236,9 +237,10 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     priors = states_of(options.priors, carried, site)
     matched, noise, arm = laid(readings, carried, site, priors)
     coarse, wander = covariances(carried, matched, noise, priors, arm)
-    rest = rest_of(readings, priors)
+    rest = rest_of(dwell, readings, priors)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
+    flags += around_doubt(dwell) if rest.drift_around.any() else ()
     flags += wander_doubt(dwell.label, carried, matched, wander)
     names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
     model = Model(readings, site, noise, priors, names)
@@ -598,6 +600,7 @@ def _walks(
     Q[:, 3:6, 3:6] = twice * (1 + part / 3) / 3 + kick
     Q[:, 6:9, 3:6] = spans * (twice / 8 + kick / 2)
     Q[:, 6:9, 6:9] = spans**2 * (twice / 20 + kick * (1 - part) / 3)
+    Q[:, 6:9, 6:9] += spans * model.noise.jitter**2 * np.eye(3)
     for k, name in enumerate(model.names):
         plateau = (
             getattr(model.priors, name.replace("bias", "instability")) if "bias" in name else 0

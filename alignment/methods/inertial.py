@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
@@ -23,7 +22,14 @@ from alignment.doubts import drift_doubt, heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
-from alignment.noise import check_rest, drift_of, gap_doubt, jitter_of
+from alignment.noise import (
+    around_doubt,
+    check_rest,
+    drift_around,
+    drift_of,
+    gap_doubt,
+    jitter_of,
+)
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
@@ -39,7 +45,8 @@ _GRAVITY_DOUBT = 0.01  # part of gravity by which the mean specific force may di
 _WANDER_ORDERS = slice(3, 6)  # Legendre orders of velocity that neither the fit nor a bias makes
 _SMOOTH_ORDER = 8  # velocity beyond it is sway, not drift
 _TOLD_ORDERS = slice(3, 9)  # by which noise is told where the spectrum of the readings is motion's
-_PARTS = np.geomspace(1e-6, 1.0, 25)  # of a variance
+_PARTS = np.geomspace(1e-6, 1.0, 13)  # of a variance
+_JITTERS = np.geomspace(1e-3, 1.0, 7)  # of the mean square of the velocities that tell
 _CERTAIN = 3.0  # of log likelihood: chi-square of two degrees of freedom at one in twenty
 _ARM_ORDERS = 4  # Legendre orders of velocity that attitude errors and biases make
 _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
@@ -51,10 +58,13 @@ _TRACK_POINTS = 200  # of a track: each is a match of the record so far
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
-    """White noise of each axis, (3,): `gyro` [rad/sqrt(s)] and `accel` [m/s/sqrt(s)]."""
+    """White noise of each axis, (3,): `gyro` [rad/sqrt(s)] and `accel` [m/s/sqrt(s)]; `jitter`:
+    of velocity itself [m/sqrt(s)], as a dither or vibration makes it.
+    """
 
     gyro: Array
     accel: Array
+    jitter: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,12 +72,15 @@ class Rest:
     """What a record at rest shows beside white noise, of each axis (3,); zeros where it moves.
 
     `jitter`: variance of the angle about what noise makes of it [rad^2], which the last sample
-    has. `gyro_drift`, `accel_drift`: steady drifts from end to end [rad/s], [m/s^2].
+    has. `gyro_drift`, `accel_drift`: steady drifts from end to end [rad/s], [m/s^2];
+    `drift_around` (6,) [rad/s], [m/s^2]: of the record that this one is `part` of.
     """
 
     jitter: Array
     gyro_drift: Array
     accel_drift: Array
+    drift_around: Array
+    part: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,9 +175,9 @@ def is_stated(priors: Priors) -> bool:
     return priors.gyro_walk > 0 or priors.accel_walk > 0
 
 
-def rest_of(readings: ImuReadings, priors: Priors) -> Rest:
+def rest_of(dwell: Dwell, readings: ImuReadings, priors: Priors) -> Rest:
     """What the readings show beside white noise, where they are at rest and no sheet tells it."""
-    nothing = Rest(*np.zeros((3, 3)))
+    nothing = Rest(*np.zeros((3, 3)), drift_around=np.zeros(6), part=1.0)
     if is_stated(priors) or len(readings) < LEAST_SPECTRUM:
         return nothing
     try:
@@ -172,7 +185,8 @@ def rest_of(readings: ImuReadings, priors: Priors) -> Rest:
     except NotAtRest:
         return nothing
     w = readings.w_ib_b
-    return Rest(jitter_of(w) * readings.interval**2, drift_of(w), drift_of(readings.f_b))
+    jitter = jitter_of(w) * readings.interval**2
+    return Rest(jitter, drift_of(w), drift_of(readings.f_b), *drift_around(dwell))
 
 
 def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
@@ -184,10 +198,33 @@ def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
     inertial space rotation drops out, and of sway little is left at a few periods per record:
     there the noise that matters shows, in the 18 velocities of orders 3 to 8 (of polynomials)
     that neither the fit nor a bias makes. Their likelihood by parts a, b <= 1 of the variances of
-    gyros and accelerometers, over parts that are equally likely by their logarithm: where the best
-    is beyond that of the whole by what one record of twenty has, the mean parts count. A sway
-    as slow as that hides it, and the noise stays too large.
+    gyros and accelerometers and by a jitter of velocity up to all of them, which is alike in all
+    orders: over parts that are equally likely by their logarithm the mean parts count. Only where
+    without jitter the best is beyond the whole by what one record of twenty has: a sway that fills
+    those orders would pass for jitter, and hides the noise, which stays too large.
     """
+    values, by_gyro, by_accel = _told_by_the_curve(noise, carried, matched)
+    white, V = np.linalg.eigh(
+        _PARTS[:, None, None, None] * by_gyro + _PARTS[:, None, None] * by_accel
+    )
+    jitters = np.append(0.0, _JITTERS) * np.mean(values**2)
+    variances = white + jitters[:, None, None, None]
+    squares = np.einsum("abij,i->abj", V, values) ** 2
+    likelihood = -0.5 * np.sum(np.log(variances) + squares / variances, axis=-1)
+    if likelihood[0].max() - likelihood[0, -1, -1] < _CERTAIN:
+        return noise
+    weight = np.exp(likelihood - likelihood.max())
+    weight /= weight.sum()
+    a, b = weight.sum(axis=(0, 2)) @ _PARTS, weight.sum(axis=(0, 1)) @ _PARTS
+    c = weight.sum(axis=(1, 2)) @ jitters
+    return Noise(noise.gyro * np.sqrt(a), noise.accel * np.sqrt(b), float(np.sqrt(c)))
+
+
+def _told_by_the_curve(
+    noise: Noise, carried: Carried, matched: Match
+) -> tuple[Array, Array, Array]:
+    """Velocities (18,) [m/sqrt(s)] of orders 3 to 8 in N, E, D, and their covariances (18, 18) by
+    gyros and by accelerometers; a jitter of velocity makes the unit matrix of them."""
     size = _TOLD_ORDERS.stop - _TOLD_ORDERS.start
     C_ni = matched.C_ni.as_matrix()
     root = np.sqrt(carried.spans)[:, None]
@@ -200,17 +237,8 @@ def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
         functional_covariance(gyro, accel, C_ni, carried, part, Priors())
         for part in (replace(none, gyro=noise.gyro), replace(none, accel=noise.accel))
     )
-    by_accel = by_accel + _FINEST**2 * np.eye(len(by_accel))
-    ratios, V = eigh(by_gyro, by_accel)  # both diagonal: ratios, and ones
-    values = (V.T @ (basis.T @ matched.residual).ravel()) ** 2
-    variances = _PARTS[:, None, None] * np.maximum(ratios, 0.0) + _PARTS[:, None]
-    likelihood = -0.5 * np.sum(np.log(variances) + values / variances, axis=-1)
-    if likelihood.max() - likelihood[-1, -1] < _CERTAIN:
-        return noise
-    weight = np.exp(likelihood - likelihood.max())
-    weight /= weight.sum()
-    a, b = weight.sum(axis=1) @ _PARTS, weight.sum(axis=0) @ _PARTS
-    return Noise(noise.gyro * np.sqrt(a), noise.accel * np.sqrt(b))
+    values = (basis.T @ matched.residual).ravel()
+    return values, by_gyro, by_accel + _FINEST**2 * np.eye(len(by_accel))
 
 
 def gravity_velocity(t: Array, site: Site) -> tuple[Array, Array]:
@@ -437,7 +465,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     priors = options.priors
     carried = carry(readings, block_of(readings))
     _, noise, _ = laid(readings, carried, site, priors)
-    rest = rest_of(readings, priors)
+    rest = rest_of(dwell, readings, priors)
     m = len(carried.spans)
     ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
     found = []
@@ -482,10 +510,11 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     carried = carry(readings, block_of(readings))
     matched, noise, arm = laid(readings, carried, site, options.priors)
     covariance, wander = covariances(carried, matched, noise, options.priors, arm)
-    rest = rest_of(readings, options.priors)
+    rest = rest_of(dwell, readings, options.priors)
     covariance = covariance + rest_covariance(carried, matched, rest)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
+    flags += around_doubt(dwell) if rest.drift_around.any() else ()
     flags += wander_doubt(dwell.label, carried, matched, wander)
     C_nb = told_at(dwell, matched.C_ni * Rotation.from_quat(carried.q[-1]))
     return AttitudeEstimate(
@@ -524,6 +553,8 @@ def covariances(
     gyro, accel = sensitivity(weights, C_ni, carried)
     gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
     P = functional_covariance(gyro, accel, C_ni, carried, noise, priors) + left @ left.T
+    jitter = (noise.jitter * weights / np.sqrt(spans)[:, None, None]).transpose(1, 0, 2)
+    P += np.einsum("kmi,lmi->kl", jitter, jitter)
     sway = sway_covariance(carried, matched)
     # Each order is one at both ends of the record, where the sway happens to stand.
     wander = P[3:, 3:] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
@@ -542,19 +573,26 @@ def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:
     """What jitter and drifts of a record at rest add to the attitude's covariance (3, 3).
 
     A drift of d from end to end is a ramp, and as much of a constant: of another record it would
-    be another one.
+    be another one. Of a longer record's D a part p has a ramp of ``p D``, and a constant anywhere
+    in ``(1 - p) D``: ``1/sqrt(12)`` of that.
     """
     C_ni = matched.C_ni.as_matrix()
     C_nb = C_ni @ matrices(carried.q[-1:])[0]
     covariance: Array = (C_nb * rest.jitter) @ C_nb.T
-    if not (rest.gyro_drift.any() or rest.accel_drift.any()):
+    own, wide = np.concatenate([rest.gyro_drift, rest.accel_drift]), rest.drift_around
+    ramp = np.maximum(own, rest.part * wide)
+    constant = np.maximum(own, (1 - rest.part) * wide / np.sqrt(12))
+    if not (ramp.any() or constant.any()):
         return covariance
     gyro, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
     turned = drive(carried, C_ni)
     line = _line(carried)
-    for part, drift in ((gyro + np.eye(3), rest.gyro_drift), (accel, rest.accel_drift)):
-        for J in ((part @ turned).sum(axis=0), (line * (part @ turned)).sum(axis=0)):
-            covariance = covariance + (J * drift) @ (J * drift).T
+    for part, axes in ((gyro + np.eye(3), slice(3)), (accel, slice(3, 6))):
+        for J, size in (
+            ((part @ turned).sum(axis=0), constant),
+            ((line * (part @ turned)).sum(axis=0), ramp),
+        ):
+            covariance = covariance + (J * size[axes]) @ (J * size[axes]).T
     return covariance
 
 

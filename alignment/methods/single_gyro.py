@@ -21,7 +21,13 @@ from alignment.information import Stretch
 from alignment.levelling import attitude_covariance
 from alignment.methods.position_fit import ROUNDING, local_vectors
 from alignment.methods.triad import triad_attitude
-from alignment.noise import check_at_rest, gap_doubt, mean_and_variance, rest_doubt
+from alignment.noise import (
+    around_doubt,
+    check_at_rest,
+    dwell_mean_and_variance,
+    gap_doubt,
+    rest_doubt,
+)
 from alignment.options import Options
 from alignment.readings import Dwell
 from alignment.saturation import saturation_doubt
@@ -174,7 +180,7 @@ def single_gyro_gains(stretches: Ordered[Stretch], site: Site, options: Options)
 
 
 def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
-    means, variances = mean_and_variance(dwell.window())
+    means, variances = dwell_mean_and_variance(dwell)
     try:
         C_nb, G, latitude, latitude_row = _solved(means, site)
     except AlignmentError as error:
@@ -200,6 +206,7 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         + saturation_doubt(dwell.label, dwell.window())
         + heading_doubt(covariance)
         + rest_doubt(dwell.window())
+        + around_doubt(dwell)
         + _rate_doubt(means[:3]),
     )
 

@@ -17,9 +17,16 @@ from alignment.estimate import AttitudeEstimate
 from alignment.gains import Answer, compass_gain, each_alone, from_b
 from alignment.information import Stretch
 from alignment.levelling import attitude_covariance, attitude_sensitivity
-from alignment.noise import check_at_rest, gap_doubt, mean_and_variance, rest_doubt
+from alignment.noise import (
+    around_doubt,
+    around_variance,
+    check_rest,
+    gap_doubt,
+    mean_and_variance,
+    rest_doubt,
+)
 from alignment.options import Options, Priors
-from alignment.readings import Dwell
+from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
 
 METHOD = "triad"
@@ -105,13 +112,16 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
     Leading errors: heading ``-dw_E/(W cos lat) + tan(lat) b_E/g``; latitude
     ``(dw_U cos lat - dw_N sin lat)/W + b_N/g``.
     """
-    summaries = []
+    windows, summaries = [], []
     for dwell in dwells:
-        check_at_rest(dwell)
-        summaries.append(mean_and_variance(dwell.window()))
+        window = dwell.window()
+        check_rest(window, dwell.label)
+        windows.append(window)
+        means, variances = mean_and_variance(window)
+        summaries.append((means, variances + around_variance(dwell)))
     singles = [
-        _single(dwell, means, variances, site, options)
-        for dwell, (means, variances) in zip(dwells, summaries, strict=True)
+        _single(dwell, window, summary, site, options)
+        for dwell, window, summary in zip(dwells, windows, summaries, strict=True)
     ]
     pairs = []
     for k in range(len(dwells) - 1):
@@ -130,8 +140,13 @@ def triad_gains(stretches: Ordered[Stretch], site: Site, options: Options) -> li
 
 
 def _single(
-    dwell: Dwell, means: Array, variances: Array, site: Site, options: Options
+    dwell: Dwell,
+    window: ImuReadings,
+    summary: tuple[Array, Array],
+    site: Site,
+    options: Options,
 ) -> AttitudeEstimate:
+    means, variances = summary
     w, f = means[:3], means[3:]
     try:
         C_nb = triad_attitude(w, f)
@@ -147,8 +162,8 @@ def _single(
     covariance = attitude_covariance(C_nb, whole, G)
     to_latitude = _latitude_sensitivity(latitude, min(rate, EARTH_RATE), gravity)
     variance = attitude_covariance(C_nb, whole, to_latitude)[0, 0]
-    flags = gap_doubt(dwell.window()) + saturation_doubt(dwell.label, dwell.window())
-    flags += heading_doubt(covariance) + rest_doubt(dwell.window())
+    flags = gap_doubt(window) + saturation_doubt(dwell.label, window)
+    flags += heading_doubt(covariance) + rest_doubt(window) + around_doubt(dwell)
     if abs(rate / EARTH_RATE - 1) > _RATE_DOUBT:
         flags += ("mean rate is not Earth's 15.04 deg/h within 20 %: gyro bias, or not at rest",)
     return AttitudeEstimate(

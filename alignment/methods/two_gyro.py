@@ -22,7 +22,14 @@ from alignment.gains import Functional, functional
 from alignment.levelling import level
 from alignment.methods.inertial import LEAST_SPECTRUM, white_levels
 from alignment.methods.position_fit import ROUNDING, local_vectors
-from alignment.noise import drift_of, gap_doubt, integral_variance, low_density
+from alignment.noise import (
+    around_doubt,
+    around_variance,
+    drift_of,
+    gap_doubt,
+    integral_variance,
+    low_density,
+)
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
@@ -269,7 +276,8 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
         raise AlignmentError(f"{dwell.label}: {error}") from error
     C_nb = C_nb_from_angles(Sequence.YAW_ROLL_PITCH, -sway.beta, -found, sway.gamma)
     slopes = _slopes(C_nb, latitude)
-    covariance = slopes @ _reading_covariance(readings, options) @ slopes.T
+    readings_covariance = _reading_covariance(readings, options) + np.diag(around_variance(dwell))
+    covariance = slopes @ readings_covariance @ slopes.T
     up = readings.f_b.mean(axis=0)
     if dwell.nominal is not None:
         up = dwell.nominal.inv().apply([0.0, 0.0, -1.0])
@@ -284,6 +292,7 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
         flags=gap_doubt(readings)
         + saturation_doubt(dwell.label, readings)
         + heading_doubt(covariance)
+        + around_doubt(dwell)
         + _doubts(readings, sway, latitude),
         sway=asdict(sway) | {"bound": sway_bound(sway, latitude)},
     )

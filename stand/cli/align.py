@@ -99,6 +99,13 @@ def align(
             help="Cut each stretch into windows of these lengths too: scatter beside sigma.",
         ),
     ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="X.json",
+            help="Of stand calibrate: the unit's errors leave the readings, its sigmas enter.",
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Estimate the attitude from recordings: ours, or any log of an IMU at rest.
@@ -121,6 +128,13 @@ def align(
         from stand import api
         from stand.evaluation.aligned import alignment_json, of_vehicles
 
+    record = None
+    if calibration is not None:
+        from stand.calibration.corrected import check_axes, loaded
+
+        record = loaded(calibration)
+        for path in recordings:
+            check_axes(record, form, str(path))
     axis = numbers("--turn-axis", turn_axis, 3)
     attitude = numbers("--start-attitude", start_attitude, 3)
     noise = numbers("--fix-sigma", fix_sigma, 2)
@@ -153,6 +167,7 @@ def align(
             height_m=height,
             sequences=None if sequences is None else sequences.value,
             windows_s=lengths,
+            calibration=record,
         )
     if as_json:
         print_json(alignment_json(found))

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stand.cli.align import align, allan, import_log
+from stand.cli.calibrate import apply, calibrate
+from stand.cli.campaign import campaign
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
 from stand.cli.film import film, picture
 from stand.cli.progress import Stopped
@@ -41,8 +43,11 @@ COMMANDS = {
     "run": run,
     "drive": drive,
     "align": align,
+    "calibrate": calibrate,
+    "apply": apply,
     "compare": compare,
     "rehearse": rehearse,
+    "campaign": campaign,
     "export": export,
     "import": import_log,
     "list": list_entries,

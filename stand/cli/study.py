@@ -302,8 +302,9 @@ def export(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="PROCEDURE|RECORDING",
-            help="Catalogue id (stand list procedures) or a TOML file; or any recording or log.",
+            metavar="PROCEDURE|RECORDING|X.json",
+            help="Catalogue id (stand list procedures) or a TOML file; any recording or log; or "
+            "calibration.json.",
         ),
     ],
     out: Annotated[Path, typer.Option(metavar="X.csv", help="The file to write.")],
@@ -312,7 +313,11 @@ def export(
     ] = None,
     file_format: Annotated[
         str | None,
-        typer.Option("--format", help="csv; of a recording also npz, mat, parquet; else by --out."),
+        typer.Option(
+            "--format",
+            help="csv; of a recording also npz, mat, parquet; of a calibration toml, imu_tk, "
+            "kalibr, python, c; else by --out.",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Of a sway that is drawn.")] = 0,
     topic: Annotated[
@@ -331,7 +336,19 @@ def export(
     the unit in its name; its stretches go into X_stretches.toml, which stand align takes.
 
     Example: stand export recordings/sample --out sample.npz
+
+    A calibration: the unit as a preset that stand run replays, imu_tk's matrices (.calib), Kalibr's
+    YAML, or its correction as a few lines of Python or C; each file says its direction.
+
+    Example: stand export calibration.json --out unit.toml
     """
+    if what.endswith(".json"):
+        from stand.calibration.exports import exported as calibration_exported
+        from stand.calibration.file import load_calibration
+
+        for path in calibration_exported(load_calibration(what), out, file_format, force=force):
+            print(path)
+        return
     kind = file_format or out.suffix.lower().lstrip(".") or "csv"
     if _is_recording(what):
         from stand import api

@@ -2,11 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from typing import Any
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
 from alignment.angles import SequenceRule
 from alignment.units import DEG
+from stand.arguments import one_of, site_with
+from stand.calibration.corrected import corrected_log, loaded, posterior
+from stand.calibration.file import CalibrationRecord
 from stand.errors import StandError, unknown
 from stand.evaluation.plausible import doubts_of, together
 from stand.evaluation.score import (
@@ -23,7 +27,6 @@ from stand.imu import ImuSpec, load_imu, unstated
 from stand.imu.priors import priors_of
 from stand.recording.log import Log
 from stand.recording.metadata import recorded_imu
-from stand.simulation.settings import one_of, site_with
 
 
 def of_vehicles(method: str | None) -> bool:
@@ -80,6 +83,7 @@ def align(
     height_m: float | None = None,
     sequences: str | None = None,
     windows_s: Sequence[float] = (),
+    calibration: str | PathLike[str] | CalibrationRecord | None = None,
 ) -> Alignment:
     """Estimate from recordings: several are several dwells of one unit.
 
@@ -98,6 +102,9 @@ def align(
         By which order of turns a position is read.
     windows_s : sequence of float, optional
         Lengths of windows into which every stretch is cut too: see `stand.evaluation.windows`.
+    calibration : path or CalibrationRecord, optional
+        Of the unit: its errors are taken out of the readings, and what is left of them by its
+        sigmas enters every sigma in place of the data sheet's.
 
     Raises
     ------
@@ -113,6 +120,10 @@ def align(
     site = site_with(first.site, latitude_deg, height_m)
     imu = load_imu(imu) if isinstance(imu, str) else imu
     options = with_data_sheet(first.options, imu)
+    if calibration is not None:
+        record = loaded(calibration)
+        logs = [corrected_log(record, log) for log in logs]
+        options = replace(options, priors=posterior(record.calibration, options.priors))
     if sequences is not None:
         options = replace(options, rule=one_of("sequences", sequences, SequenceRule))
     methods = (method,) if method else first.methods

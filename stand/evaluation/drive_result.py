@@ -8,11 +8,11 @@ from alignment import Priors, Site
 from alignment.methods.vectors import Curve, Fixes, Matching
 from alignment.methods.vectors.method import METHOD
 from alignment.units import DEG
+from stand.arguments import HIGHEST_RATE_HZ
 from stand.errors import StandError
 from stand.evaluation.milestones import LIMITS, doubts, needed, points
 from stand.evaluation.score import Score, score_to_json
 from stand.imu import ImuSpec, unstated
-from stand.simulation.settings import HIGHEST_RATE_HZ
 from stand.vehicle.scenario import Drive, priors_of
 from stand.versions import versions
 

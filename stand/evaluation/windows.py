@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Priors, Site, Turn
 from alignment.arrays import Array
@@ -28,7 +28,10 @@ LIMITS = {
     "yaw": ANGLE_LIMIT,
     "latitude": LATITUDE_LIMIT,
 }  # sigmas that say nothing
-BELOW = "scatter below sigma: what is common to all windows, or a unit better than its sheet"
+BELOW = "scatter below sigma: a unit better than its sheet"
+COMMON = "most of sigma is common to all windows: no scatter shows it"
+MOST = 0.5  # of a variance
+ALIKE = 0.5  # of their scatter by which estimates with and without constant errors may differ
 BASE_MOVES = "the base moves, and so does what is estimated"
 NOISE_ONLY = "noise only"
 BEYOND = "scatter beyond sigma: what changes from window to window shows in none of them"
@@ -56,6 +59,9 @@ class Scatter:
     sigma : float or None
         Root mean square of the sigmas stated [rad]; None where a method states none, or one that
         says nothing (above 30 deg of heading, 10 deg of latitude).
+    changing : float or None
+        The same without what is common to all windows, the constant errors of a data sheet [rad]:
+        what a scatter can show. None as `sigma` is, and where the answer itself hangs on them.
     remark : str
         What must be known beside the numbers; '' for nothing.
     """
@@ -70,14 +76,19 @@ class Scatter:
     low: float
     high: float
     sigma: float | None
+    changing: float | None
     remark: str
 
     @property
     def ratio(self) -> float | None:
-        """Variance of the estimates over that which is stated; 1 of a sigma that is right."""
-        if not self.sigma or not np.isfinite(self.scatter):
+        """Variance of the estimates over that of `changing`, else over that stated.
+
+        1 of a sigma that is right; None where there is none.
+        """
+        own = self.changing or self.sigma
+        if not own or not np.isfinite(self.scatter):
             return None
-        return (self.scatter / self.sigma) ** 2
+        return (self.scatter / own) ** 2
 
 
 def check_lengths(lengths: Sequence[float]) -> None:
@@ -90,7 +101,8 @@ def check_lengths(lengths: Sequence[float]) -> None:
 def windows_of(dwell: Dwell, seconds: float) -> list[Dwell]:
     """The stretch in windows of a length [s], one after the other; what is left over is left out.
 
-    The last one may be short by 2 %. Each has the readings and encoder angles of its own time.
+    The last one may be short by 2 %. Each has the encoder angles of its own time; of one that does
+    not turn all readings of the stretch stay, of which it uses its own.
     """
     count = int((dwell.t_to - dwell.t_from) / seconds + SHORT)
     edges = [min(dwell.t_from + k * seconds, dwell.t_to) for k in range(count + 1)]
@@ -98,9 +110,10 @@ def windows_of(dwell: Dwell, seconds: float) -> list[Dwell]:
 
 
 def _cut(dwell: Dwell, t_from: float, t_to: float) -> Dwell:
-    part = dwell.readings.between(t_from, t_to)
-    turn = dwell.turn
-    if turn is not None and len(part):
+    if dwell.turn is None:  # the record around it tells what drifts too slowly to show in it
+        return replace(dwell, t_from=t_from, t_to=t_to)
+    part, turn = dwell.readings.between(t_from, t_to), dwell.turn
+    if len(part):
         first = int(np.searchsorted(dwell.readings.t, part.t[0]))
         turn = Turn(turn.axis_b, turn.angle[first : first + len(part)])
     return replace(dwell, t_from=t_from, t_to=t_to, readings=part, turn=turn)
@@ -152,7 +165,8 @@ def scatters(
         moving = {dwell.label for dwell in dwells if dwell.turn is None and not _rests(dwell)}
         for method in methods:
             estimates, refused = _estimated(method, together, site, options)
-            found += _summed(method, seconds, estimates, moving, options.priors)
+            changing = _changing(method, together, site, options)
+            found += _summed(method, seconds, (estimates, changing), moving, options.priors)
             if refused:
                 refusals.append(_refusal(method, seconds, refused, most))
     return found, refusals
@@ -189,37 +203,36 @@ def _estimated(
     return estimates, refused
 
 
+def _changing(
+    method: str, together: Sequence[Sequence[Dwell]], site: Site, options: Options
+) -> list[AttitudeEstimate]:
+    """The estimates without what is common to all windows; none where nothing stated is."""
+    changing = options.priors.changing
+    if changing == options.priors:
+        return []
+    return _estimated(method, together, site, replace(options, priors=changing))[0]
+
+
 def _summed(
     method: str,
     seconds: float,
-    estimates: Sequence[AttitudeEstimate],
+    both: tuple[Sequence[AttitudeEstimate], Sequence[AttitudeEstimate]],
     moving: set[str],
     priors: Priors,
 ) -> Iterator[Scatter]:
-    groups: dict[tuple[str, str], list[AttitudeEstimate]] = {}
-    for e in estimates:
-        groups.setdefault((e.label, e.window), []).append(e)
+    groups, others = (_grouped(estimates) for estimates in both)
     for (label, window), members in groups.items():
-        remarks = [NOISE_ONLY] if priors.noise_only else []
-        remarks += [BASE_MOVES] if label in moving else []
+        own = {q: pair for q, *pair in _quantities(others.get((label, window), []))}
         for quantity, values, sigmas in _quantities(members):
-            n = len(values)
-            scatter = _spread(values)
+            n, scatter = len(values), _spread(values)
             low, high = (
-                scatter * np.sqrt((n - 1) / chi2.ppf([1 - TAIL, TAIL], n - 1))
+                scatter * np.sqrt((n - 1) / chdtri(n - 1, [TAIL, 1 - TAIL]))
                 if n > 1
                 else (np.nan, np.nan)
             )
-            sigma = None if sigmas is None else float(np.sqrt(np.mean(sigmas**2)))
-            told = [*remarks]
-            if sigma is not None and sigma > LIMITS.get(quantity, np.inf):
-                told.append(f"not determined: sigma {sigma / DEG:.0f} deg")
-                sigma = None
-            if sigma is not None and low > sigma and label not in moving:
-                told.append(BEYOND)
-            if sigma is not None and high < sigma and label not in moving and not priors.noise_only:
-                told.append(BELOW)
-            yield Scatter(
+            other, own_sigmas = own.get(quantity, (None, None))
+            same = other is not None and _alike(values, other, scatter)
+            row = Scatter(
                 method=method,
                 window=window,
                 label=label,
@@ -229,15 +242,57 @@ def _summed(
                 scatter=scatter,
                 low=float(low),
                 high=float(high),
-                sigma=sigma,
-                remark="; ".join(told),
+                sigma=_rms(sigmas),
+                changing=_rms(own_sigmas) if same else None,
+                remark="",
             )
+            yield _remarked(row, priors.noise_only, label in moving)
+
+
+def _grouped(
+    estimates: Sequence[AttitudeEstimate],
+) -> dict[tuple[str, str], list[AttitudeEstimate]]:
+    groups: dict[tuple[str, str], list[AttitudeEstimate]] = {}
+    for e in estimates:
+        groups.setdefault((e.label, e.window), []).append(e)
+    return groups
+
+
+def _rms(sigmas: Array | None) -> float | None:
+    return None if sigmas is None else float(np.sqrt(np.mean(sigmas**2)))
+
+
+def _alike(values: Array, others: Array, scatter: float) -> bool:
+    """Whether estimates (n,) with and without constant errors are the same answer."""
+    if len(values) != len(others):
+        return False
+    off = np.angle(np.exp(1j * (values - others)))
+    return float(np.sqrt(np.mean(off**2))) <= ALIKE * scatter
+
+
+def _remarked(row: Scatter, noise_only: bool, moves: bool) -> Scatter:
+    """The row with what must be known beside it; a sigma that says nothing is taken away."""
+    remarks = [NOISE_ONLY] if noise_only else []
+    remarks += [BASE_MOVES] if moves else []
+    sigma = row.sigma
+    if sigma is not None and sigma > LIMITS.get(row.quantity, np.inf):
+        remarks.append(f"not determined: sigma {sigma / DEG:.0f} deg")
+        return replace(row, sigma=None, changing=None, remark="; ".join(remarks))
+    if sigma is not None and row.changing is not None and row.changing**2 < MOST * sigma**2:
+        remarks.append(COMMON)
+    own = row.changing or sigma
+    if own is not None and not moves:
+        remarks += [BEYOND] if row.low > own else []
+        remarks += [BELOW] if row.high < own and not noise_only else []
+    return replace(row, remark="; ".join(remarks))
 
 
 def _quantities(
     members: Sequence[AttitudeEstimate],
 ) -> Iterator[tuple[str, Array, Array | None]]:
     """Values and stated sigmas (n,) of what all of the estimates tell."""
+    if not members:
+        return
     if all(e.angles is not None and not e.singular for e in members):
         angles = np.array([e.angles for e in members])
         own = [e.sigmas for e in members]
@@ -277,6 +332,7 @@ def scatter_to_json(row: Scatter) -> dict[str, Any]:
         "scatter_low_deg": low,
         "scatter_high_deg": high,
         "sigma_deg": None if row.sigma is None else row.sigma / DEG,
+        "sigma_changing_deg": None if row.changing is None else row.changing / DEG,
         "variance_over_stated": row.ratio,
         "remark": row.remark,
     }

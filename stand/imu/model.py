@@ -84,6 +84,7 @@ _STREAMS = {
     "clock_offset": 15,
     "jitter": 16,
     "filtered_noise": 17,
+    "known": 18,
 }
 _SENSORS = {"gyro": 0, "accel": 1, "clock": 2}
 AXES = 3
@@ -145,7 +146,7 @@ def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
         axes = np.array(spec.axes) @ axes
     axes = axes + _symmetric(yz_zx_xy) / 2
     signs = np.stack([s.standard_normal() for s in streams(seed, sensor, "ramp")])
-    return UnitErrors(
+    errors = UnitErrors(
         matrix=(1 + drawn("scale"))[:, None] * axes,
         bias=drawn("bias"),
         ramp=spec.ramp * np.sign(signs),
@@ -157,6 +158,23 @@ def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
         g_sensitivity=drawn("g_sensitivity", 3),
         g2_sensitivity=drawn("g2_sensitivity", 3),
     )
+    return _with_known(errors, spec, seed, sensor) if spec.known else errors
+
+
+def _with_known(errors: UnitErrors, spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
+    """Constants that are known by value in place of drawn ones."""
+    scale = errors.matrix.diagonal() - 1
+    axes = errors.matrix / (1 + scale)[:, None]
+    found = {f: np.array(getattr(errors, f)) for f in UnitErrors.__slots__}
+    found |= {"scale": np.array(scale), "misalignment": np.array(axes)}
+    rngs = streams(seed, sensor, "known")
+    for one in spec.known:
+        value = one.value + one.sigma * float(rngs[one.axis].standard_normal())
+        if one.term == "k3":
+            value *= spec.full_scale**2
+        found[one.field][one.axis if one.toward is None else (one.axis, one.toward)] = value
+    matrix = (1 + found.pop("scale"))[:, None] * found.pop("misalignment")
+    return UnitErrors(**found | {"matrix": matrix})
 
 
 def _symmetric(pairs: Array) -> Array:
@@ -195,7 +213,10 @@ def without(spec: ImuSpec, terms: Collection[str]) -> ImuSpec:
 
     def cleared(part: TriadSpec | ClockSpec) -> TriadSpec | ClockSpec:
         plain = type(part)()
-        return replace(part, **{f: getattr(plain, f) for f in off if hasattr(part, f)})
+        cleared = {f: getattr(plain, f) for f in off if hasattr(part, f)}
+        if isinstance(part, TriadSpec):
+            cleared["known"] = tuple(one for one in part.known if one.field not in off)
+        return replace(part, **cleared)
 
     places = np.zeros((3, 3)) if "size-effect" in terms else spec.places
     return replace(
@@ -281,7 +302,7 @@ class Triad:
         e, s = self.errors, self.spec
         linear = _product(e.matrix, x)
         y = linear
-        if s.nonlinearity or s.second_order or warmth is not None:
+        if e.nonlinearity.any() or e.second_order.any() or warmth is not None:
             gain = (e.nonlinearity / s.full_scale**2)[:, None] * linear
             gain += e.second_order[:, None]
             gain *= linear
@@ -289,11 +310,11 @@ class Triad:
                 gain += e.scale_temperature[:, None] * warmth
             gain += 1.0
             y = linear * gain
-        if s.asymmetry:
+        if e.asymmetry.any():
             y = y + e.asymmetry[:, None] * np.abs(linear)
-        if s.g_sensitivity:
+        if e.g_sensitivity.any():
             y += _product(e.g_sensitivity, f)
-        if s.g2_sensitivity:
+        if e.g2_sensitivity.any():
             y += _product(e.g2_sensitivity, f * f)
         if s.ramp:
             y += e.ramp[:, None] * t

@@ -33,6 +33,7 @@ from stand import toml_files as catalogue
 from stand.bounds import Celsius, Offset, StatedLimit, StatedNumber
 from stand.errors import StandError
 from stand.imu.bands import ACCEL_BANDS, GYRO_BANDS, REFERENCE
+from stand.imu.known import Known, KnownEntry
 from stand.imu.processes import DEFAULT_CORNERS
 from stand.imu.stated_units import conversion
 
@@ -285,6 +286,7 @@ class ImuEntry(catalogue.Entry):
 
     A: manufacturer's document. B: part of a manufacturer's page. C: third party. none: assumed.
     `bias_corners_s`: correlation times of the processes that make up the bias instability.
+    `known`: constants of this one unit by value, as a calibration found them.
     """
 
     title: str
@@ -292,9 +294,23 @@ class ImuEntry(catalogue.Entry):
     evidence: Literal["A", "B", "C", "none"]
     bias_corners_s: Annotated[tuple[StatedLimit, ...], Field(min_length=1)] = DEFAULT_CORNERS
     reference_temperature_C: Celsius = 25.0
+    known: Annotated[tuple[KnownEntry, ...], Field(max_length=200)] = ()
     gyro: GyroEntry  # pyright: ignore[reportInvalidTypeForm]
     accel: AccelEntry  # pyright: ignore[reportInvalidTypeForm]
     sampling: SamplingEntry = SamplingEntry()
+
+    @model_validator(mode="after")
+    def _known_fit(self) -> "ImuEntry":
+        names = [(k.sensor, k.term, k.axis, k.toward) for k in self.known]
+        for name, one in zip(names, self.known, strict=True):
+            triad = self.gyro if one.sensor == "gyro" else self.accel
+            if names.count(name) > 1:
+                raise ValueError(f"known: {one.sensor} {one.term} {one.axis} is there twice")
+            if triad.sensitive_axes() is not None:
+                raise ValueError(f"known: {one.sensor} has axes of its own, must be along b")
+            if one.term == "k3" and not any(k.startswith("range_") for k in triad.stated()):
+                raise ValueError(f"known: {one.sensor} k3: must have a range in [{one.sensor}]")
+        return self
 
     @model_validator(mode="after")
     def _corners_increase(self) -> "ImuEntry":
@@ -317,6 +333,7 @@ class TriadSpec:
     Constants are standard deviations. Those named in `bounded` were stated as a maximum: they are
     drawn evenly within that bound, and their standard deviation is 1/sqrt(3) of it (GUM 4.3.7).
     `axes`: unit vectors along which the sensors feel, in b, where they are skewed by design.
+    `known`: constants by value, drawn about it in place of the stated spread.
     """
 
     bias: float = 0.0
@@ -341,6 +358,7 @@ class TriadSpec:
     full_scale: float = inf
     bounded: frozenset[str] = frozenset()
     axes: Axes | None = None
+    known: tuple[Known, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -400,8 +418,8 @@ def imu_from(source: catalogue.Source) -> ImuSpec:
         title=entry.title,
         text=source.text,
         entry=entry,
-        gyro=_triad(entry.gyro, GYRO_KEYS),
-        accel=_triad(entry.accel, ACCEL_KEYS),
+        gyro=_triad(entry.gyro, GYRO_KEYS, _known(entry, "gyro")),
+        accel=_triad(entry.accel, ACCEL_KEYS, _known(entry, "accel")),
         clock=ClockSpec(
             _si(sampling.clock_offset_ppm, PPM),
             _si(sampling.jitter_us, 1e-6),
@@ -414,7 +432,11 @@ def imu_from(source: catalogue.Source) -> ImuSpec:
     )
 
 
-def _triad(entry: SensorEntry, keys: Mapping[str, Key]) -> TriadSpec:
+def _known(entry: ImuEntry, sensor: str) -> tuple[Known, ...]:
+    return tuple(one.known() for one in entry.known if one.sensor == sensor)
+
+
+def _triad(entry: SensorEntry, keys: Mapping[str, Key], known: tuple[Known, ...] = ()) -> TriadSpec:
     stated = {keys[key].field: (s, s.value * keys[key].unit) for key, s in entry.stated().items()}
     bounded = {f for f, (s, _) in stated.items() if s.kind == "maximum" and f in CONSTANTS}
     values = {f: v / sqrt(3) if f in bounded else v for f, (_, v) in stated.items()}
@@ -423,6 +445,7 @@ def _triad(entry: SensorEntry, keys: Mapping[str, Key]) -> TriadSpec:
         full_scale=values.get("range", inf),
         bounded=frozenset(bounded),
         axes=entry.sensitive_axes(),
+        known=known,
     )
 
 

@@ -52,9 +52,9 @@ class StepUse:
     step: PlannedStep
     peaks: tuple[Peak, ...]
 
-    def worst(self) -> Peak:
-        """The peak nearest to its limit, or farthest beyond it."""
-        return max(self.peaks, key=lambda peak: peak.ratio)
+    def worst(self) -> Peak | None:
+        """The peak nearest to its limit, or farthest beyond it; None of a step without a time."""
+        return max(self.peaks, key=lambda peak: peak.ratio, default=None)
 
 
 _ORDER = {"angle": 0, "rate": 1, "acceleration": 2, "jerk": 3}  # power of time in each
@@ -95,7 +95,7 @@ def check(
     found = uses(planned, table, torque)
     for use in found:
         worst = use.worst()
-        if worst.ratio > 1 + SLACK:
+        if worst is not None and worst.ratio > 1 + SLACK:
             raise StandError(_message(procedure, table, use, worst))
     return found
 

@@ -13,7 +13,7 @@ its limit acts on that; MuJoCo's implicit integrators would brake it further wit
 # mujoco fills its namespace from C, unseen by pyright.
 # pyright: reportAttributeAccessIssue=false
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
@@ -230,55 +230,70 @@ def required_torque(
     rates: Array,
     accelerations: Array,
 ) -> Array:
-    """Torque (n, 6) [N m] with which the motors drive a motion; (n, 6) each, in radians.
+    """As `torque_of`, at once."""
+    return torque_of(model, table, payload)(angles, rates, accelerations)
+
+
+def torque_of(
+    model: mujoco.MjModel, table: Table, payload: Payload
+) -> Callable[[Array, Array, Array], Array]:
+    """Tells the torque (n, 6) [N m] with which the motors drive a motion.
 
     Parameters
     ----------
     model : MjModel
-        The whole stand.
+        The whole stand, whose weights are worked out once.
+    table : Table
+    payload : Payload
+
+    Returns
+    -------
+    callable
+        Takes angles, rates and accelerations, (n, 6) each, in radians.
 
     Notes
     -----
     ``M(q) q'' + c(q, q') + g(q)`` by MuJoCo, plus viscous friction, plus Coulomb's against the
     axes that move. Cogging, whose phase no plan knows, is left out.
     """
-    weights = weights_model(model, payload)
     motors = motors_of(table)
-    torque = np.empty((len(angles), weights.nv))
-    for first in range(0, len(angles), ROWS):
-        part = slice(first, first + ROWS)
-        torque[part] = _inverse_dynamics(weights, angles[part], rates[part], accelerations[part])
-    torque += rates * [m.viscous for m in motors]
-    return torque + np.where(np.abs(rates) > MOVING, np.sign(rates), 0) * [
-        m.coulomb for m in motors
-    ]
+    viscous, coulomb = (np.array([getattr(m, k) for m in motors]) for k in ("viscous", "coulomb"))
+    batch = Batch(weights_model(model, payload), ROWS, nthread=1)
+
+    def needed(angles: Array, rates: Array, accelerations: Array) -> Array:
+        torque = np.empty_like(angles)
+        for first in range(0, len(angles), ROWS):
+            part = slice(first, first + ROWS)
+            torque[part] = _inverse_dynamics(batch, angles[part], rates[part], accelerations[part])
+        torque += rates * viscous
+        return torque + np.where(np.abs(rates) > MOVING, np.sign(rates), 0) * coulomb
+
+    return needed
 
 
-def _inverse_dynamics(
-    weights: mujoco.MjModel, angles: Array, rates: Array, accelerations: Array
-) -> Array:
-    """``M(q) q'' + c(q, q') + g(q)`` (n, joints) [N m]."""
-    batch = Batch(weights, len(angles), nthread=1)
+def _inverse_dynamics(batch: Batch, angles: Array, rates: Array, accelerations: Array) -> Array:
+    """``M(q) q'' + c(q, q') + g(q)`` (n, joints) [N m], n up to the size of the batch."""
+    n = len(angles)
     bias = batch.bind("qfrc_bias")
-    batch.qpos[:], batch.qvel[:] = angles, rates
-    matrices = _mass_matrices_of(batch)
-    return bias + np.einsum("nij,nj->ni", matrices, accelerations)
+    batch.qpos[:n], batch.qvel[:n] = angles, rates
+    matrices = _mass_matrices_of(batch, n)
+    return bias[:n] + np.einsum("nij,nj->ni", matrices, accelerations)
 
 
 def mass_matrices(model: mujoco.MjModel, angles: Array) -> Array:
     """Mass matrices (n, joints, joints) at joint angles (n, joints) [rad]."""
     batch = Batch(model, len(angles), nthread=1)
     batch.qpos[:] = angles
-    return _mass_matrices_of(batch)
+    return _mass_matrices_of(batch, len(angles))
 
 
-def _mass_matrices_of(batch: Batch) -> Array:
-    """From the states of a batch; in a chain each hinge is coupled to all that carry it."""
+def _mass_matrices_of(batch: Batch, n: int) -> Array:
+    """From the first n states of a batch; in a chain each hinge is coupled to all that carry it."""
     lower = batch.bind("M")
-    batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
+    batch.forward(np.arange(n), stage=mujoco.mjtStage.mjSTAGE_VEL)
     joints = batch.qvel.shape[1]
     rows, columns = np.tril_indices(joints)
-    matrices = np.empty((len(lower), joints, joints))
-    matrices[:, rows, columns] = lower
-    matrices[:, columns, rows] = lower
+    matrices = np.empty((n, joints, joints))
+    matrices[:, rows, columns] = lower[:n]
+    matrices[:, columns, rows] = lower[:n]
     return matrices

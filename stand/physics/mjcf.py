@@ -72,10 +72,10 @@ def load_model(path: Path | None = None) -> mujoco.MjModel:
     return copy.copy(_compiled(path, files_sha256(path)))
 
 
-def describe(model: mujoco.MjModel) -> StandModel:
+def describe(model: mujoco.MjModel, solids_of: StandModel | None = None) -> StandModel:
     """Read bodies, hinges, solids, masses and the instrument's site from a compiled model.
 
-    A mesh is described by the box around it.
+    A mesh is described by the box around it. `solids_of`: one described before, that has the same.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def describe(model: mujoco.MjModel) -> StandModel:
     _check_joints(model)
     site = _site(model)
     return StandModel(
-        bodies=tuple(_body(model, i) for i in range(model.nbody)),
+        bodies=tuple(_body(model, i, solids_of) for i in range(model.nbody)),
         imu_body=model.body(model.site_bodyid[site]).name,
         imu_position=model.site_pos[site],
         imu_rotation=_xyzw(model.site_quat[site]),
@@ -298,15 +298,15 @@ def _check_sensors(model: mujoco.MjModel) -> None:
 # --- as plain data -------------------------------------------------------------------------------
 
 
-def _body(model: mujoco.MjModel, i: int) -> Body:
-    first = model.body_geomadr[i]
+def _body(model: mujoco.MjModel, i: int, solids_of: StandModel | None) -> Body:
+    geoms = range(model.body_geomadr[i], model.body_geomadr[i] + model.body_geomnum[i])
     return Body(
         name=model.body(i).name,
         parent=model.body(model.body_parentid[i]).name,
         position=model.body_pos[i],
         rotation=_xyzw(model.body_quat[i]),
         joint=_joint(model, model.body_jntadr[i]) if model.body_jntnum[i] else None,
-        geoms=tuple(_geom(model, first + k) for k in range(model.body_geomnum[i])),
+        geoms=solids_of.bodies[i].geoms if solids_of else tuple(_geom(model, k) for k in geoms),
         mass=float(model.body_mass[i]),
         center=model.body_ipos[i],
         inertia=model.body_inertia[i],

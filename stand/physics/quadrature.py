@@ -1,11 +1,12 @@
-"""Means of what sensors feel between two times: rules, and the law that sets their steps.
+"""How many instants a motion must be looked at: the law that sets the panels.
 
-Closed rules on steps between the edges of samples and the knots of the motion, where everything
-is smooth: Simpson's, and Lobatto's of four points. Their errors are ``h^4/2880`` times the fourth
-and ``h^6/1512000`` times the sixth derivative. Both are bounded on each polynomial piece of the
-motion, and each interval takes the rule and the number of even steps that cost fewest evaluations
-within `FORCE_ERROR` and `RATE_ERROR`: one step of Simpson's where the motion is slow beside the
-samples, Lobatto's where it is not.
+Between the knots of a motion everything is smooth, and what is felt there is a polynomial through
+a few instants (`stand.physics.panels`) but for an error that its derivatives bound. Where samples
+end within a piece, the interpolant itself must be right: n nodes err by ``K_n (h/2)^n/n!`` times
+the derivative of order n. Where none does, only the mean over the whole of it: by Lobatto's rule
+n nodes err by ``C_n h^(2n-2)`` times the derivative of order 2n - 2. Each piece takes the number
+of nodes, and of even panels of so many, that cost fewest evaluations within `FORCE_ERROR` and
+`RATE_ERROR`.
 
 The derivatives are bounded from those of the joints, power series against power series (a
 majorant): a chain of rotations by angles ``q_j(t)`` has no greater derivatives than
@@ -14,173 +15,266 @@ the outermost axis that moves does not see it turn: only what stands still, as g
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from math import comb, factorial, sqrt
+from functools import cache
+from math import comb, factorial, hypot
 
 import numpy as np
 
 from alignment.arrays import Array, IntArray
 from alignment.earth import EARTH_RATE
-from alignment.fixed_order import product
 from alignment.units import STANDARD_GRAVITY
 from stand.motion.polynomial import Motion
+from stand.physics.panels import Panels, places_of
 
-FORCE_ERROR = 1e-9  # m/s^2 of a mean
+FORCE_ERROR = 1e-9  # m/s^2 of the mean over a piece or several
 RATE_ERROR = 1e-11  # rad/s
+INSTANT_ERROR = 1e-3  # of these, of what is felt at an instant, and of the mean of parts of a piece
 REACH = 1.0  # m: nothing that is felt lies farther from an axis
-_INNER = np.array([1 - 1 / sqrt(5), 1 + 1 / sqrt(5)]) / 2  # where Lobatto's rule looks inside
-_ROUNDED = 1e-6  # of a step: edges of samples are
-_LEAST = 1e-30  # of a bound: at rest any step will do
-_CHUNK = 4096  # pieces bounded at once: their series stay in cache
+FEWEST, MOST = 3, 12  # nodes of a panel
+ORDERS = 12  # the highest derivative that is bounded
+_SAME = 4  # units in the last place of a time: a knot nearer to an edge is on it
+_HELD = 1e6  # s, before and after a motion
+_ROUNDED = 1e-6  # of a panel: edges of samples are
+_LEAST = 1e-30  # of a bound: at rest any panel will do
+_CHUNK = 512  # pieces bounded at once, and ahead: their series stay in cache
 _GROUP = 16  # pieces bounded as one, first
 
 Waves = Iterable[tuple[IntArray, IntArray, Array, Array]]
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """Error of the mean over h: ``h^order / divisor`` times the derivative of that order.
-
-    `cost`: evaluations a step, as neighbours share their ends.
-    """
-
-    order: int
-    divisor: float
-    cost: int
+@cache
+def interpolation_constant(nodes: int) -> float:
+    """Largest size of the polynomial from -1 to 1 that is 0 at the nodes, of leading term 1."""
+    x = np.linspace(-1, 1, 4001)
+    size = np.ones(len(x))
+    for place in places_of(nodes):
+        size *= np.abs(x - place)
+    return float(size.max())
 
 
-SIMPSON = Rule(4, 2880.0, 2)
-LOBATTO = Rule(6, 1_512_000.0, 3)
-
-
-class Steps:
-    """The steps between `ends` (k + 1,) [s], by Lobatto's rule where `long` (k,): where to look,
-    and the means of what is seen there."""
-
-    def __init__(self, ends: Array, long: np.ndarray) -> None:
-        self.ends, self._long, self._lengths = ends, long, np.diff(ends)
-        inner = np.where(long, 2, 1)
-        self._at = np.arange(len(ends)) + np.concatenate([[0], np.cumsum(inner)])
-        first = self._at[:-1]
-        self.nodes = np.empty(self._at[-1] + 1)
-        self.nodes[self._at] = ends
-        self.nodes[first + 1] = (ends[:-1] + ends[1:]) / 2
-        for k, place in enumerate(_INNER, start=1):
-            self.nodes[first[long] + k] = ends[:-1][long] + place * self._lengths[long]
-
-    def ends_at(self, numbers: IntArray) -> IntArray:
-        """Which of the `nodes` are the ends of these numbers."""
-        return self._at[numbers]
-
-    def means(self, values: Array, starts: IntArray) -> Array:
-        """Means (n, 3) between the ends numbered `starts` (n + 1,), of values at the nodes."""
-        first = self._at[:-1]
-        a, b, c = (values[first + k] for k in range(3))
-        parts = (self._lengths / 6)[:, None] * (a + 4 * b + c)
-        rows = first[self._long]
-        if len(rows):
-            inside, weight = 5 * (b[self._long] + c[self._long]), self._lengths[self._long] / 12
-            parts[self._long] = weight[:, None] * (a[self._long] + inside + values[rows + 3])
-        sums = np.add.reduceat(parts, starts[:-1], axis=0)
-        lengths = np.add.reduceat(self._lengths, starts[:-1])
-        return sums / lengths[:, None]
+@cache
+def quadrature_constant(nodes: int) -> float:
+    """C_n as told above [Abramowitz & Stegun, 25.4.32]."""
+    n = nodes
+    own = n * (n - 1) ** 3 * factorial(n - 2) ** 4
+    return own / ((2 * n - 1) * factorial(2 * n - 2) ** 3)
 
 
 class Law:
-    """Which rule, in how many steps, on any part of the pieces of one motion.
+    """How many nodes, in how many panels, each piece of one motion takes.
 
-    A piece's bounds are worked out when first it is asked for, from itself alone: the choice does
-    not depend on what else is asked for.
+    A piece is judged from itself alone: the choice does not depend on what else is asked for.
     """
 
     def __init__(self, motion: Motion, waves: Waves) -> None:
         self._motion, self._waves = motion, list(waves)
-        self._known = {rule: np.full(len(motion.knots) - 1, np.nan) for rule in (SIMPSON, LOBATTO)}
+        # nodes, panels where a sample ends within the piece; nodes, panels where none does
+        self._known = np.zeros((len(motion.knots) - 1, 4), np.int64)
 
     @property
     def motion(self) -> Motion:
         """Whose law it is."""
         return self._motion
 
-    def choose(self, pieces: IntArray, lengths: Array) -> tuple[IntArray, np.ndarray]:
-        """Numbers of even steps (n,), and whether they are Lobatto's (n,).
+    def choose(self, first: int, whole: np.ndarray) -> tuple[IntArray, IntArray]:
+        """Nodes of a panel (n,) and numbers of even panels (n,) of the pieces from `first` on.
 
-        Parameters
-        ----------
-        pieces : (n,)
-            Of the motion, in order: where each interval lies.
-        lengths : (n,) s
-            Of the intervals.
+        `whole` (n,): whether no sample ends within the piece.
         """
-        parts, long = np.ones(len(pieces), dtype=np.int64), np.zeros(len(pieces), dtype=bool)
-        open_yet = np.flatnonzero(lengths > self._together(pieces))
-        if len(open_yet):
-            parts[open_yet] = self._parts(SIMPSON, pieces[open_yet], lengths[open_yet])
-        several = np.flatnonzero(parts > 1)
-        if len(several):
-            fewer = self._parts(LOBATTO, pieces[several], lengths[several])
-            better = LOBATTO.cost * fewer <= SIMPSON.cost * parts[several]
-            parts[several[better]] = fewer[better]
-            long[several[better]] = True
-        return parts, long
+        pieces = first + np.arange(len(whole))
+        nodes, panels = np.full((2, len(whole)), [[FEWEST], [1]])
+        easy = self._one_parabola(pieces) if np.count_nonzero(whole) >= _GROUP else False
+        open_yet = np.flatnonzero(~(whole & easy))
+        asked = pieces[open_yet]
+        self._learn(asked)
+        known = np.where(whole[open_yet, None], self._known[asked, 2:], self._known[asked, :2])
+        nodes[open_yet], panels[open_yet] = known.T
+        return nodes, panels
 
-    def _together(self, pieces: IntArray) -> Array:
-        """Steps (n,) [s] of Simpson's rule that each piece of a group of them allows.
+    def panels(self, edges: Array) -> tuple[Panels, Array]:
+        """Panels that cover the `edges` (n + 1,) [s] of samples, and these: one that misses a knot
+        by rounding is there."""
+        motion = self._motion
+        bounds, first = _pieces(motion, edges)
+        edges = _snapped(edges, bounds)
+        low = int(np.searchsorted(bounds, edges[0], side="right")) - 1
+        high = int(np.searchsorted(bounds, edges[-1]))
+        bounds, first = bounds[low : high + 1], first + low
+        within = np.searchsorted(edges, bounds[1:]) > np.searchsorted(edges, bounds[:-1], "right")
+        nodes, parts = np.full((2, len(within)), [[FEWEST], [1]])
+        moving = slice(max(-first, 0), len(motion.knots) - 1 - first)  # where it is not held
+        if len(within[moving]):
+            nodes[moving], parts[moving] = self.choose(max(first, 0), ~within[moving])
+        ends, piece = _parted(bounds, parts, edges)
+        return Panels(ends, nodes[piece]), edges
 
-        The group is bounded as one piece with the greatest coefficients and length of all: bounds
+    def fewer_than_panels(self, t: Array, rate_hz: float) -> np.ndarray:
+        """Of which times (n,) [s], so many a second, each one costs less than panels would.
+
+        By the piece that each is in: its panels' nodes against its number of times. Where the
+        motion is held there is nothing to gain.
+        """
+        if not rate_hz:
+            return np.ones(len(t), bool)
+        knots = self._motion.knots
+        pieces = np.clip(np.searchsorted(knots, t) - 1, 0, len(knots) - 2)
+        distinct, own = np.unique(pieces, return_inverse=True)
+        self._learn(distinct)
+        nodes, panels = self._known[distinct, :2].T
+        return (np.diff(knots)[distinct] * rate_hz < panels * (nodes - 1))[own]
+
+    def _one_parabola(self, pieces: IntArray) -> np.ndarray:
+        """Of which pieces (n,) one panel of three nodes has the mean, as told by groups of them.
+
+        A group is bounded as one piece with the greatest coefficients and length of all: bounds
         only grow with these. Of a servo's thousand pieces a second few remain to be asked.
         """
         first, last = pieces[0], pieces[-1] + 1
-        if last - first < _GROUP:
-            return np.zeros(len(pieces))
         starts = np.arange(0, last - first, _GROUP)
         size = np.abs(self._motion.coefficients[:, first:last])
         size = np.maximum.reduceat(size, starts, axis=1)
         length = np.maximum.reduceat(np.diff(self._motion.knots[first : last + 1]), starts)
         group = Motion(np.append(0.0, np.cumsum(length)), size)
-        steps = longest_steps(SIMPSON, group, np.arange(len(starts)), self._waves)
-        return steps[(pieces - first) // _GROUP]
+        bounds = derivatives(group, np.arange(len(starts)), self._waves, order=4)
+        return np.repeat(length <= longest_whole(FEWEST, bounds), _GROUP)[: len(pieces)]
 
-    def _parts(self, rule: Rule, pieces: IntArray, lengths: Array) -> IntArray:
-        known = self._known[rule]
-        own = pieces[np.append(True, np.diff(pieces) > 0)]
-        new = own[np.isnan(known[own])]
+    def _learn(self, pieces: IntArray) -> None:
+        """Judge these, those that are not yet; of few the next as well, which will be asked for."""
+        new = pieces[self._known[pieces, 0] == 0]
+        if not len(new):
+            return
+        ahead = np.arange(new[-1] + 1, min(new[0] + _CHUNK, len(self._known)))
+        new = np.concatenate([new, ahead])
         for first in range(0, len(new), _CHUNK):
-            chunk = new[first : first + _CHUNK]
-            known[chunk] = longest_steps(rule, self._motion, chunk, self._waves)
-        parts = np.ceil(lengths / known[pieces] - _ROUNDED).astype(np.int64)
-        return np.maximum(1, parts)
+            part = new[first : first + _CHUNK]
+            self._known[part] = self._judged(part)
+
+    def _judged(self, pieces: IntArray) -> IntArray:
+        lengths = np.diff(self._motion.knots)[pieces]
+        bounds = derivatives(self._motion, pieces, self._waves)
+        within = [longest_panels(n, bounds) for n in range(FEWEST, MOST + 1)]
+        of_all = [longest_whole(n, bounds) for n in range(FEWEST, ORDERS // 2 + 2)]
+        return np.hstack([_cheapest(lengths, within), _cheapest(lengths, of_all)])
 
 
-def longest_steps(rule: Rule, motion: Motion, pieces: IntArray, waves: Waves) -> Array:
-    """Steps (n,) [s] of a rule that keep `FORCE_ERROR` and `RATE_ERROR`.
+def _pieces(motion: Motion, edges: Array) -> tuple[Array, int]:
+    """Where the pieces about the `edges` meet, those where it is held included; the first's number.
+
+    A number below 0 is that of the hold before the motion.
+    """
+    knots = motion.knots
+    first = int(np.searchsorted(knots, edges[0])) - 2
+    last = int(np.searchsorted(knots, edges[-1], side="right")) + 2
+    bounds = knots[max(first, 0) : last]
+    before = [knots[0] - _HELD] if first < 0 else []
+    after = [knots[-1] + _HELD] if last > len(knots) else []
+    return np.concatenate([before, bounds, after]), max(first, -1)
+
+
+def _snapped(edges: Array, bounds: Array) -> Array:
+    """The edges; those that are at one of the bounds but for rounding are there to the bit."""
+    after = np.clip(np.searchsorted(edges, bounds), 1, len(edges) - 1)
+    nearest = after - (bounds - edges[after - 1] < edges[after] - bounds)
+    same = np.abs(edges[nearest] - bounds) <= _SAME * np.spacing(np.abs(bounds))
+    out = edges.copy()
+    out[nearest[same]] = bounds[same]
+    return out
+
+
+def _parted(bounds: Array, parts: IntArray, edges: Array) -> tuple[Array, IntArray]:
+    """Ends (p + 1,) [s] of panels, so many even ones of each piece, and the piece of each (p,).
+
+    Only those that the edges meet: of a piece of many hours few.
+    """
+    lengths = np.diff(bounds)
+    begin, end = np.zeros(len(parts), np.int64), parts.copy()
+    begin[0] = max(int((edges[0] - bounds[0]) / lengths[0] * parts[0]) - 1, 0)
+    end[-1] = min(int((edges[-1] - bounds[-2]) / lengths[-1] * parts[-1]) + 2, parts[-1])
+    count = end - begin
+    piece = np.repeat(np.arange(len(parts)), count)
+    number = np.arange(len(piece)) - (np.cumsum(count) - count)[piece] + begin[piece]
+    starts = bounds[piece] + lengths[piece] * number / parts[piece]
+    whole = end[-1] == parts[-1]
+    stop = bounds[-1] if whole else bounds[-2] + lengths[-1] * end[-1] / parts[-1]
+    ends = np.append(starts, stop)
+    met = slice(
+        int(np.searchsorted(ends, edges[0], side="right")) - 1,
+        int(np.searchsorted(ends, edges[-1])) + 1,
+    )
+    return ends[met], piece[met][: len(ends[met]) - 1]
+
+
+def _cheapest(lengths: Array, longest: list[Array]) -> IntArray:
+    """Nodes and panels (n, 2) that cost fewest evaluations; of equals the fewest nodes."""
+    panels = np.ceil(lengths / np.array(longest) - _ROUNDED)
+    panels = np.maximum(1, panels)
+    nodes = np.arange(FEWEST, FEWEST + len(panels))
+    best = np.argmin(panels * (nodes - 1)[:, None], axis=0)
+    return np.column_stack([nodes[best], panels[best, np.arange(len(lengths))]]).astype(np.int64)
+
+
+def longest_panels(nodes: int, bounds: tuple[Array, Array]) -> Array:
+    """Panels (n,) [s] of so many nodes whose interpolant errs by no more than is allowed.
+
+    `bounds`: as `derivatives`.
+    """
+    return 2 * _longest(nodes, interpolation_constant(nodes) / INSTANT_ERROR, bounds)
+
+
+def longest_whole(nodes: int, bounds: tuple[Array, Array]) -> Array:
+    """Panels (n,) [s] of so many nodes whose mean errs by no more than is allowed."""
+    order = 2 * nodes - 2
+    return _longest(order, quadrature_constant(nodes) * factorial(order), bounds)
+
+
+def _longest(order: int, constant: float, bounds: tuple[Array, Array]) -> Array:
+    allowed = zip(bounds, (FORCE_ERROR, RATE_ERROR), strict=True)
+    steps = [(e / constant / np.maximum(b[order], _LEAST)) ** (1 / order) for b, e in allowed]
+    return np.minimum(*steps)
+
+
+def derivatives(
+    motion: Motion, pieces: IntArray, waves: Waves, order: int = ORDERS
+) -> tuple[Array, Array]:
+    """Bounds (order + 1, n) of the k-th derivatives, over k!, of force and rate on some pieces.
 
     Parameters
     ----------
-    rule : Rule
     motion : Motion
     pieces : (n,)
         Numbers of its pieces.
     waves : of (axes, times round, cosine, sine amplitudes [rad])
-        What the axes do beyond the motion, as `stand.imperfection.TableErrors.waves`.
+        What the axes do beyond the motion, as `stand.table.table_errors.TableErrors.waves`.
+    order : int
+        The highest.
     """
-    n = rule.order
     half = np.diff(motion.knots)[pieces] / 2
-    size = _sizes(motion, pieces, half)
-    angle = _series(size.sum(axis=2), half, n + 3)
-    angle += _waving(size, half, n + 3, waves)
-    turned = _exponential(angle[: n + 1])
+    moving = np.flatnonzero(motion.coefficients[:-1, pieces].any(axis=(0, 1)))
+    moving = moving if len(moving) else np.array([0])
+    size = _sizes(motion, pieces, half)[:, :, moving]
+    angle = _series(size.sum(axis=2), half, order + 3)
+    for number, axis in enumerate(moving.tolist()):
+        own = _series(size[:, :, number], half, order + 3)
+        for times, height in _heights(waves, axis).items():
+            angle[1:] += height * _exponential(times * own)[1:]
+    turned = _exponential(angle[: order + 1])
     outermost = np.argmax(size[1:].any(axis=0), axis=1)
     own = np.take_along_axis(size, outermost[None, :, None], axis=2)[:, :, 0]
-    behind = _exponential((angle - _series(own, half, n + 3))[: n + 2])
+    behind = _exponential((angle - _series(own, half, order + 3))[: order + 2])
     spun = _product(_slope(angle), behind)
     # of an arm on a link: its spin sees the axes before it, its way to b those behind
-    moved = _slope(spun)[n] + _term(spun, spun, n)
-    force = STANDARD_GRAVITY * turned[n] + REACH * moved
-    bounds = (force, FORCE_ERROR), (spun[n] + EARTH_RATE * turned[n], RATE_ERROR)
-    scale = rule.divisor / factorial(n)
-    steps = [(scale * e / np.maximum(bound, _LEAST)) ** (1 / n) for bound, e in bounds]
-    return np.minimum(*steps)
+    moved = _slope(spun) + _product(spun, spun)[: order + 1]
+    return STANDARD_GRAVITY * turned + REACH * moved, spun[: order + 1] + EARTH_RATE * turned
+
+
+def _heights(waves: Waves, axis: int) -> dict[int, float]:
+    """How high the waves of an axis are [rad], by how often they go round."""
+    found: dict[int, float] = {}
+    for axes, times, cosine, sine in waves:
+        for k in np.flatnonzero(axes == axis):
+            own = hypot(cosine[k], sine[k])
+            found[int(times[k])] = found.get(int(times[k]), 0.0) + own
+    return found
 
 
 def _sizes(motion: Motion, pieces: IntArray, half: Array) -> Array:
@@ -200,18 +294,6 @@ def _series(sizes: Array, half: Array, orders: int) -> Array:
         for i in range(len(sizes) - 1, k - 1, -1):  # Horner's scheme
             series[k] = series[k] * half + comb(i, k) * sizes[i]
     return series
-
-
-def _waving(sizes: Array, half: Array, orders: int, waves: Waves) -> Array:
-    """Bounds (orders, n) of the waves' angles together, likewise."""
-    total = np.zeros((orders, len(half)))
-    moving = np.any(sizes[1:], axis=(0, 1))
-    for axes, order, cosine, sine in waves:
-        own = axes[moving[axes]]
-        height = np.hypot(cosine, sine)[moving[axes]]
-        turned = _series(sizes[:, :, own], half[:, None], orders) * order[moving[axes]]
-        total[1:] += product(_exponential(turned), height)[1:]
-    return total
 
 
 def _exponential(series: Array) -> Array:

@@ -30,7 +30,8 @@ from alignment.earth import Site
 from alignment.fixed_order import product
 from stand.motion.polynomial import Motion
 from stand.physics.mjcf import SENSORS, SITE
-from stand.physics.quadrature import Law, Steps
+from stand.physics.panels import Curves, Panels
+from stand.physics.quadrature import Law
 from stand.samples import Sampling, Sensed, TruthBlock
 from stand.table.joints import JOINTS, across
 from stand.table.kinematics import C_NW
@@ -38,9 +39,11 @@ from stand.table.table_errors import PERFECT, TableErrors
 
 ARMATURE = 1e15  # kg m^2: dwarfs every real inertia by 1e12, so q'' comes back to rounding
 ROWS = 1000  # evaluations per call: the state rows stay in cache
-SAME_TIME = 1e-9  # s: a knot nearer to an edge is on it
 HINGES = 6  # at most on one body of MuJoCo's
 NANOSECOND = 1_000_000_000
+_REST, _MOVING, _ALONE = range(3)  # kinds of samples: once for all, by panels, each for itself
+
+_State = tuple[Array, Array, Array]  # angles, rates, accelerations
 
 _UNUSED_STAGES = (
     mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -57,23 +60,29 @@ class Instants:
     """Sensors at n times: `w_ib_b`, `f_b` (n, 3), `q_wb` (n, 4; x, y, z, w).
 
     `f_places` (n, 3): each component of specific force where its own accelerometer sits.
+    `joints`, `joint_rates` (n, 6): where the axes are and how fast, in radians.
     """
 
     w_ib_b: Array
     f_b: Array
     q_wb: Array
     f_places: Array
+    joints: Array
+    joint_rates: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples(Instants):
     """Means or instants over n intervals, `q_wb` at their ends.
 
-    `w_end`, `f_end` (n, 3): rates, and forces at the places, at the ends.
+    The axes too are where they are at the ends, and so are `w_end`, `f_end` (n, 3), rates and
+    forces at the places. `encoders`, `encoder_rates` (n, 6): what the drives have there.
     """
 
     w_end: Array
     f_end: Array
+    encoders: Array
+    encoder_rates: Array
 
     def sensed(self, t_ns: IntArray, sampling: Sampling) -> Sensed:
         """What the sensors feel, with these stamps; instants are themselves at their ends."""
@@ -202,10 +211,12 @@ class Truth:
         ValueError
             A value that is not finite (MuJoCo itself would not say so).
         """
-        if not np.isfinite(joints.sum() + rates.sum() + accelerations.sum()):
-            raise _not_finite(joints, rates, accelerations)
+        encoders = joints, rates, accelerations
+        if not np.isfinite(sum(values.sum() for values in encoders)):
+            raise _not_finite(*encoders)
         n = len(joints)
-        states = self._states(joints, rates, accelerations)
+        true = self._errors.realised(*encoders)
+        states = self._states(true, encoders)
         raw = np.empty((n, self._sensors.shape[1]))
         for first in range(0, n, ROWS):
             part = slice(first, min(first + ROWS, n))
@@ -213,16 +224,20 @@ class Truth:
         earth, velocity = raw[:, 9:12], raw[:, 6:9]
         f_b = raw[:, 0:3] + 2 * cross(earth, velocity)
         f_places = f_b if self._places is None else self._at_places(raw)
-        return Instants(raw[:, 3:6] + earth, f_b, raw[:, [13, 14, 15, 12]], f_places)
+        return Instants(
+            raw[:, 3:6] + earth,
+            f_b,
+            raw[:, [13, 14, 15, 12]],
+            f_places,
+            joints=true[0],
+            joint_rates=true[1],
+        )
 
-    def _states(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    def _states(self, true: _State, encoders: _State) -> _State:
         """Angles, rates and accelerations of the lean model's hinges."""
-        if self._perfect:
-            return q, v, a
-        true = self._errors.realised(q, v, a)
         if not len(self._errors.wobbling):
             return true
-        nods = self._errors.nods(q, v, a)
+        nods = self._errors.nods(*encoders)
         both = (np.hstack([t, n])[:, self._order] for t, n in zip(true, nods, strict=True))
         angles, rates, accelerations = both
         return angles, rates, accelerations
@@ -269,112 +284,163 @@ class Truth:
     ) -> tuple[TruthBlock, Sensed]:
         """As `block`, and what sensors at their places feel if their clock is right."""
         ticks = np.arange(first, last + 1)
-        edges = ticks / rate_hz
-        over = self.over(motion, edges, sampling)
-        q, v, a = motion.joints(edges[1:])
+        over = self.over(motion, ticks / rate_hz, sampling, rate_hz)
         stamps = stamps_ns(ticks[1:], rate_hz)
         sensed = over.sensed(stamps, sampling)
         if self._perfect:
             return TruthBlock(
-                stamps, over.w_ib_b, over.f_b, over.q_wb, joints=q, joint_rates=v
+                stamps,
+                over.w_ib_b,
+                over.f_b,
+                over.q_wb,
+                joints=over.joints,
+                joint_rates=over.joint_rates,
             ), sensed
-        joints, rates, _ = self._errors.realised(q, v, a)
-        said = self._errors.readings(q)
         true = TruthBlock(
             stamps,
             over.w_ib_b,
             over.f_b,
             over.q_wb,
-            joints=joints,
-            joint_rates=rates,
-            encoders=said,
-            encoder_rates=v,
+            joints=over.joints,
+            joint_rates=over.joint_rates,
+            encoders=self._errors.readings(over.encoders),
+            encoder_rates=over.encoder_rates,
         )
         return true, sensed
 
-    def sensed(self, motion: Motion, edges: Array, t_ns: IntArray, sampling: Sampling) -> Sensed:
+    def sensed(
+        self,
+        motion: Motion,
+        edges: Array,
+        t_ns: IntArray,
+        sampling: Sampling,
+        rate_hz: float = 0.0,
+    ) -> Sensed:
         """What the sensors feel, each at its place, over intervals of any lengths.
 
-        `edges` (n + 1,) [s] bound the intervals; `t_ns` (n,) are the stamps they will carry.
+        `edges` (n + 1,) [s] bound the intervals; `t_ns` (n,) are the stamps they will carry;
+        `rate_hz` as of `over`.
         """
-        return self.over(motion, edges, sampling).sensed(t_ns, sampling)
+        return self.over(motion, edges, sampling, rate_hz).sensed(t_ns, sampling)
 
-    def over(self, motion: Motion, edges: Array, sampling: Sampling) -> Samples:
+    def over(
+        self, motion: Motion, edges: Array, sampling: Sampling, rate_hz: float = 0.0
+    ) -> Samples:
         """Samples over the n intervals between `edges` (n + 1,) [s].
 
         Before its start and after its end the motion is held: a window of a longer motion must
-        cover the intervals.
+        cover the intervals. `rate_hz`: how many there are a second, of instants, which are looked
+        at one by one where they are few (0: everywhere).
         """
-        n = len(edges) - 1
-        out = [np.empty((n, size)) for size in (3, 3, 4, 3, 3, 3)]
-        for start, stop, resting in runs(rest_of(motion, edges)):
-            if resting:
-                joints, _, _ = motion.joints(edges[stop : stop + 1])
-                still = np.zeros_like(joints)
-                part = _as_samples(self.instants(joints, still, still))
-            elif sampling is Sampling.INSTANT:
-                part = _as_samples(self.instants(*motion.joints(edges[start + 1 : stop + 1])))
-            else:
-                part = self.means(motion, edges[start : stop + 1])
-            for array, field in zip(out, fields(Samples), strict=True):
-                array[start:stop] = getattr(part, field.name)
-        for array in out:
-            array.flags.writeable = False
-        return Samples(*out)
+        kinds = np.where(rest_of(motion, edges), _REST, _MOVING)
+        if sampling is Sampling.INSTANT:
+            few = self._law_of(motion).fewer_than_panels(edges[1:], rate_hz)
+            kinds[(kinds == _MOVING) & few] = _ALONE
+        parts = [
+            self._part(motion, edges[start : stop + 1], kind, sampling)
+            for start, stop, kind in runs(kinds)
+        ]
+        found = parts[0]
+        if len(parts) > 1:
+            names = [field.name for field in fields(Samples)]
+            found = Samples(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
+        for field in fields(Samples):
+            getattr(found, field.name).flags.writeable = False
+        return found
+
+    def _part(self, motion: Motion, edges: Array, kind: int, sampling: Sampling) -> Samples:
+        """Samples of one kind."""
+        if kind == _REST:
+            one = self._at(motion, edges[-1:], still=True)
+            n = len(edges) - 1
+            columns = (getattr(one, field.name) for field in fields(Samples))
+            return Samples(*(np.repeat(column, n, axis=0) for column in columns))
+        if kind == _ALONE:
+            return self._at(motion, edges[1:])
+        if sampling is Sampling.INSTANT:
+            return self._instants_between(motion, edges)
+        return self.means(motion, edges)
+
+    def _at(self, motion: Motion, t: Array, still: bool = False) -> Samples:
+        """At times (n,), evaluated there; as if it stood `still`."""
+        q, v, a = motion.joints(t)
+        if still:
+            v = a = np.zeros_like(q)
+        at = self.instants(q, v, a)
+        return Samples(
+            at.w_ib_b,
+            at.f_b,
+            at.q_wb,
+            at.f_places,
+            joints=at.joints,
+            joint_rates=at.joint_rates,
+            w_end=at.w_ib_b,
+            f_end=at.f_places,
+            encoders=q,
+            encoder_rates=v,
+        )
 
     def means(self, motion: Motion, edges: Array) -> Samples:
         """Means over the n intervals between `edges` (n + 1,) [s].
 
         Notes
         -----
-        On the union of the edges and the motion's knots. Each piece between these is parted for
-        itself, so that its neighbours leave no trace.
-
-        Rule and steps of each piece are by the law of `stand.physics.quadrature`: within
-        `FORCE_ERROR` and `RATE_ERROR`, whatever the motion and the rate of the samples. Aligned
-        with the knots, Simpson's rule is exact for the accelerations of cubic and quintic pieces,
-        and Lobatto's for their rates: most of a servo's pieces of 1 ms take one step of either.
-        (A closed six-point rule over five of them takes half the evaluations, but is exact for
-        neither.)
+        What is felt between two knots of the motion are polynomials through few instants, as many
+        as `stand.physics.quadrature` says: within `FORCE_ERROR` and `RATE_ERROR`, whatever the
+        motion and the rate of the samples. Each piece is for itself, so that its neighbours leave
+        no trace; a sample that straddles a knot is the sum of its parts.
         """
-        steps = self._steps(motion, edges)
-        at = self.instants(*motion.joints(steps.nodes))
-        starts = np.searchsorted(steps.ends, edges)
-        f_b = steps.means(at.f_b, starts)
+        panels, edges = self._law_of(motion).panels(edges)
+        curves, own = self._curves(motion, panels)
+        cuts = panels.cut(edges)
+        return self._samples(motion, edges, cuts.ends(curves), cuts.means(curves.part(6 + 3 * own)))
+
+    def _instants_between(self, motion: Motion, edges: Array) -> Samples:
+        """Instants at `edges` but the first."""
+        panels, at = self._law_of(motion).panels(edges)
+        curves, _ = self._curves(motion, panels)
+        ends = panels.cut(at).ends(curves)
+        return self._samples(motion, edges, ends, ends)
+
+    def _curves(self, motion: Motion, panels: Panels) -> tuple[Curves, bool]:
+        """Curves of w, f at the point, f at the places if they are others (which is told), the
+        attitude, and what true angles and rates have beyond the encoders'."""
+        q, v, a = motion.joints(panels.nodes)
+        at = self.instants(q, v, a)
         own = self._places is not None
-        last = steps.ends_at(starts[1:])
+        seen = [at.w_ib_b, at.f_b, *((at.f_places,) if own else ()), at.q_wb]
+        if not self._perfect:
+            seen += [at.joints - q, at.joint_rates - v]
+        return panels.curves(np.ascontiguousarray(np.hstack(seen).T)), own
+
+    def _samples(self, motion: Motion, edges: Array, ends: Array, felt: Array) -> Samples:
+        """From curves' values (c, n) at the ends and as felt."""
+        q, v, _ = motion.joints(edges[1:])
+        own = 3 * (self._places is not None)
+        place = slice(3 + own, 6 + own)
+        turned, beyond = ends[6 + own : 10 + own], ends[10 + own :]
+        f_b, f_end = _rows(felt[3:6]), _rows(ends[place])
         return Samples(
-            steps.means(at.w_ib_b, starts),
+            _rows(felt[:3]),
             f_b,
-            at.q_wb[last],
-            steps.means(at.f_places, starts) if own else f_b,
-            w_end=at.w_ib_b[last],
-            f_end=at.f_places[last],
+            _rows(turned / np.sqrt((turned * turned).sum(axis=0))),
+            _rows(felt[place]) if own else f_b,
+            joints=q + beyond[:6].T if len(beyond) else q,
+            joint_rates=v + beyond[6:].T if len(beyond) else v,
+            w_end=_rows(ends[:3]),
+            f_end=f_end,
+            encoders=q,
+            encoder_rates=v,
         )
 
-    def _steps(self, motion: Motion, edges: Array) -> Steps:
-        """Steps that meet at the `edges`, at each of these to the bit, at knots and between."""
-        first, last = np.searchsorted(motion.knots, edges[[0, -1]], side="right")
-        knots = motion.knots[first:last]
-        after = np.clip(np.searchsorted(edges, knots), 1, len(edges) - 1)
-        near = np.minimum(np.abs(edges[after] - knots), np.abs(knots - edges[after - 1]))
-        ends = np.sort(np.concatenate([edges, knots[near > SAME_TIME]]))
-        parts, long = self._chosen(motion, ends)
-        between = _parted(ends, parts)
-        whole = np.sort(np.concatenate([ends, between])) if len(between) else ends
-        return Steps(whole, np.repeat(long, parts))
-
-    def _chosen(self, motion: Motion, ends: Array) -> tuple[IntArray, np.ndarray]:
-        """As `Law.choose`, between each two of the `ends` (n + 1,)."""
+    def _law_of(self, motion: Motion) -> Law:
         if self._law is None or self._law.motion is not motion:
             self._law = Law(motion, self._errors.waves)
-        middles = (ends[1:] + ends[:-1]) / 2
-        pieces = np.searchsorted(motion.knots[1:-1], middles, side="right")
-        return self._law.choose(pieces, np.diff(ends))
+        return self._law
 
 
-def _as_samples(at: Instants) -> Samples:
-    return Samples(at.w_ib_b, at.f_b, at.q_wb, at.f_places, w_end=at.w_ib_b, f_end=at.f_places)
+def _rows(columns: Array) -> Array:
+    return np.ascontiguousarray(columns.T)
 
 
 def _order(errors: TableErrors) -> IntArray:
@@ -384,13 +450,6 @@ def _order(errors: TableErrors) -> IntArray:
     for number in range(len(JOINTS)):
         order += [number, *((next(nods), next(nods)) if errors.wobble[number] else ())]
     return np.array(order)
-
-
-def _parted(edges: Array, parts: IntArray) -> Array:
-    """Times that part each interval of `edges` (n + 1,) evenly, into `parts` (n,) of them."""
-    own = np.repeat(np.arange(len(parts)), parts - 1)  # of each inner time: its interval
-    number = np.arange(1, len(own) + 1) - (np.cumsum(parts - 1) - (parts - 1))[own]
-    return edges[own] + np.diff(edges)[own] * number / parts[own]
 
 
 def _not_finite(joints: Array, rates: Array, accelerations: Array) -> ValueError:
@@ -411,11 +470,11 @@ def rest_of(motion: Motion, edges: Array) -> np.ndarray:
     return resting & (edges[1:] <= motion.knots[piece + 1])
 
 
-def runs(flags: np.ndarray) -> list[tuple[int, int, bool]]:
+def runs(flags: np.ndarray) -> list[tuple[int, int, int]]:
     """Stretches (start, stop, flag) of equal flags."""
     cuts = np.flatnonzero(np.diff(flags)) + 1
     bounds = [0, *(int(c) for c in cuts), len(flags)]
-    return [(a, b, bool(flags[a])) for a, b in pairwise(bounds) if b > a]
+    return [(a, b, int(flags[a])) for a, b in pairwise(bounds) if b > a]
 
 
 def sample_count(duration: float, rate_hz: int) -> int:

@@ -18,6 +18,7 @@ from alignment.units import ARC_SECOND, DEG
 from stand import toml_files as catalogue
 from stand.bounds import Duration, Offset, Time
 from stand.errors import StandError, unknown
+from stand.procedure.requirements import CONSTANTS, PositiveLimit
 from stand.procedure.steps import (
     Background,
     DwellStep,
@@ -110,20 +111,39 @@ class PayloadEntry(catalogue.Entry):
     offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
 
 
+_REQUIRABLE = ", ".join(
+    ["heading_deg", "pitch_deg", "roll_deg", *(constant.key for constant in CONSTANTS.values())]
+)
 _AngleLimit = Annotated[float, Field(gt=0, le=180)]
 
 
 class RequiredEntry(catalogue.Entry):
-    """What the expanded uncertainty of an attitude angle may be at most."""
+    """What the expanded uncertainty of an attitude angle, or of a unit's constant, may be at most.
+
+    Of constants the worst axis counts.
+    """
 
     heading_deg: _AngleLimit | None = None
     pitch_deg: _AngleLimit | None = None
     roll_deg: _AngleLimit | None = None
+    gyro_bias_deg_h: PositiveLimit | None = None
+    gyro_scale_ppm: PositiveLimit | None = None
+    accel_bias_ug: PositiveLimit | None = None
+    accel_scale_ppm: PositiveLimit | None = None
+    misalignment_arc_s: PositiveLimit | None = None
+    gyro_to_accel_arc_s: PositiveLimit | None = None
+    non_orthogonality_arc_s: PositiveLimit | None = None
+    g_sensitivity_deg_h_g: PositiveLimit | None = None
 
     def limits(self) -> dict[str, float]:
-        """What is limited, by quantity [rad]."""
-        given = {name: getattr(self, f"{name}_deg") for name in ("heading", "pitch", "roll")}
-        return {name: limit * DEG for name, limit in given.items() if limit is not None}
+        """What is limited, by quantity [SI]."""
+        angles = {name: getattr(self, f"{name}_deg") for name in ("heading", "pitch", "roll")}
+        found = {name: limit * DEG for name, limit in angles.items() if limit is not None}
+        for name, constant in CONSTANTS.items():
+            limit = getattr(self, constant.key)
+            if limit is not None:
+                found[name] = limit * constant.unit[1]
+        return found
 
 
 class RequiredForEntry(RequiredEntry):
@@ -144,7 +164,7 @@ class RequiredForEntry(RequiredEntry):
         if not self.keys:
             raise ValueError("part, grade, revision: has none, must have one or more")
         if not self.limits():
-            raise ValueError("heading_deg, pitch_deg, roll_deg: has none, must have one or more")
+            raise ValueError(f"{_REQUIRABLE}: has none, must have one or more")
         return self
 
 
@@ -164,7 +184,7 @@ class RequireEntry(RequiredEntry):
     @model_validator(mode="after")
     def _something(self) -> "RequireEntry":
         if not self.limits() and not self.limit:
-            raise ValueError("heading_deg, pitch_deg, roll_deg: has none, must have one or more")
+            raise ValueError(f"{_REQUIRABLE}: has none, must have one or more")
         return self
 
     def limits_for(self, part: str, grade: str, revision: str) -> dict[str, float]:

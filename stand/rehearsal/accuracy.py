@@ -13,8 +13,9 @@ from alignment.information.circle import Rival
 from alignment.information.result import DETERMINED
 from alignment.methods.position_gains import known_to
 from alignment.units import DEG
+from stand.imu.instrument import unit_of
 from stand.motion.plan import Plan, PlannedStep
-from stand.rehearsal.instrument import unit_of
+from stand.rehearsal.constants import constants_by
 from stand.rehearsal.planned import planned_stretch
 from stand.rehearsal.predictions import Parts, angles, rounder, withheld
 from stand.rehearsal.refusals import (
@@ -72,6 +73,9 @@ def _method(name: str, scene: Scene, unit: InstrumentErrors) -> Predicted:
         return _by_gains(name, method.gains, scene, unit)
     if method.functional is not None:
         return _over_time(name, method, scene, unit)
+    if method.design is not None:
+        found, seen = constants_by(name, method, scene)
+        return found, [seen]
     raise AlignmentError(f"no prediction is made: {method.no_prediction}; see --verify")
 
 

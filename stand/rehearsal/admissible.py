@@ -15,8 +15,8 @@ from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.methods.two_gyro import METHOD as TWO_GYRO
 from alignment.methods.two_gyro import two_gyro_functional
+from stand.imu.instrument import unit_of
 from stand.motion.plan import PlannedStep
-from stand.rehearsal.instrument import unit_of
 from stand.rehearsal.result import Prediction
 from stand.rehearsal.rocking import over_time, readings_of
 from stand.rehearsal.rocking_allowed import AdmissibleRocking

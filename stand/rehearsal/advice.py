@@ -14,7 +14,6 @@ from math import ceil
 from typing import Any
 
 from alignment import ESTIMATORS
-from alignment.units import DEG
 from stand import toml_files as catalogue
 from stand.errors import StandError
 from stand.procedure.procedure import procedure_from
@@ -49,7 +48,7 @@ class _Trial:
 def with_advice(settings: Settings) -> Rehearsal:
     """A rehearsal, with advice for every quantity that fails."""
     result = rehearse(settings)
-    failing = [j.quantity for j in result.judgements if j.verdict is Verdict.FAIL]
+    failing = [j.quantity for j in result.judgements if j.verdict is Verdict.FAIL and not j.refused]
     if not failing or not result.feasibility:
         return result
     data = settings.procedure.entry.model_dump(exclude_unset=True, mode="json")
@@ -68,7 +67,7 @@ def with_advice(settings: Settings) -> Rehearsal:
 
 
 def _wanted(result: Rehearsal) -> tuple[str, ...]:
-    return tuple(j.quantity for j in result.judgements)
+    return tuple(j.quantity for j in result.judgements if not j.refused)
 
 
 def _remedies(
@@ -259,10 +258,10 @@ def _advice_of(quantity: str, before: Data, trial: _Trial) -> Advice:
     judged = _judged(trial.result.judgements, quantity)
     duration = trial.result.duration.total
     assert judged.sigma is not None
-    known = f" beside a bias of {judged.bias / DEG:.3g} deg" if judged.bias else ""
+    told = f" beside a bias of {_told(judged, judged.bias)}" if judged.bias else ""
     text = (
         f"{'; '.join(_in_words(change) for change in changes)}: {quantity} then has a sigma of "
-        f"{judged.sigma / DEG:.3g} deg{known} by {judged.method}, in {duration:.0f} s"
+        f"{_told(judged, judged.sigma)}{told} by {judged.method}, in {duration:.0f} s"
     )
     return Advice(
         quantity=quantity,
@@ -272,6 +271,11 @@ def _advice_of(quantity: str, before: Data, trial: _Trial) -> Advice:
         duration=duration,
         toml=trial.text,
     )
+
+
+def _told(judged: Judgement, value: float) -> str:
+    """A value [SI] in the unit of what is judged."""
+    return f"{value / judged.per:.3g} {judged.unit}"
 
 
 def _judged(judgements: Sequence[Judgement], quantity: str) -> Judgement:
@@ -297,11 +301,11 @@ def _nothing(quantity: str, before: Data, tried: Sequence[_Trial]) -> Advice:
     longest = max(trial.result.duration.total for trial in tried)
     text = (
         f"none of {len(tried)} procedures tried, up to {_MOST:g} times as long ({longest:.0f} s), "
-        f"reaches {judged.required / DEG:g} deg with coverage {judged.coverage:g}: "
-        f"{_in_the_way(best.result, judged)}"
+        f"reaches {judged.required / judged.per:g} {judged.unit} with coverage "
+        f"{judged.coverage:g}: {_in_the_way(best.result, judged)}"
     )
     changed = "; ".join(_in_words(change) for change in _changes(before, best.data))
-    reached = "" if judged.expanded is None else f" to {judged.expanded / DEG:.3g} deg"
+    reached = "" if judged.expanded is None else f" to {_told(judged, judged.expanded)}"
     better = f" in the best, which comes{reached} in {best.result.duration.total:.0f} s ({changed})"
     text += better if changed else ""
     return Advice(quantity=quantity, text=text, changes=(), sigma=None, duration=None)

@@ -13,8 +13,8 @@ from alignment.arrays import Array
 from alignment.information.circle import Rival
 from alignment.information.result import DETERMINED
 from alignment.units import DEG
-from stand.rehearsal.known_errors import KNOWN
 from stand.rehearsal.result import Contribution, Prediction
+from stand.table.known_errors import KNOWN
 
 Parts = dict[str, Array]  # covariance (3, 3) about n [rad^2] by source
 

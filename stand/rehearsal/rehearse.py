@@ -1,19 +1,22 @@
 """The rehearsal itself: plan, feasibility, durations, accuracy, verdict; no sensor is simulated."""
 
 import hashlib
+from collections.abc import Sequence
 from functools import partial
 
+from alignment import ESTIMATORS
 from alignment.units import DEG
 from stand.errors import StandError
 from stand.motion.planner import plan
-from stand.physics.dynamics import inertias, required_torque, weights_model
+from stand.physics.dynamics import inertias, torque_of, weights_model
 from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Truth
 from stand.rehearsal.accuracy import predict
 from stand.rehearsal.admissible import admissible
+from stand.rehearsal.constants import floors as floors_of
 from stand.rehearsal.feasibility import durations, feasibility
 from stand.rehearsal.requirement import judge
-from stand.rehearsal.result import Duration, Finding, Inputs, Rehearsal, Severity
+from stand.rehearsal.result import Duration, Finding, Inputs, Judgement, Rehearsal, Severity
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.traps import (
     allan_lengths,
@@ -50,7 +53,8 @@ def rehearse(settings: Settings) -> Rehearsal:
     methods = methods_of(settings)
     predictions, observed = predict(scene, methods)
     required = settings.procedure.entry.require
-    judgements = judge(required, limits_of(settings), methods, predictions)
+    floors = {m: partial(floors_of, ESTIMATORS[m], scene) for m in methods}
+    judgements = judge(required, limits_of(settings), methods, predictions, floors)
     heading = limits_of(settings).get("heading")
     rocking = []
     if required is not None and heading is not None:
@@ -61,7 +65,7 @@ def rehearse(settings: Settings) -> Rehearsal:
         *from_sheet(settings.unit),
         *from_servos(scene),
         *allan_lengths(scene.plan, scene.imu, settings.allan_terms),
-        *procedure_doubts(scene.plan, scene.imu, scene.site, methods, judgements),
+        *_heading_doubts(scene, methods, judgements),
     ]
     return Rehearsal(
         inputs=_inputs(settings),
@@ -76,6 +80,15 @@ def rehearse(settings: Settings) -> Rehearsal:
     )
 
 
+def _heading_doubts(
+    scene: Scene, methods: Sequence[str], judgements: Sequence[Judgement]
+) -> list[Finding]:
+    """Of methods that find attitudes; a calibration needs no north."""
+    if all(ESTIMATORS[method].design is not None for method in methods):
+        return []
+    return list(procedure_doubts(scene.plan, scene.imu, scene.site, methods, judgements))
+
+
 def prepared(settings: Settings) -> Scene:
     """The scene of a rehearsal; `StandError` where there can be no plan."""
     procedure, table = settings.procedure, settings.table
@@ -88,7 +101,7 @@ def prepared(settings: Settings) -> Scene:
         settings=settings,
         plan=planned,
         model=stand,
-        torque=partial(required_torque, model, table, load) if motors else None,
+        torque=torque_of(model, table, load) if motors else None,
         inertias=inertias(weights_model(model, load)),
         truth=lambda: truth,
         temperature=temperature_of(procedure),

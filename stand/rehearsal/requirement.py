@@ -1,9 +1,12 @@
 """What is required against what is predicted: the verdict, by guard band."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from alignment import ESTIMATORS
+from alignment.units import DEG
 from stand.procedure.procedure import RequireEntry
+from stand.procedure.requirements import CONSTANTS
 from stand.rehearsal.result import Judgement, Prediction, Verdict
 
 
@@ -12,23 +15,47 @@ def judge(
     limits: dict[str, float],
     methods: Sequence[str],
     predictions: Sequence[Prediction],
+    floors: Mapping[str, Callable[[], Mapping[str, float]]] | None = None,
 ) -> list[Judgement]:
-    """One judgement per quantity that is limited [rad].
+    """One judgement per quantity that is limited [SI].
 
-    Each method counts by the stretch in which it is worst; it is judged by the best of them, or
-    by the one that is asked for.
+    `floors` by method: sigmas of a unit's constants that seat, table and gravity leave of the best
+    unit. Each method counts by the stretch in which it is worst; it is judged by the best of them,
+    or by the one that is asked for.
     """
     if require is None:
         return []
     finding = [m for m in methods if not ESTIMATORS[m].carries_nominal] or methods
     asked = finding if require.method is None else [require.method]
-    return [
-        _judged(require, quantity, limit, asked, predictions) for quantity, limit in limits.items()
-    ]
+    found = []
+    for quantity, limit in limits.items():
+        constant = quantity in CONSTANTS
+        own = methods if constant and require.method is None else asked
+        judged = _judged(require, quantity, limit, own, predictions)
+        if constant and floors and judged.method and judged.verdict is Verdict.FAIL:
+            judged = _by_floor(judged, floors[judged.method]())
+        found.append(judged)
+    return found
+
+
+def _by_floor(j: Judgement, floors: Mapping[str, float]) -> Judgement:
+    """The same, refused where no unit and no time on this table could keep it."""
+    names = CONSTANTS[j.quantity].rows
+    floor = max((sigma for name, sigma in floors.items() if name.startswith(names)), default=0.0)
+    if j.coverage * floor <= j.required:
+        return j
+    reason = (
+        f"seat, table and gravity alone leave {j.coverage * floor / j.per:.3g} {j.unit} "
+        f"(k = {j.coverage:g}): no unit and no longer test on this table keeps "
+        f"{j.required / j.per:.3g}"
+    )
+    return replace(j, reason=reason, refused=True)
 
 
 def rows_of(quantity: str, predictions: Iterable[Prediction]) -> list[Prediction]:
     """Predictions of a quantity; a vertical X1 has a yaw for its heading."""
+    if quantity in CONSTANTS:
+        return [p for p in predictions if p.quantity.startswith(CONSTANTS[quantity].rows)]
     names = ("heading", "yaw") if quantity == "heading" else (quantity,)
     return [p for p in predictions if p.quantity in names]
 
@@ -40,6 +67,7 @@ def _judged(
     methods: Sequence[str],
     predictions: Sequence[Prediction],
 ) -> Judgement:
+    told_in = CONSTANTS[quantity].unit if quantity in CONSTANTS else ("deg", DEG)
     worst: list[Prediction] = []
     for method in methods:
         rows = rows_of(quantity, (p for p in predictions if p.method == method))
@@ -56,6 +84,8 @@ def _judged(
             guard=require.guard,
             verdict=Verdict.INDETERMINATE,
             reason=f"no method of this procedure tells {quantity}",
+            unit=told_in[0],
+            per=told_in[1],
         )
     best = min(worst, key=lambda p: p.rank)
     verdict = _verdict(best.rms, limit, require)
@@ -71,6 +101,8 @@ def _judged(
         reason=best.reason,
         bias=best.bias,
         beyond=best.beyond,
+        unit=told_in[0],
+        per=told_in[1],
     )
 
 

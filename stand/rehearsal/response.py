@@ -12,13 +12,13 @@ from alignment.information import InstrumentErrors, Setting, Stretch, informatio
 from alignment.information.model import coefficient_weights, sensor_inputs
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.following import left_off
-from stand.rehearsal.instrument import leanings
 from stand.rehearsal.predictions import Parts, name_of, prediction
 from stand.rehearsal.result import Prediction
 from stand.rehearsal.rounding import roundings_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.warmth import warmed
 from stand.simulation.collector import ticks_of
+from stand.table.leanings import leanings
 
 SENSORS = ("gyro", "accelerometer")
 _NORTH = Rotation.identity()

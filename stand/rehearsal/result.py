@@ -9,6 +9,7 @@ from enum import StrEnum
 from math import hypot, inf
 from pathlib import Path
 
+from alignment.units import DEG
 from stand.rehearsal.rocking_allowed import AdmissibleRocking
 from stand.rehearsal.verification import Verification
 
@@ -250,6 +251,10 @@ class Judgement:
         Of the table's known errors [rad].
     beyond : float
         Of a prediction without a number: what first order has it at [rad].
+    unit, per : str, float
+        What it is told in, and that in SI; of a constant of the unit all numbers here are in SI.
+    refused : bool
+        Whether no procedure on this table can keep it: `reason` says why.
     """
 
     quantity: str
@@ -263,6 +268,9 @@ class Judgement:
     reason: str = ""
     bias: float = 0.0
     beyond: float = inf
+    unit: str = "deg"
+    per: float = DEG
+    refused: bool = False
 
     @property
     def rms(self) -> float | None:

@@ -73,17 +73,22 @@ def _degrees(angle: float | None) -> float | None:
 
 
 def _judgement(j: Judgement) -> dict[str, Any]:
+    """Angles in degrees; of a unit's constants in `unit`, the keys without one."""
+    of_angle = j.unit == "deg"
+    sizes = {"required": j.required, "sigma": j.sigma, "bias": j.bias, "rms": j.rms}
+    sizes["expanded"] = j.expanded
+    told = {
+        f"{name}_deg" if of_angle else name: None if x is None else _finite(x / j.per)
+        for name, x in sizes.items()
+    }
     return {
         "quantity": j.quantity,
         "verdict": j.verdict.value,
         "method": j.method,
         "label": j.label,
-        "required_deg": j.required / DEG,
+        **({} if of_angle else {"unit": j.unit}),
+        **told,
         "coverage": j.coverage,
-        "sigma_deg": _degrees(j.sigma),
-        "bias_deg": _degrees(j.bias),
-        "rms_deg": _degrees(j.rms),
-        "expanded_deg": _degrees(j.expanded),
         "guard": j.guard,
         "reason": j.reason,
     }

@@ -10,9 +10,9 @@ from stand.motion.limits import Torque
 from stand.motion.plan import Plan
 from stand.motion.polynomial import MotionKind
 from stand.physics.truth import Truth
-from stand.rehearsal.known_errors import StatedErrors, stated
 from stand.simulation.settings import Settings
 from stand.table.joints import StandModel
+from stand.table.known_errors import StatedErrors, stated
 from stand.table.table import Table
 from stand.table.table_errors import TableErrorsEntry
 

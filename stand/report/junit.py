@@ -20,8 +20,8 @@ from stand.report.document import method_text
 from stand.report.verified import outcome
 from stand.report.wording import (
     achieved_in_words,
-    deg_text,
     judged_in_words,
+    limit_text,
     margin_in_words,
     refused_in_words,
 )
@@ -115,7 +115,9 @@ def _case(group: str, name: str, failure: tuple[str, str] | None, text: str) -> 
 def _required(procedure: str, j: Judgement) -> Element:
     told = judged_in_words(j)
     failure = None if j.verdict is Verdict.PASS else (j.verdict.value, told)
-    return _case(f"{procedure}.requirements", f"{j.quantity} {deg_text(j.required)}", failure, told)
+    return _case(
+        f"{procedure}.requirements", f"{j.quantity} {limit_text(j, j.required)}", failure, told
+    )
 
 
 def _step(procedure: str, step: StepFeasibility) -> Element:

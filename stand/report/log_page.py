@@ -12,6 +12,7 @@ import numpy as np
 from alignment import DEFAULT_METHOD, Dwell
 from alignment.errors import Fault
 from alignment.units import DEG, DEG_PER_HOUR
+from stand.arguments import site_with
 from stand.evaluation.aligned import Alignment, align
 from stand.evaluation.allan import analyse
 from stand.evaluation.score import Refusal, Truths
@@ -25,7 +26,6 @@ from stand.report.document import ANGLE_NOTE, refusal_lines, score_tables
 from stand.report.figures import channels
 from stand.report.page import data_uri, render, span_text
 from stand.report.stretches import stretches_table
-from stand.simulation.settings import site_with
 
 _YEAR_1990 = 631_152_000 * 10**9  # ns: stamps before it are no date
 

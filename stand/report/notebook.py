@@ -1,11 +1,15 @@
 """Results as a notebook or a prompt shows them: a line, tables, notes; as text and as HTML."""
 
 from collections.abc import Sequence
+from dataclasses import fields
 from html import escape
 from io import StringIO
+from typing import Any, TypeVar
 
 from stand.report.console import show, wide
 from stand.report.tables import TableData
+
+Result = TypeVar("Result")
 
 
 class Shown:
@@ -34,6 +38,11 @@ class Shown:
     def _repr_html_(self) -> str:
         parts = [f"<p><b>{escape(self.headline())}</b></p>", *map(_table, self.tables())]
         return "\n".join([*parts, *(f"<p>{escape(line)}</p>" for line in self.remarks())])
+
+
+def shown(kind: type[Result], result: Any) -> Result:
+    """A result as the type that prints itself."""
+    return kind(**{field.name: getattr(result, field.name) for field in fields(result)})
 
 
 def _table(table: TableData) -> str:

@@ -37,6 +37,7 @@ from stand.report.verified import fact, outcome, section
 from stand.report.wording import (
     deg_text,
     digits,
+    limit_text,
     margin_in_words,
     percent,
     predicted_text,
@@ -173,7 +174,7 @@ def _first_reason(result: Rehearsal) -> list[str]:
 
 
 def _asked(j: Judgement) -> str:
-    return f"{j.quantity} within {deg_text(j.required)}"
+    return f"{j.quantity} within {limit_text(j, j.required)}"
 
 
 def _facts(result: Rehearsal) -> list[tuple[str, str]]:
@@ -194,7 +195,7 @@ def _facts(result: Rehearsal) -> list[tuple[str, str]]:
 
 def _against(j: Judgement) -> Against:
     ratio = None if j.expanded is None else j.expanded / j.required
-    return Against(f"{j.quantity} {deg_text(j.required)}", j.verdict.value, ratio, j.guard)
+    return Against(f"{j.quantity} {limit_text(j, j.required)}", j.verdict.value, ratio, j.guard)
 
 
 def _requirements(judgements: Sequence[Judgement]) -> TableData | None:
@@ -207,8 +208,8 @@ def _requirements(judgements: Sequence[Judgement]) -> TableData | None:
         (
             j.quantity,
             j.verdict.value,
-            f"{deg_text(j.required)}",
-            "not determined" if j.expanded is None else deg_text(j.expanded),
+            limit_text(j, j.required),
+            "not determined" if j.expanded is None else limit_text(j, j.expanded),
             "" if j.expanded is None else percent(j.expanded / j.required),
             _sigma_of(j),
             j.method,
@@ -230,8 +231,8 @@ def _sigma_of(j: Judgement) -> str:
     """What the coverage factor multiplies: sigma, and a known bias in quadrature with it."""
     if j.sigma is None:
         return ""
-    known = "" if not j.bias else f" and bias {deg_text(j.bias)}"
-    return f"{deg_text(j.sigma)}{known} × {j.coverage:g}"
+    known = "" if not j.bias else f" and bias {limit_text(j, j.bias)}"
+    return f"{limit_text(j, j.sigma)}{known} × {j.coverage:g}"
 
 
 def _before(result: Rehearsal) -> list[Finding]:

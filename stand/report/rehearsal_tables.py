@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-from alignment.units import DEG
 from stand.rehearsal.result import Prediction, Rehearsal, Verdict
 from stand.rehearsal.verification import AGREES, Achieved, Verification
 from stand.report.tables import TableData
@@ -44,15 +43,16 @@ def _required(result: Rehearsal) -> TableData:
         (
             j.quantity,
             j.verdict.value,
-            f"{j.required / DEG:g}",
-            "" if j.expanded is None else f"{j.expanded / DEG:.3g}",
+            f"{j.required / j.per:g}",
+            "" if j.expanded is None else f"{j.expanded / j.per:.3g}",
+            j.unit,
             j.method,
             j.label,
             j.reason if j.verdict is not Verdict.PASS else "",
         )
         for j in result.judgements
     )
-    columns = ("required", "verdict", "limit deg", "expanded deg", "method", "place", "finding")
+    columns = ("required", "verdict", "limit", "expanded", "unit", "method", "place", "finding")
     return TableData("Requirement", columns, rows)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from alignment import ESTIMATORS
 from alignment.angles import angles_from_C_nb, near_singular
 from alignment.units import DEG
+from stand.arguments import site_with
 from stand.errors import StandError, located
 from stand.evaluation.aligned import sheet_beside
 from stand.evaluation.score import evaluate_each, suited
@@ -25,6 +26,7 @@ from stand.folder import refuse_files, write_file
 from stand.imu.preset import ImuEntry
 from stand.procedure.procedure import ProcedureEntry, RequireEntry
 from stand.recording.curves import AngleCurves
+from stand.recording.hashes import sha256_of_file, sha256_of_text
 from stand.recording.log import Log, load_log
 from stand.recording.mcap.reader import read_attachments
 from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN, recorded_steps
@@ -38,9 +40,8 @@ from stand.report.figures import Bar, channels, errors, timeline
 from stand.report.gallery import Gallery, Position, gallery
 from stand.report.judged import judged
 from stand.report.page import render, span_text
-from stand.report.provenance import provenance, sha256_of_file, sha256_of_text
+from stand.report.provenance import provenance
 from stand.report.tables import TableData
-from stand.simulation.settings import site_with
 from stand.simulation.step_record import StepRecord, records_from_json
 from stand.table.table import TableEntry
 from stand.toml_files import Source, parse

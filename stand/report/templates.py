@@ -27,6 +27,20 @@ _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 LONGEST = 96  # characters of a line of comment
 _SOURCE = "document, revision, page"
 # Values that show what a key is for, by the key; others are the default, or lie in the bounds.
+# whose parts must fit one another
+_WHOLE: Mapping[str, Any] = {
+    "known": (
+        {
+            "sensor": "accel",
+            "term": "misalignment",
+            "axis": "X1",
+            "toward": "Y1",
+            "value": -31.0,
+            "unit": "arcsec",
+            "sigma": 0.4,
+        },
+    )
+}
 _SAMPLES: Mapping[str, Any] = MappingProxyType(
     {
         "travel_deg": (-90.0, 90.0),
@@ -263,6 +277,8 @@ def _sample(name: str, field: FieldInfo) -> Any:
     default = None if field.is_required() else field.get_default(call_default_factory=True)
     if default is not None and not isinstance(default, Entry) and default not in ("", (), {}):
         return default
+    if name in _WHOLE:
+        return _WHOLE[name]
     literals = _literals(field)
     if literals:
         return literals[0]

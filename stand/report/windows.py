@@ -11,7 +11,14 @@ from stand.report.tables import TableData
 NOTE = (
     "scatter: standard deviation of the windows' estimates about their own mean, with its 95 % "
     "interval; sigma: root mean square of what the method states; ratio: of their squares, 1 where "
-    "the sigma is right. What is common to all windows, as a bias is, shows in none of it."
+    "the sigma is right. What is common to all windows, as a bias is, shows in none of it: with a "
+    "data sheet the ratio is to what changes, sigma without the sheet's constant errors."
+)
+
+
+HEADER = (
+    *("method", "stretch", "window s", "quantity", "n"),
+    *("scatter", "sigma", "changes", "ratio", "remark"),
 )
 
 
@@ -19,10 +26,10 @@ def windows_table(rows: Sequence[Scatter]) -> TableData:
     """One row per method, length, stretch and quantity [deg]."""
     return TableData(
         "scatter of windows beside the sigma stated [deg]",
-        ("method", "stretch", "window s", "quantity", "n", "scatter", "sigma", "ratio", "remark"),
+        HEADER,
         tuple(_row(row) for row in rows),
         notes=(NOTE,),
-        optional=("n",),
+        optional=("n", "changes"),
     )
 
 
@@ -38,6 +45,7 @@ def _row(row: Scatter) -> tuple[str, ...]:
         str(row.count),
         scatter,
         "" if row.sigma is None else sigma_text(row.sigma / DEG),
+        "" if row.changing is None else sigma_text(row.changing / DEG),
         "" if row.ratio is None else f"{row.ratio:.2g}",
         row.remark,
     )

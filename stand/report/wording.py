@@ -87,11 +87,16 @@ def runs_text(n: int) -> str:
     return "1 run" if n == 1 else f"{n} runs"
 
 
+def limit_text(j: Judgement, value: float) -> str:
+    """A value [SI] of what is judged, in its unit."""
+    return deg_text(value) if j.unit == "deg" else f"{digits(value / j.per)} {j.unit}"
+
+
 def judged_in_words(j: Judgement) -> str:
     """One sentence of a requirement: what is asked, what is predicted, by what, and why not."""
-    asked = f"{j.quantity} within {deg_text(j.required)} (k = {j.coverage:g})"
+    asked = f"{j.quantity} within {limit_text(j, j.required)} (k = {j.coverage:g})"
     where = " of ".join(part for part in (j.method, f'"{j.label}"' if j.label else "") if part)
-    found = "not determined" if j.expanded is None else f"predicted {deg_text(j.expanded)}"
+    found = "not determined" if j.expanded is None else f"predicted {limit_text(j, j.expanded)}"
     told = f"{j.verdict.value}: {asked}; {found}" + (f" by {where}" if where else "")
     return f"{told}; {j.reason}" if j.reason else told
 

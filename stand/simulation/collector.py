@@ -1,6 +1,7 @@
 """Readings sorted by stretch (dwells, turns at constant rate) as a run streams."""
 
 from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -8,12 +9,14 @@ from scipy.spatial.transform import Rotation
 from alignment import Dwell, ImuReadings, Turn
 from alignment.arrays import Array
 from alignment.quaternions import turned_evenly
-from alignment.readings import EDGE
+from alignment.readings import EDGE, JointAngles
 from stand.motion.plan import PlannedStep
+from stand.room import Room
 from stand.samples import ImuBlock, TruthBlock
 from stand.table.kinematics import C_NW
 
 NS = 1e-9  # s
+INTO = 0.5  # s: how far the readings of a move reach into the stretches beside it
 
 
 class TrueAttitudes(list[Rotation]):
@@ -31,34 +34,65 @@ class TrueAttitudes(list[Rotation]):
 class DwellCollector:
     """Keeps the samples that lie wholly within a stretch, and the true attitude at its end.
 
-    Of the stretches labelled in `moving` the true attitude is kept for every sample.
+    Of the stretches labelled in `moving` the true attitude is kept for every sample. What is too
+    much for memory lies in a file in `folder`, see `Room`. `moves`: whether stretches at rest keep
+    the readings of the moves beside them too.
     """
 
     def __init__(
-        self, stretches: Sequence[PlannedStep], rate_hz: int, moving: Collection[str] = ()
+        self,
+        stretches: Sequence[PlannedStep],
+        rate_hz: int,
+        moving: Collection[str] = (),
+        folder: Path | None = None,
+        moves: bool = False,
     ) -> None:
         self._steps, self._rate = stretches, rate_hz
         self._ranges = [ticks_of(step, rate_hz) for step in stretches]
-        self._t = [np.empty(b - a) for a, b in self._ranges]
-        self._w = [np.empty((b - a, 3)) for a, b in self._ranges]
-        self._f = [np.empty((b - a, 3)) for a, b in self._ranges]
-        self._angle = [
-            np.empty(0 if step.turning is None else b - a)
-            for step, (a, b) in zip(stretches, self._ranges, strict=True)
+        self._held = self._with_moves() if moves else self._ranges
+        moving = set(moving)
+        lengths = [b - a for a, b in self._ranges]
+        angles = [
+            0 if step.turning is None else n for step, n in zip(stretches, lengths, strict=True)
         ]
-        self._q_wb: list[Array | None] = [None] * len(stretches)
-        self._squares = np.zeros((len(stretches), 4, 4))
-        self._all_q_wb = {
-            step.label: np.empty((b - a, 4))
-            for step, (a, b) in zip(stretches, self._ranges, strict=True)
+        attitudes = {
+            step.label: n
+            for step, n in zip(stretches, lengths, strict=True)
             if step.label in moving
         }
+        held = [b - a for a, b in self._held]
+        room = 7 * sum(held) + sum(angles) + 4 * sum(attitudes.values())
+        self._room = Room(room * np.float64().nbytes, folder)
+        self._t = [self._room.array((n,)) for n in held]
+        self._w = [self._room.array((n, 3)) for n in held]
+        self._f = [self._room.array((n, 3)) for n in held]
+        self._angle = [self._room.array((n,)) for n in angles]
+        self._q_wb: list[Array | None] = [None] * len(stretches)
+        self._squares = np.zeros((len(stretches), 4, 4))
+        self._all_q_wb = {label: self._room.array((n, 4)) for label, n in attitudes.items()}
+        self._begins = {step.label: a for step, (a, _) in zip(stretches, self._ranges, strict=True)}
         self._tick = 0  # samples seen so far
+        self._first = 0  # stretches that were over then
+
+    def _with_moves(self) -> list[tuple[int, int]]:
+        """Samples of each rest up to, and a little into, the stretches beside it."""
+        into = round(INTO * self._rate)
+        ends = [0, *(b - into for _, b in self._ranges)]
+        starts = [*(a + into for a, _ in self._ranges[1:]), 0]
+        return [
+            (max(0, min(low, own[0])), max(high, own[1])) if step.turning is None else own
+            for step, own, low, high in zip(self._steps, self._ranges, ends, starts, strict=False)
+        ]
 
     def add(self, truth: TruthBlock, imu: ImuBlock) -> None:
         """Take the next block."""
         start, stop = self._tick, self._tick + len(truth)
-        for k, (first, last) in enumerate(self._ranges):
+        while self._first < len(self._held) and self._held[self._first][1] <= start:
+            self._first += 1
+        for k in range(self._first, len(self._held)):
+            first, last = self._held[k]
+            if first >= stop:
+                break  # stretches follow one another
             a, b = max(first, start), min(last, stop)
             if a >= b:
                 continue
@@ -66,6 +100,11 @@ class DwellCollector:
             self._t[k][there] = imu.t_ns[here] * NS
             self._w[k][there] = imu.w_ib_b[here]
             self._f[k][there] = imu.f_b[here]
+            first, last = self._ranges[k]
+            a, b = max(first, start), min(last, stop)
+            if a >= b:
+                continue
+            there, here = slice(a - first, b - first), slice(a - start, b - start)
             turning = self._steps[k].turning
             if turning is not None:
                 self._angle[k][there] = truth.encoders[here, turning.axis]
@@ -77,16 +116,23 @@ class DwellCollector:
             if b == last:
                 self._q_wb[k] = truth.q_wb[b - 1 - start]
         self._tick = stop
+        self._room.written()
 
     def true_at(self, label: str, t: Array) -> Rotation | None:
         """``C_nb`` at times (m,) [s] of a moving stretch; None at rest."""
         if label not in self._all_q_wb:
             return None
-        step = next(step for step in self._steps if step.label == label)
-        first, _ = ticks_of(step, self._rate)
-        q_wb = self._all_q_wb[label]
-        times = (first + 1 + np.arange(len(q_wb))) / self._rate
-        return C_NW * turned_evenly(times, q_wb, t)
+        q_wb, first = self._all_q_wb[label], self._begins[label]
+
+        def times(rows: Array) -> Array:
+            return (first + 1 + rows) / self._rate
+
+        after = np.ceil(t * self._rate).astype(int) - (first + 1)
+        after -= times(after - 1) >= t  # where the product was rounded
+        after += times(after) < t
+        after = np.clip(after, 1, len(q_wb) - 1)
+        rows = np.unique(np.concatenate([after - 1, after]))  # of hours few are asked for
+        return C_NW * turned_evenly(times(rows), q_wb[rows], t)
 
     def finish(
         self, begins: Mapping[str, float | None] | None = None
@@ -100,16 +146,19 @@ class DwellCollector:
         the table had not settled; None: it never settled, and is left out.
         """
         dwells, attitudes, means = [], [], []
-        for step, q_wb, squares in zip(self._steps, self._q_wb, self._squares, strict=True):
-            columns = [c.pop(0) for c in (self._t, self._w, self._f, self._angle)]
-            first, last = self._ranges.pop(0)
+        kept = zip(self._t, self._w, self._f, self._angle, strict=True)
+        self._t = self._w = self._f = self._angle = []
+        ends = zip(self._steps, self._ranges, self._held, self._q_wb, self._squares, strict=True)
+        for (step, (first, last), held, q_wb, squares), columns in zip(ends, kept, strict=True):
+            for array in columns:
+                array.flags.writeable = False  # so that the readings need no copies
             t_from = (begins or {}).get(step.label, step.steady_from)
             cut = last if t_from is None else int(np.ceil((t_from - EDGE) * self._rate)) - first
             if t_from is None or cut >= last - first - 1:
                 continue
-            t, w, f, angle = (c[cut:].copy() if cut else c for c in columns)
-            for array in (t, w, f, angle):
-                array.flags.writeable = False  # so that the readings need no copies
+            late = cut > 0
+            cut *= held == (first, last)  # what comes with its moves is whole
+            t, w, f, angle = (column[cut:] if cut else column for column in columns)
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
             readings = ImuReadings(t, w, f)
             dwells.append(
@@ -120,13 +169,23 @@ class DwellCollector:
                     readings=readings,
                     nominal=step.C_nb,
                     turn=turn,
+                    joints=_joints(step),
                 )
             )
             C_nb = C_NW * Rotation.from_quat(q_wb)
             attitudes.append(C_nb if turn is None else turn.back(C_nb))
-            plain = turn is not None or cut > 0
+            plain = turn is not None or late
             means.append(attitudes[-1] if plain else C_NW * _mean(squares))
         return dwells, TrueAttitudes(attitudes, means)
+
+
+def _joints(step: PlannedStep) -> JointAngles:
+    """Where the plan has the axes."""
+    if step.turning is None:
+        return JointAngles(step.joints)
+    angles = step.joints.copy()
+    angles[step.turning.axis] = 0.0
+    return JointAngles(angles, step.turning.axis)
 
 
 def _mean(squares: Array) -> Rotation:

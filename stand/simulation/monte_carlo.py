@@ -3,8 +3,9 @@
 What is the same in every run (plan, checks, truth of a table without errors) is worked out once.
 Of ideal motion the truth is evaluated only where a method will look: between the stretches the
 unit goes on reporting, so that its noise, drifts and roundings take their course, but it is fed
-zeros there. With a low-pass filter, which remembers what it was fed, nothing is left out; nor with
-a clock that is wrong or a simulated servo, whose runs are those of `stand.simulation.simulation`.
+zeros there. With a low-pass filter, which remembers what it was fed, nothing is left out, nor where
+a method follows the moves; nor with a clock that is wrong or a simulated servo, whose runs are
+those of `stand.simulation.simulation`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +28,7 @@ from stand.physics.truth import Truth, sample_count, stamps_ns
 from stand.procedure.steps import SwayBehind, SwayStep, VibrationBehind, VibrationStep
 from stand.samples import Sensed, TruthBlock
 from stand.simulation.collector import NS, DwellCollector, TrueAttitudes, ticks_of
-from stand.simulation.settings import Settings, table_errors_of, temperature_of
+from stand.simulation.settings import Settings, follows_moves, table_errors_of, temperature_of
 from stand.simulation.simulation import Block, Simulation, begins_of
 from stand.table.kinematics import C_NW
 
@@ -65,6 +66,7 @@ class Trials:
         self._filtered = bool(
             np.isfinite([self._spec.gyro.bandwidth, self._spec.accel.bandwidth]).any()
         )
+        self._moves = follows_moves(settings)
         self._model = load_model(settings.table.model)
         self._same = not self._drawn and first.errors.perfect and first.imu.spec.clock.perfect
         self._felt: list[_Sensing] = []
@@ -87,12 +89,12 @@ class Trials:
     def _simulated(self, settings: Settings) -> Readings:
         if self._blocks:
             imu = self._imu(settings)
-            collector = DwellCollector(self.plan.stretches, settings.rate_hz)
+            collector = DwellCollector(self.plan.stretches, settings.rate_hz, moves=self._moves)
             for block in self._blocks:
                 collector.add(block.truth, imu.report(block.sensed))
             return collector.finish(self._begins)
         simulation = Simulation(settings)
-        collector = DwellCollector(simulation.plan.stretches, settings.rate_hz)
+        collector = DwellCollector(simulation.plan.stretches, settings.rate_hz, moves=self._moves)
         keep = self._same and simulation.total <= KEPT
         for block in simulation.blocks():
             collector.add(block.truth, block.readings)
@@ -106,7 +108,7 @@ class Trials:
     def _made(self, settings: Settings) -> Readings:
         planned = self._first.replanned(settings.seed) if self._drawn else self.plan
         imu = self._imu(settings)
-        collector = DwellCollector(planned.stretches, settings.rate_hz)
+        collector = DwellCollector(planned.stretches, settings.rate_hz, moves=self._moves)
         for felt in self._of(settings, planned):
             collector.add(felt.truth, imu.report(felt.sensed))
         return collector.finish()
@@ -133,7 +135,7 @@ class Trials:
             turned = with_errors(self._model, errors)
             truth = self._truth = Truth(turned, settings.site, self._spec.places, errors)
         for first, last, step in spans(planned.stretches, settings.rate_hz, total):
-            if step is None and not self._filtered:
+            if step is None and not (self._filtered or self._moves):
                 yield _nothing(first, last, settings.rate_hz)
             elif step is None or step.turning is None:
                 yield self._at_rest(truth, planned, settings, first, last)
@@ -149,7 +151,8 @@ class Trials:
     ) -> _Sensing:
         """Without the joints, which only a turn is asked for."""
         ticks = np.arange(first, last + 1)
-        over = truth.over(planned.motion, ticks / settings.rate_hz, settings.sampling)
+        rate_hz = settings.rate_hz
+        over = truth.over(planned.motion, ticks / rate_hz, settings.sampling, rate_hz)
         stamps, six = stamps_ns(ticks[1:], settings.rate_hz), np.zeros((last - first, 6))
         block = TruthBlock(
             t_ns=stamps,

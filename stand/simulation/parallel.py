@@ -1,31 +1,41 @@
-"""Many runs on all cores: one result per seed, in the order of the seeds, a few held at a time."""
+"""Many runs on all cores: processes of this machine, and results in the order of the seeds."""
 
 import multiprocessing
 import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from itertools import islice
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
-from alignment.errors import Fault
 from stand.errors import StandError
+from stand.simulation.work import (
+    THREADS,
+    Batch,
+    Done,
+    Engine,
+    Failure,
+    Lost,
+    RunFailed,
+    Supply,
+    Task,
+    answer,
+    made_or_named,
+    processes_for,
+    recipe_of,
+)
 
-LEAST_SHARE = 8  # runs below which a process of its own does not pay
-_LARGEST_CHUNK = 8  # runs handed to a process at once
-_AHEAD = 4  # chunks per process that are asked for before they are fetched
-# of linear algebra: with a process per core, threads of its own would only wait for one another
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+__all__ = ["RunFailed", "campaign", "interrupts_noted", "pool"]
 
+_AHEAD = 2  # batches that a process has: the one at work, and the next
 _QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"
 _HEARD_S = 0.1  # after which an interrupt that was noted is acted upon
+_LEAVES_S = 5.0  # a process that is ended takes no longer, or is killed
 
 T = TypeVar("T")
-Trial = Callable[[int], Any]
 
 
 def campaign(
@@ -33,6 +43,7 @@ def campaign(
     seeds: Sequence[int],
     workers: int | None = None,
     trial: Callable[[int], T] | None = None,
+    engine: Engine | None = None,
 ) -> Generator[T]:
     """Every seed's result in order; close it to end early.
 
@@ -46,78 +57,159 @@ def campaign(
         and as pay.
     trial : callable, optional
         What `ready` made already in this process.
+    engine : callable, optional
+        Who makes them, instead of processes of this machine.
 
     Raises
     ------
     StandError
-        A run met a known fault, told with its seed; or a process was ended from outside.
+        A run met a known fault, told with its seed; or ended its process.
     RunFailed
         A bug in a run, with its seed; its cause is what was raised, or in another process that
         traceback as text.
     """
-    if workers is None:
-        workers = max(1, min(os.cpu_count() or 1, len(seeds) // LEAST_SHARE))
-    if workers == 1:
+    workers = processes_for(len(seeds)) if workers is None else workers
+    if engine is None and workers == 1:
         make = trial or ready()
-        yield from (_made_or_named(make, seed) for seed in seeds)
+        yield from (made_or_named(make, seed) for seed in seeds)
         return
-    size = max(1, min(_LARGEST_CHUNK, len(seeds) // (8 * workers)))
-    chunks = (seeds[k : k + size] for k in range(0, len(seeds), size))
-    context = multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
-    before = set(multiprocessing.active_children())
-    with (
-        _interrupts_noted() as noted,
-        ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(ready,)) as pool,
-    ):
-        try:
-            coming: deque[Future[list[T]]] = deque()
-            _hand_out(pool, coming, islice(chunks, _AHEAD * workers))
-            while coming:
-                found = _awaited(coming.popleft(), noted)
-                _hand_out(pool, coming, islice(chunks, 1))
-                yield from found
-        except BrokenProcessPool as error:
-            raise StandError(
-                "a process that made runs was ended from outside (out of memory? or a script that "
-                "does not keep its work behind if __name__ == '__main__'?)"
-            ) from error
-        except BaseException:  # Ctrl-C, or a run that failed: nobody waits for the rest
-            for process in set(multiprocessing.active_children()) - before:
-                process.terminate()
-            raise
-
-
-def _hand_out(
-    pool: ProcessPoolExecutor, coming: deque[Future[list[Any]]], chunks: Iterable[Sequence[int]]
-) -> None:
-    """Ask for chunks. Any of them may start a process: the pool does so as they are needed."""
-    with _interrupts_wait(), _environment_of_processes():
-        coming.extend(pool.submit(_share, chunk) for chunk in chunks)
-
-
-def _awaited(future: Future[T], noted: Sequence[int]) -> T:
-    """Its result; `KeyboardInterrupt` where an interrupt was noted."""
-    while not future.done() and not noted:
-        wait([future], timeout=_HEARD_S)
-    if noted:
-        raise KeyboardInterrupt
-    return future.result()
-
-
-class RunFailed(RuntimeError):
-    """A bug in a run: not a fault of the input. The message names the seed that shows it."""
-
-
-def _made_or_named(make: Callable[[int], T], seed: int) -> T:
-    """A run; a fault of it is told with its seed, and a bug keeps its traceback."""
+    supply = Supply([Task(0, recipe_of(ready), seeds)])
+    found = engine(supply) if engine is not None else pool(supply, workers)
+    early: dict[int, T] = {}
+    order = iter(seeds)
+    seed = next(order, None)
     try:
-        return make(seed)
-    except Fault as error:
-        raise StandError(f"run with seed {seed}: {error}") from error
-    except (OSError, MemoryError):  # of the machine
-        raise
-    except Exception as error:
-        raise RunFailed(f"run with seed {seed}: {type(error).__name__}: {error}") from error
+        for done in found:
+            if isinstance(done, Lost):
+                raise StandError(
+                    f"run with seed {done.seed}: ended the process that made it (out of memory?)"
+                )
+            if done is None:
+                continue
+            early |= zip(done.seeds, done.results, strict=True)
+            while seed in early:
+                yield early.pop(seed)
+                seed = next(order, None)
+    finally:
+        found.close()
+
+
+def pool(supply: Supply, workers: int) -> Generator[Done | Lost | None]:
+    """Batches as processes of this machine make them; all of them end with it.
+
+    A process that was ended is replaced, and its batch done again (`Supply.lost`).
+
+    Raises
+    ------
+    StandError, RunFailed
+        As `campaign`.
+    KeyboardInterrupt
+        Ctrl-C, or SIGTERM where it is taken for that.
+    """
+    if supply.empty:
+        return
+    crew: list[_Worker] = []
+    unborn = 0
+    try:
+        with interrupts_noted() as noted:
+            while True:
+                while len(crew) < workers:
+                    crew.append(_Worker())
+                for worker in crew:
+                    worker.fill(supply)
+                at_work = {w.connection: w for w in crew if w.held}
+                if not at_work:
+                    return
+                heard = wait(list(at_work), timeout=_HEARD_S)
+                if noted:
+                    raise KeyboardInterrupt
+                if not heard:
+                    yield None  # time goes by: what is made is to be kept
+                for worker in (at_work[c] for c in heard if isinstance(c, Connection)):
+                    try:
+                        found = worker.receive()
+                    except (EOFError, OSError):  # it was ended
+                        unborn = 0 if worker.born else unborn + 1
+                        _refuse_stillborn(unborn, workers)
+                        crew.remove(worker)
+                        yield from _taken_over(supply, worker)
+                        continue
+                    if isinstance(found, Failure):
+                        found.reraise()
+                    elif found is not None:
+                        batch, done = found
+                        supply.took(batch, done)
+                        yield done
+    finally:
+        for worker in crew:
+            worker.dismiss()
+        for worker in crew:
+            worker.leave()
+
+
+def _taken_over(supply: Supply, worker: "_Worker") -> Iterator[Lost]:
+    """What a process that was ended held: only what it was at may be to blame."""
+    worker.leave()
+    at, *waiting = worker.held
+    for batch in reversed(waiting):
+        supply.put_back(batch)
+    if not worker.born:
+        supply.put_back(at)
+    elif (lost := supply.lost(at)) is not None:
+        yield lost
+
+
+def _refuse_stillborn(unborn: int, workers: int) -> None:
+    if unborn > workers:
+        raise StandError(
+            "processes that make runs end before they begin (out of memory? or a script that "
+            "does not keep its work behind if __name__ == '__main__'?)"
+        )
+
+
+class _Worker:
+    """A process, and the batches it has been given, the one at work first."""
+
+    def __init__(self) -> None:
+        context = multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
+        self.connection, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        with _environment_of_processes():
+            resource_tracker.ensure_running()  # it would let interrupts through to the first one
+            with _interrupts_wait():
+                self._process.start()
+        theirs.close()  # so that the end of the process is the end of the line
+        self.held: deque[Batch] = deque()
+        self.born = False
+
+    def fill(self, supply: Supply) -> None:
+        """Give it batches, as long as there are."""
+        while len(self.held) < _AHEAD and (batch := supply.take()) is not None:
+            self.held.append(batch)
+            with suppress(OSError):  # it was ended: told when it is listened to
+                self.connection.send(batch)
+
+    def receive(self) -> tuple[Batch, Done] | Failure | None:
+        """What it says: a batch that is done, what was raised, or that it is there."""
+        message = self.connection.recv()
+        self.born = True
+        if isinstance(message, Done):
+            return self.held.popleft(), message
+        return message
+
+    def dismiss(self) -> None:
+        """End it, whatever it is at."""
+        self._process.terminate()
+        self.connection.close()
+
+    def leave(self) -> None:
+        """Wait until it has gone."""
+        self._process.join(_LEAVES_S)
+        if self._process.is_alive():  # pragma: no cover
+            self._process.kill()
+            self._process.join()
+        self._process.close()
+        self.connection.close()
 
 
 @contextmanager
@@ -134,11 +226,11 @@ def _interrupts_wait() -> Iterator[None]:
 
 
 @contextmanager
-def _interrupts_noted() -> Iterator[list[int]]:
+def interrupts_noted() -> Iterator[list[int]]:
     """Ctrl-C, and SIGTERM where it is taken for that, only make a note meanwhile.
 
-    Raised wherever it comes, it may come within a callback of the pool or of the garbage
-    collector, where Python prints it and goes on.
+    Raised wherever it comes, it may come within a callback of the garbage collector, where Python
+    prints it and goes on, or between a result and its being written.
     """
     noted: list[int] = []
     if threading.current_thread() is not threading.main_thread():
@@ -161,7 +253,7 @@ def _environment_of_processes() -> Iterator[None]:
 
     And the one of Python's that clears up behind a command that is killed says nothing of it.
     """
-    own = dict.fromkeys(_THREADS, "1") | {"PYTHONWARNINGS": _QUIET}
+    own = dict.fromkeys(THREADS, "1") | {"PYTHONWARNINGS": _QUIET}
     unset = [name for name in own if name not in os.environ]
     os.environ.update({name: own[name] for name in unset})
     try:
@@ -171,23 +263,17 @@ def _environment_of_processes() -> Iterator[None]:
             del os.environ[name]
 
 
-_trial: Trial | None = None  # of a process that makes runs
-
-
-def _begin(ready: Callable[[], Trial]) -> None:
-    """A process made ready: it ends with its parent."""
-    global _trial
+def _serve(connection: Any) -> None:
+    """A process that makes runs: batch after batch, until its parent ends it, or is no more."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    _trial = ready()
+    with suppress(EOFError, OSError):
+        connection.send(None)
+        while True:
+            connection.send(answer(connection.recv()))
 
 
 def _end_with(parent: Any) -> None:
     parent.join()
     os._exit(1)
-
-
-def _share(seeds: Sequence[int]) -> list[Any]:
-    assert _trial is not None
-    return [_made_or_named(_trial, seed) for seed in seeds]

@@ -4,21 +4,27 @@ Every command and every function of `stand.api` takes `Settings`; nobody else pu
 an estimator is told.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
-from inspect import Parameter, signature
-from math import hypot, isfinite
+from math import hypot
 from numbers import Real
-from os import PathLike, fspath
 from pathlib import Path
-from typing import Never, TypeVar
+from typing import Never
 
 import numpy as np
 
 from alignment import ESTIMATORS, Options, Priors, Site
 from alignment.angles import SequenceRule
-from alignment.units import DEG
+from stand.arguments import (
+    ALLAN_TERMS,
+    HIGHEST_RATE_HZ,
+    Named,
+    entry_name,
+    one_of,
+    refuse_mistaken,
+    site_with,
+    words,
+)
 from stand.errors import StandError, unknown, whole
 from stand.imu import ImuSpec, Temperature, load_imu, without
 from stand.imu.priors import BASE_ARM, GIMBAL_ARM, priors_of
@@ -27,16 +33,10 @@ from stand.physics.dynamics import Payload
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import Procedure, load_procedure, table_of
 from stand.samples import Sampling
+from stand.simulation.benches import bench_of
 from stand.table.kinematics import base_arm, gimbal_arm
 from stand.table.table import Table, load_table, without_errors
 from stand.table.table_errors import TableErrors, TableErrorsEntry, draw
-
-HIGHEST_RATE_HZ = 10_000
-ALLAN_TERMS = ("N", "B", "K", "Q", "R")
-LOWEST_M, HIGHEST_M = -1000, 10_000  # of a site
-
-Choice = TypeVar("Choice", bound=Enum)
-Named = str | PathLike[str]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
@@ -251,14 +251,31 @@ def assembled(
         rate_hz=rate_hz,
         **rest,  # pyright: ignore[reportArgumentType]  # checked by its fields
     )
-    return replace(plain, options=replace(choices, priors=stated_priors(plain)))
+    return replace(plain, options=_with_knowledge(choices, plain))
 
 
 def with_procedure(made: Settings, procedure: Procedure) -> Settings:
     """The same with another procedure, whose options and rocking the estimators are told."""
     options = replace(procedure.entry.estimate.options(), rule=made.options.rule)
     changed = replace(made, procedure=procedure, options=options)
-    return replace(changed, options=replace(options, priors=stated_priors(changed)))
+    return replace(changed, options=_with_knowledge(options, changed))
+
+
+def _with_knowledge(options: Options, made: Settings) -> Options:
+    """Options with what unit and table may do: priors, and for a calibration all of it."""
+    bench = None
+    if any(ESTIMATORS[method].design is not None for method in methods_of(made)):
+        ideal = made.motion is MotionKind.IDEAL
+        bench = bench_of(
+            made.unit,
+            made.stated_table,
+            made.site,
+            made.sampling,
+            made.rate_hz,
+            ideal=ideal,
+            temperature=temperature_of(made.procedure),
+        )
+    return replace(options, priors=stated_priors(made), bench=bench)
 
 
 def stated_priors(made: Settings) -> Priors:
@@ -268,54 +285,6 @@ def stated_priors(made: Settings) -> Priors:
     whoever built it.
     """
     return priors_of(made.unit, made.stated_table, arm_of(made.procedure, made.table))
-
-
-def site_with(site: Site, latitude_deg: float | None, height_m: float | None) -> Site:
-    """The site with what was said instead."""
-    if latitude_deg is not None:
-        if not abs(_number("latitude", latitude_deg)) <= 90:
-            raise StandError(f"latitude = {latitude_deg:g} deg: must be -90 to 90")
-        site = replace(site, latitude=latitude_deg * DEG)
-    if height_m is not None:
-        if not (isfinite(_number("height", height_m)) and LOWEST_M <= height_m <= HIGHEST_M):
-            raise StandError(f"height = {height_m:g} m: must be {LOWEST_M} to {HIGHEST_M}")
-        site = replace(site, height=height_m)
-    return site
-
-
-def _number(name: str, value: float) -> float:
-    if not isinstance(value, Real):
-        raise StandError(f"{name} = {value!r}: must be a number")
-    return value
-
-
-def entry_name(what: str, name: Named) -> str:
-    """The id or path that names an entry of a catalogue."""
-    if not isinstance(name, str | PathLike):
-        raise StandError(f"{what} = {name!r}: must be an id, a path, or one that is loaded")
-    return fspath(name)
-
-
-def one_of(name: str, value: str, choices: type[Choice]) -> Choice:
-    """A choice by its word."""
-    if value not in [choice.value for choice in choices]:
-        raise unknown(name, value, [choice.value for choice in choices])
-    return choices(value)
-
-
-def words(name: str, given: Sequence[str]) -> tuple[str, ...]:
-    """Several words, of which text would be its letters."""
-    if isinstance(given, str) or not all(isinstance(word, str) for word in given):
-        raise StandError(f"{name} = {given!r}: must be a list of words")
-    return tuple(given)
-
-
-def refuse_mistaken(mistaken: Collection[str], function: Callable[..., object]) -> None:
-    """Keywords that a function does not have: the near ones are named, with their units."""
-    for name in mistaken:
-        parameters = signature(function).parameters.values()
-        known = [p.name for p in parameters if p.kind is not Parameter.VAR_KEYWORD]
-        raise unknown("argument", name, known)
 
 
 def run_id(settings: Settings) -> str:
@@ -340,6 +309,11 @@ def methods_of(settings: Settings) -> tuple[str, ...]:
     if settings.methods is not None:
         return settings.methods
     return settings.procedure.entry.estimate.methods
+
+
+def follows_moves(settings: Settings) -> bool:
+    """Whether a method needs what the unit reads between the stretches."""
+    return any(ESTIMATORS[method].follows_moves for method in methods_of(settings))
 
 
 def payload_of(procedure: Procedure) -> Payload:

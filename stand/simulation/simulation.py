@@ -8,7 +8,6 @@ sets methods side by side on them.
 import os
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
 from typing import NamedTuple
 
 from alignment import ESTIMATORS
@@ -19,7 +18,7 @@ from stand.motion.limits import Torque, check
 from stand.motion.plan import Plan, PlannedStep
 from stand.motion.planner import plan
 from stand.motion.polynomial import Motion, MotionKind
-from stand.physics.dynamics import Payload, required_torque
+from stand.physics.dynamics import Payload, torque_of
 from stand.physics.following import Followed, StepSpan
 from stand.physics.geometry import with_errors
 from stand.physics.mjcf import describe, load_model
@@ -38,7 +37,8 @@ from stand.table.joints import StandModel
 from stand.table.table import Table
 from stand.table.table_errors import TableErrors
 
-BLOCK = 1000  # samples, or a second of them if that is more
+BLOCK = 4000  # samples, or a second of them if that is more
+BLOCK_S = 60.0  # at most, unless it is a sample: what moves is looked at often in a minute
 SERVO_BLOCK_S = 20.0  # of a simulated servo, which takes less than a second to step through
 
 
@@ -90,13 +90,13 @@ class Simulation:
         )
         servo = settings.motion is MotionKind.SERVO
         built = with_errors(model, self.errors)
-        self.built: StandModel = describe(built)
+        self.built: StandModel = describe(built, solids_of=self.stand)
         self._truth = Truth(
             built,
             settings.site,
             self.imu.spec.places,
             self.errors,
-            threads=min(2, os.cpu_count() or 1) if servo else 1,
+            threads=_threads(),
         )
         self._drive: Motion | Servo = self.plan.motion
         if servo:
@@ -123,9 +123,9 @@ class Simulation:
 
     def blocks(self) -> Iterator[Block]:
         """The samples in order of time, once; the truth is worked out one block ahead."""
-        size = max(BLOCK, self.settings.rate_hz)
-        if not isinstance(self._drive, Motion):
-            size = min(size, round(SERVO_BLOCK_S * self.settings.rate_hz))
+        longest = BLOCK_S if isinstance(self._drive, Motion) else SERVO_BLOCK_S
+        rate_hz = self.settings.rate_hz
+        size = min(max(BLOCK, rate_hz), round(longest * rate_hz))
         starts = range(0, self.total, size)
         with ThreadPoolExecutor(1, thread_name_prefix="truth") as ahead:
             coming: Future[_Sensing] | None = None
@@ -152,7 +152,8 @@ class Simulation:
         """What the sensors feel over the intervals of a clock that is wrong."""
         edges = self.imu.clock.edges(first, first + len(truth))
         motion = self._drive.covering(float(edges[0]), float(edges[-1]))
-        return self._truth.sensed(motion, edges, truth.t_ns, self.settings.sampling)
+        settings = self.settings
+        return self._truth.sensed(motion, edges, truth.t_ns, settings.sampling, settings.rate_hz)
 
     def following(self, block: Block) -> Array | None:
         """Demanded minus realised joint angles (n, 6) [rad]; None of ideal motion."""
@@ -196,11 +197,20 @@ def begins_of(records: tuple[StepRecord, ...]) -> dict[str, float | None]:
     }
 
 
+def _threads() -> int:
+    """Of the truth, which change nothing but the time: two, where nobody asked for fewer.
+
+    A process that others work beside has been told so (`stand.simulation.parallel`).
+    """
+    told = os.environ.get("OMP_NUM_THREADS", "")
+    return max(1, min(2, os.cpu_count() or 1, int(told) if told.isdigit() else 2))
+
+
 def _torque(model: object, table: Table, payload: Payload) -> Torque | None:
     """What torque a motion needs, where the table's motors are known."""
     if None in table.motors:
         return None
-    return partial(required_torque, model, table, payload)
+    return torque_of(model, table, payload)
 
 
 def _check_samples(settings: Settings, planned: Plan) -> None:

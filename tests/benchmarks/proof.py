@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
+from stand.arguments import site_with
 from stand.imu import ImuSpec, load_imu
 from stand.imu.preset import imu_from
 from stand.procedure.procedure import Procedure, load_procedure, table_of
@@ -26,7 +27,7 @@ from stand.rehearsal.result import Rehearsal
 from stand.rehearsal.sums import Sums
 from stand.rehearsal.verification import AGREES, Achieved, Verification
 from stand.rehearsal.verify import errors_of_runs, first_seed, verification_of
-from stand.simulation.settings import Settings, assembled, site_with
+from stand.simulation.settings import Settings, assembled
 from stand.toml_files import Source, find
 
 ROOT = Path(__file__).parents[2]

@@ -1,15 +1,20 @@
 """Whether every sigma is a promise kept: `make proof` writes docs/proof-nees.md.
 
 Every catalogue procedure and thirty procedures by number (tests/generated.py), on five units, with
-every method that takes them: mean of the normalised squared errors, per degree of freedom.
+every method that takes them: mean of the normalised squared errors, per degree of freedom. What
+a case came to is kept in recordings/proof-nees: an interrupted proof goes on where it was, a case
+that has `--runs` or more is not run again, and `--runs 0` writes the page of what is there. Remove
+that folder when stand or estimators have changed.
 """
 
 import argparse
+import json
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +28,7 @@ from stand.procedure.procedure import Procedure, load_procedure  # noqa: E402
 from stand.simulation.settings import Settings  # noqa: E402
 from stand.toml_files import ids  # noqa: E402
 
-PAGE = ROOT / "docs" / "proof-nees.md"
+KEPT, PAGE = ROOT / "recordings" / "proof-nees", ROOT / "docs" / "proof-nees.md"
 TURNING = {"carousel": 20, "random-sway": 20, "scorsby": 50, "rate-sweep": 200}  # Hz at least
 LOW_TURNING = 20  # Hz: a sample is less than 0.2 rad
 SLOW = 4  # times as few runs of what takes minutes each
@@ -36,36 +41,52 @@ Squared errors over the covariances stated with them, per degree of freedom: 1 i
 sigmas are too small, below too large. Range over the stretches of a procedure, and the bounds
 within which all numbers of the page lie together in 95 of 100 such pages. "Not determined": heading
 with a sigma above 30 deg, of which only the tilt is judged. "Refused": runs in which the method
-gave no number, and the first reason. Made by `tests/benchmarks/proof_nees.py {asked}`: {runs} runs
-a case, a quarter of them of what rocks or turns.{low}
+gave no number, and the first reason. Made by `tests/benchmarks/proof_nees.py{asked}`.{low}
 
 {summary}
 
-| procedure/unit | method | NEES per freedom | bounds | heading sigma, deg | kept | refused |
-|---|---|---|---|---|---|---|
+| procedure/unit | method | NEES per freedom | bounds | heading sigma, deg | kept | runs | refused |
+|---|---|---|---|---|---|---|---|
 """
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--runs", type=int, default=40, help="a quarter of what rocks or turns")
     parser.add_argument("--only", nargs="*", default=[], help="PROCEDURE")
     parser.add_argument("--low", action="store_true", help="5 and 20 Hz, without rounding")
     asked = parser.parse_args()
-    found: list[Promise] = []
+    found: list[tuple[int, list[Promise]]] = []
     for procedure, imu in cases():
         if not asked.only or procedure.id in asked.only:
-            runs = max(1, asked.runs // SLOW) if procedure.id in TURNING else asked.runs
-            made = case(procedure, imu, asked.low)
-            found += promises(made, runs)
-            print(*told(found[-1:]), sep="\n", file=sys.stderr, flush=True)
+            runs = -(-asked.runs // SLOW) if procedure.id in TURNING else asked.runs
+            found.append(kept_or_made(procedure, imu, asked.low, runs))
     rows = "\n".join(told(found)) + "\n"
     print(rows)
     if not asked.only:
-        made_by = f"--runs {asked.runs}{' --low' * asked.low}"
         low = LOW if asked.low else ""
-        head = HEAD.format(runs=asked.runs, asked=made_by, low=low, summary=summary(found))
+        head = HEAD.format(asked=" --low" * asked.low, low=low, summary=summary(found))
         PAGE.write_text(head + rows, encoding="utf-8")
+
+
+def kept_or_made(procedure: Procedure, imu: str, low: bool, runs: int) -> tuple[int, list[Promise]]:
+    """How many runs a case has, and what they came to: as kept, if those are enough."""
+    path = KEPT / f"{procedure.id}-{imu}{'-low' * low}.json"
+    there: dict[str, Any] = {"runs": 0, "promises": []}
+    if path.exists():
+        there = json.loads(path.read_text(encoding="utf-8"))
+    if there["runs"] < runs:
+        made = promises(case(procedure, imu, low), runs)
+        there = {"runs": runs, "promises": [asdict(p) for p in made]}
+        KEPT.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(there), encoding="utf-8")
+        print(path.stem, runs, file=sys.stderr, flush=True)
+    return there["runs"], [_promise(entry) for entry in there["promises"]]
+
+
+def _promise(entry: dict[str, Any]) -> Promise:
+    entry |= {name: tuple(entry[name]) for name in ("values", "freedoms")}
+    return Promise(**entry)
 
 
 def case(procedure: Procedure, imu: str, low: bool) -> Settings:
@@ -78,9 +99,9 @@ def case(procedure: Procedure, imu: str, low: bool) -> Settings:
     return replace(settings_of(procedure, imu, rate), without=("quantisation",))
 
 
-def summary(found: Sequence[Promise]) -> str:
+def summary(found: Sequence[tuple[int, Sequence[Promise]]]) -> str:
     """How many promises are kept."""
-    rows = [p for p in found if p.values]
+    rows = [p for _, every in found for p in every if p.values]
     kept = sum(p.kept(len(rows)) for p in rows)
     names = sorted({f"{p.method} on {p.case}" for p in rows if not p.kept(len(rows))})
     told = f"Of {len(rows)} stretches and methods with numbers {kept} keep their promise"
@@ -97,25 +118,32 @@ def cases() -> Iterator[tuple[Procedure, str]]:
         yield made.procedure, made.imu
 
 
-def told(found: Sequence[Promise]) -> Iterator[str]:
+def told(found: Sequence[tuple[int, Sequence[Promise]]]) -> Iterator[str]:
     """A row per case and method."""
-    among = sum(bool(p.values) for p in found)
-    for (case, method), group in groupby(found, lambda p: (p.case, p.method)):
-        every = list(group)
-        rows = [p for p in every if p.values]
-        why = every[0].reason.replace("|", "/")
-        refused = f"{every[0].refused} runs: {why}" if every[0].refused else ""
-        if not rows:
-            yield f"| {case} | {method} | | | | refused | {refused} |"
-            continue
-        means, sigmas = [p.mean for p in rows], [p.sigma for p in rows]
-        low, high = np.array([p.bounds(among) for p in rows]).T
-        heading = (
-            "not determined" if min(sigmas) > UNDETERMINED else _range(np.degrees(sigmas).tolist())
-        )
-        kept = "yes" if all(p.kept(among) for p in rows) else "**no**"
-        bounds = f"{low.min():.2f} to {high.max():.2f}"
-        yield f"| {case} | {method} | {_range(means)} | {bounds} | {heading} | {kept} | {refused} |"
+    among = sum(bool(p.values) for _, every in found for p in every)
+    for runs, every in found:
+        for _, group in groupby(sorted(every, key=lambda p: p.method), lambda p: p.method):
+            yield _row(list(group), runs, among)
+
+
+def _row(every: Sequence[Promise], runs: int, among: int) -> str:
+    """One method's stretches in one case."""
+    first, rows = every[0], [p for p in every if p.values]
+    refused = f"{first.refused} runs: {first.reason.replace('|', '/')}" if first.refused else ""
+    if not rows:
+        return f"| {first.case} | {first.method} | | | | refused | {runs} | {refused} |"
+    means, sigmas = [p.mean for p in rows], [p.sigma for p in rows]
+    low, high = np.array([p.bounds(among) for p in rows]).T
+    heading = (
+        "not determined" if min(sigmas) > UNDETERMINED else _range(np.degrees(sigmas).tolist())
+    )
+    kept = "yes" if all(p.kept(among) for p in rows) else "**no**"
+    bounds = f"{low.min():.2f} to {high.max():.2f}"
+    nees = _range(means)
+    return (
+        f"| {first.case} | {first.method} | {nees} | {bounds} | {heading} | {kept} | {runs} "
+        f"| {refused} |"
+    )
 
 
 def _range(values: Sequence[float]) -> str:

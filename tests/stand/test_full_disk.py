@@ -9,8 +9,9 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,8 @@ SOON_S = 30.0
 COMMANDS = ("drive", "import", "export", "report", "rehearse", "compare", "allan")
 
 pytestmark = pytest.mark.slow
+
+Check = Callable[[Outcome, Path], None]
 
 
 @contextmanager
@@ -61,7 +64,26 @@ def sizes(need: int) -> list[int]:
     return sorted({max(int(part * (need - PAGE_KB)), PAGE_KB) for part in tried})
 
 
-def check_full(outcome: Outcome, told: str, folder: Path) -> None:
+def soon(
+    place: Path, size_kb: int, limit: float, command: Callable[[Path], Outcome], check: Check
+) -> None:
+    """On a disk of that size the command ends within `limit` [s], and `check` holds then.
+
+    On a busy machine it may take longer, though not three times in a row: a command that waits for
+    a full disk never ends.
+    """
+    for _ in range(3):
+        with disk(place, size_kb) as out:
+            begin = time.monotonic()
+            outcome = command(out)
+            took = time.monotonic() - begin
+            check(outcome, out)
+        if took < limit:
+            return
+    raise AssertionError(f"{took:.0f} s with {size_kb} kB")
+
+
+def check_full(outcome: Outcome, folder: Path, *, told: str) -> None:
     assert outcome.code == 2, outcome.err
     assert outcome.err.count("\n") == 1, outcome.err
     assert told in outcome.err
@@ -117,11 +139,8 @@ def test_a_command_on_a_full_disk(
     # as much longer where the machine is busy; a command that waits for the disk never ends
     limit = SOON_S + 2 * (time.monotonic() - begin)
     for size in sizes(need):
-        with disk(tmp_path / "disk", size) as out:
-            begin = time.monotonic()
-            outcome = command(out)
-            assert time.monotonic() - begin < limit, size
-            check_full(outcome, told, out)
+        check = partial(check_full, told=told)
+        soon(tmp_path / "disk", size, limit, command, check)
     with disk(tmp_path / "disk", need) as out:
         assert command(out).code in (0, 1)
 
@@ -146,13 +165,13 @@ def test_a_run_on_a_full_disk(short: Path, tmp_path: Path):
     tried = {before_review - 3 * PAGE_KB, before_review, need - 2 * PAGE_KB, need + 4 * PAGE_KB}
     if SWEEP:
         tried |= set(range(5 * 1024, 40 * 1024 + 1, 512))
+
+    def whole(outcome: Outcome, out: Path) -> None:
+        assert outcome.code == 0, outcome.err
+        assert {p.name for p in (out / "run").iterdir()} == set(paged)
+
     for size in sorted(tried):
-        with disk(tmp_path / "disk", size) as out:
-            begin = time.monotonic()
-            outcome = command(out)
-            assert time.monotonic() - begin < limit, size
-            if size > need:
-                assert outcome.code == 0, outcome.err
-                assert {p.name for p in (out / "run").iterdir()} == set(paged)
-            elif size < need - PAGE_KB:  # between: files differ by some bytes from run to run
-                check_full(outcome, "run/", out)
+        if size > need:
+            soon(tmp_path / "disk", size, limit, command, whole)
+        elif size < need - PAGE_KB:  # between: files differ by some bytes from run to run
+            soon(tmp_path / "disk", size, limit, command, partial(check_full, told="run/"))

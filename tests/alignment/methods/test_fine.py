@@ -319,7 +319,7 @@ def test_a_long_interval_is_its_short_ones(motion):
         1e-6, 1e-3, 1e-4, 1e-4, 2e-7, 3e-5, gyro_walk=2e-5, accel_walk=3e-4, gyro_misalignment=1e-3
     )
     readings = ImuReadings(t, w, f)
-    noise = Noise(np.array([1.0, 2.0, 3.0]) * 1e-5, np.array([3.0, 1.0, 2.0]) * 1e-4)
+    noise = Noise(np.array([1.0, 2.0, 3.0]) * 1e-5, np.array([3.0, 1.0, 2.0]) * 1e-4, 2e-5)
     model = Model(readings, site(motion), noise, priors, names)
     C_ni = motion.state(np.zeros(1))[0][0]
     found = []

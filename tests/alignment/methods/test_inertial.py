@@ -15,11 +15,14 @@ from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
 from alignment.methods.inertial import (
     METHOD,
     Noise,
+    arm_of,
+    covariances,
     functional_covariance,
     gravity_velocity,
     inertial,
     inertial_tracks,
     laid,
+    match,
     noise_of,
     white_levels,
 )
@@ -226,6 +229,29 @@ def test_white_noise_of_unlike_axes_is_told_apart():
     # X1 points east, Y1 up, Z1 south: walks of 60 s, on the diagonal to the Earth's turn of 0.004.
     want = 60 * np.array([3e-5, 1e-5, 2e-5]) ** 2
     np.testing.assert_allclose(P, np.diag(want), atol=0.005 * want.max())
+
+
+def test_a_jitter_of_velocity_by_differencing_the_match():
+    """White noise j of velocity leaves block means of T an error of j/sqrt(T) each."""
+    stretch, _ = exact(STILL, 20.0, 50.0)
+    carried, where = carry(stretch.readings, 1.0), site(STILL)
+    matched = match(carried, where)
+    none = Noise(np.zeros(3), np.zeros(3))
+    arm = arm_of(carried, matched, none, Priors(), where)
+    found, wander = covariances(carried, matched, replace(none, jitter=1e-6), Priors(), arm)
+    base, still = covariances(carried, matched, none, Priors(), arm)
+    slopes = []
+    for m, span in enumerate(carried.spans):
+        for axis in np.eye(3):
+            p = carried.p.copy()
+            p[m] += 1e-6 * np.sqrt(span) * axis
+            moved = match(replace(carried, p=p), where)
+            slopes.append((moved.C_ni * matched.C_ni.inv()).as_rotvec())
+    want = np.array(slopes).T @ np.array(slopes)
+    scale = np.sqrt(np.outer(want.diagonal(), want.diagonal()))
+    np.testing.assert_allclose((found - base) / scale, want / scale, atol=1e-3)
+    # of displacement of order 3 over 20 s: j^2 T/7, the polynomial's mean square, by blocks of 1 s
+    assert (wander - still)[0, 0] == pytest.approx(1e-12 * 20 / 7, rel=0.05)
 
 
 # --- Monte Carlo ------------------------------------------------------------------------------

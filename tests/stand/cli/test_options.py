@@ -268,7 +268,7 @@ FORM = {
 }
 
 
-TAKING = ("align", "allan", "import", "report", "stretches", "view")
+TAKING = ("align", "allan", "apply", "calibrate", "import", "report", "stretches", "view")
 
 
 @pytest.mark.parametrize("command", TAKING)
@@ -277,12 +277,14 @@ def test_every_option_of_a_form_arrives_by_itself(here, monkeypatch, command):
         raise Said(given)
 
     monkeypatch.setattr("stand.recording.log_form.LogForm", stop)
+    files = ("c.json", "log.csv") if command == "apply" else ("log.csv",)
+    out = ("--out", "x.mcap") if command in ("apply", "import") else ()
     with pytest.raises(Said) as caught:
-        here(command, "log.csv", *(("--out", "x.mcap") if command == "import" else ()))
+        here(command, *files, *out)
     plain = caught.value.args[0]
     for option, (field, value) in FORM.items():
         with pytest.raises(Said) as caught:
-            here(command, "log.csv", option, value)
+            here(command, *files, *out, option, value)
         assert caught.value.args[0] == plain | {field: value}
         assert plain[field] != value
     assert set(plain) == {field for field, _ in FORM.values()}

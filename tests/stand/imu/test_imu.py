@@ -143,7 +143,7 @@ def test_every_key_of_a_users_own_preset_in_si(tmp_path):
         triad = getattr(spec, sensor)
         for field, hand in keys.values():
             assert getattr(triad, field) == pytest.approx(hand, rel=1e-9), field  # ten digits
-        named = {field for field, _ in keys.values()} | {"full_scale", "bounded", "axes"}
+        named = {field for field, _ in keys.values()} | {"full_scale", "bounded", "axes", "known"}
         others = {"second_order"} if sensor == "gyro" else {"g_sensitivity", "g2_sensitivity"}
         assert named == set(TriadSpec.__slots__) - others
     assert (spec.clock.offset, spec.clock.jitter, spec.clock.latency) == (1e-6, 1e-6, 1e-3)

@@ -1,4 +1,4 @@
-"""Rules and steps of the means: closed forms by hand, and samples of every motion at 1 kHz."""
+"""The law of the panels: closed forms by hand, and samples of every motion at every rate."""
 
 from pathlib import Path
 
@@ -14,7 +14,14 @@ from stand.motion.sway import sway, vibration
 from stand.motion.waves import coning, scorsby, sines
 from stand.physics.geometry import with_errors
 from stand.physics.mjcf import describe, load_model
-from stand.physics.quadrature import LOBATTO, SIMPSON, Law, Steps, longest_steps
+from stand.physics.quadrature import (
+    Law,
+    derivatives,
+    interpolation_constant,
+    longest_panels,
+    longest_whole,
+    quadrature_constant,
+)
 from stand.physics.truth import Sampling, Truth
 from stand.procedure.steps import (
     ConingMotion,
@@ -43,66 +50,49 @@ def turning(rate_deg_s, duration):
     return Motion(np.array([0.0, duration]), coefficients)
 
 
-def mean_of_power(power, ends, long):
-    steps = Steps(np.array(ends), np.array(long))
-    values = steps.nodes[:, None] ** power * np.array([1.0, -2.0, 3.0])
-    return steps.means(values, np.array([0, len(ends) - 1]))[0]
+def bounds_of(motion, piece=0, waves=()):
+    return derivatives(motion, np.array([piece]), waves)
 
 
-@pytest.mark.parametrize("power", range(6))
-def test_rules_are_exact_for_their_powers(power):
-    """Mean of t^p over [0, 2] by hand: 2^p/(p + 1); Simpson's rule is exact to the third."""
-    ends = [0.0, 0.3, 1.1, 2.0]
-    expected = 2.0**power / (power + 1) * np.array([1.0, -2.0, 3.0])
-    for long in ([True] * 3, [False, True, False], [False] * 3):
-        found = mean_of_power(power, ends, long)
-        exact = all(long) or power < 4
-        assert (np.abs(found - expected).max() < 1e-14) == exact  # rounding of 16/3 and less
+def test_constants_by_hand():
+    """Largest of x (1 - x^2): 2/(3 sqrt3), at 1/sqrt3; of (1 - x^2)(1/5 - x^2): 1/5, at 0.
 
-
-def test_errors_of_the_rules_by_hand():
-    """h^4/2880 of 24, the fourth derivative of t^4; h^6/1512000 of 720, the sixth of t^6."""
-    h = 1.5
-    simpson = mean_of_power(4, [0.0, h], [False])[0] - h**4 / 5
-    assert simpson == pytest.approx(h**4 * 24 / 2880, rel=1e-12)
-    lobatto = mean_of_power(6, [0.0, h], [True])[0] - h**6 / 7
-    assert lobatto == pytest.approx(h**6 * 720 / 1512000, rel=1e-12)
-
-
-def test_several_means_from_steps_of_both_kinds():
-    steps = Steps(np.array([0.0, 1.0, 2.0, 4.0]), np.array([True, False, True]))
-    assert list(steps.ends_at(np.arange(4))) == [0, 3, 5, 8]
-    values = (steps.nodes**3)[:, None] * np.ones(3)
-    # t^3 from 0 to 2: 4/2; from 2 to 4: 60/2
-    np.testing.assert_allclose(steps.means(values, np.array([0, 2, 3]))[:, 0], [2, 30], rtol=1e-14)
+    Simpson's mean errs by h^4/2880 of the fourth derivative, that of four nodes by h^6/1512000.
+    """
+    assert interpolation_constant(3) == pytest.approx(2 / (3 * np.sqrt(3)), rel=1e-6)
+    assert interpolation_constant(4) == pytest.approx(0.2, rel=1e-12)
+    assert 1 / quadrature_constant(3) == pytest.approx(2880, rel=1e-12)
+    assert 1 / quadrature_constant(4) == pytest.approx(1512000, rel=1e-12)
 
 
 @pytest.mark.parametrize("rate_deg_s", [0.5, 4.0, 100.0])
 @pytest.mark.parametrize(
-    ("rule", "turned"),
+    ("longest", "nodes", "turned"),
     [
-        (SIMPSON, 0.02328),  # rad: g w^4 h^4/2880 = 1e-9, so w h = (2.88e-6/9.80665)^(1/4)
-        (LOBATTO, 0.23176),  # g w^6 h^6/1512000 = 1e-9: w h = (1.512e-3/9.80665)^(1/6)
+        (longest_whole, 3, 0.02328),  # rad: g w^4 h^4/2880 = 1e-9: w h = (2.88e-6/9.80665)^(1/4)
+        (longest_whole, 4, 0.23176),  # g w^6 h^6/1512000 = 1e-9: w h = (1.512e-3/9.80665)^(1/6)
+        # g (w h/2)^3 0.3849/6 = 1e-12: w h = 2 (6e-12/(9.80665 0.3849))^(1/3)
+        (longest_panels, 3, 2.3342e-4),
+        (longest_panels, 4, 3.7406e-3),  # g (w h/2)^4 0.2/24 = 1e-12
     ],
 )
-def test_step_of_a_uniform_turn_is_that_of_its_gravity(rate_deg_s, rule, turned):
+def test_panel_of_a_uniform_turn_is_that_of_its_gravity(rate_deg_s, longest, nodes, turned):
     """One axis that turns evenly: its rate and centripetal force stand still in b."""
-    (step,) = longest_steps(rule, turning(rate_deg_s, 3.0), np.array([0]), [])
+    (step,) = longest(nodes, bounds_of(turning(rate_deg_s, 3.0)))
     assert step * np.radians(rate_deg_s) == pytest.approx(turned, rel=1e-3)
 
 
-def test_step_of_a_rate_by_hand():
+def test_panel_of_a_rate_by_hand():
     """q = 1e4 t^5 for 1 ms: 1.2e6 h^4/2880 = 1e-11, h = (2.4e-14)^(1/4) = 0.3936 ms. Of its
     force g times the angle's fourth derivative is most, 1.2e4 m/s^6: that would allow 4 ms.
-    Lobatto's rule is exact."""
+    The mean of four nodes is exact."""
     coefficients = np.zeros((6, 1, 6))
     coefficients[0, 0, OUTER] = 1e4
     motion = Motion(np.array([0.0, 1e-3]), coefficients)
-    first = np.array([0])
-    assert longest_steps(SIMPSON, motion, first, [])[0] == pytest.approx(0.3936e-3, rel=1e-3)
-    assert longest_steps(LOBATTO, motion, first, [])[0] > 1e-3
-    parts, lobatto = Law(motion, []).choose(first, np.array([1e-3]))
-    assert (list(parts), list(lobatto)) == ([1], [True])
+    assert longest_whole(3, bounds_of(motion))[0] == pytest.approx(0.3936e-3, rel=1e-3)
+    assert longest_whole(4, bounds_of(motion))[0] > 1e-3
+    nodes, panels = Law(motion, []).choose(0, np.array([True]))
+    assert (list(nodes), list(panels)) == ([4], [1])
 
 
 def test_the_arm_of_two_axes_by_hand():
@@ -114,10 +104,10 @@ def test_the_arm_of_two_axes_by_hand():
     """
     coefficients = np.zeros((2, 1, 6))
     coefficients[0, 0, [OUTER, JOINTS.index("inner")]] = 2.0, 3.0
-    motion = Motion(np.array([0.0, 3.0]), coefficients)
-    assert longest_steps(LOBATTO, motion, np.array([0]), [])[0] == pytest.approx(32.30e-3, rel=1e-3)
+    bounds = bounds_of(Motion(np.array([0.0, 3.0]), coefficients))
+    assert longest_whole(4, bounds)[0] == pytest.approx(32.30e-3, rel=1e-3)
     # fourth derivatives: g 5^4 + 5 3^5 + 25 6^4 = 39 744; of the rate 5 3^4 = 405: it is shorter
-    simpson = longest_steps(SIMPSON, motion, np.array([0]), [])[0]
+    simpson = longest_whole(3, bounds)[0]
     assert simpson == pytest.approx((2880e-11 / (405 + 7.292e-5 * 625)) ** 0.25, rel=1e-4)
     assert simpson < (2880e-9 / 39744) ** 0.25
 
@@ -130,35 +120,46 @@ def test_an_axis_that_slows_down_is_no_faster_than_at_its_start():
     coefficients = np.zeros((3, 1, 6))
     coefficients[:2, 0, OUTER] = -b / 2, w
     motion = Motion(np.array([0.0, 100.0]), coefficients)
-    (step,) = longest_steps(SIMPSON, motion, np.array([0]), [])
     bound = 9.80665 * (w**4 + 6 * w**2 * b + 3 * b**2)
-    assert step == pytest.approx((2880e-9 / bound) ** 0.25, rel=1e-9)
+    found = longest_whole(3, bounds_of(motion))[0]
+    assert found == pytest.approx((2880e-9 / bound) ** 0.25, rel=1e-9)
 
 
-def test_a_motion_at_rest_takes_any_step():
+def test_a_motion_at_rest_takes_any_panel():
     rest = Motion(np.array([0.0, 1.0]), np.zeros((4, 1, 6)))
-    for rule in (SIMPSON, LOBATTO):
-        assert longest_steps(rule, rest, np.array([0]), PERFECT.waves)[0] > 1000
-    parts, lobatto = Law(rest, PERFECT.waves).choose(np.array([0]), np.array([1.0]))
-    assert (list(parts), list(lobatto)) == ([1], [False])
+    for longest in (longest_whole, longest_panels):
+        assert longest(4, bounds_of(rest, waves=PERFECT.waves))[0] > 1000
+    for whole in (True, False):
+        nodes, panels = Law(rest, PERFECT.waves).choose(0, np.array([whole]))
+        assert (list(nodes), list(panels)) == ([3], [1])
 
 
-def test_a_piece_sets_its_own_step_alone():
+def test_a_piece_sets_its_own_panels_alone():
     slow, fast = (turning(rate, 1.0).coefficients for rate in (1.0, 90.0))
     both = Motion(np.array([0.0, 1.0, 2.0]), np.concatenate([slow, fast], axis=1))
-    for rule in (SIMPSON, LOBATTO):
-        each = [longest_steps(rule, turning(x, 1.0), np.array([0]), [])[0] for x in (1.0, 90.0)]
-        np.testing.assert_array_equal(longest_steps(rule, both, np.array([0, 1]), []), each)
-        np.testing.assert_array_equal(longest_steps(rule, both, np.array([1]), []), each[1:])
+    for longest in (longest_whole, longest_panels):
+        each = [longest(5, bounds_of(turning(x, 1.0)))[0] for x in (1.0, 90.0)]
+        found = longest(5, derivatives(both, np.array([0, 1]), []))
+        np.testing.assert_array_equal(found, each)
+        np.testing.assert_array_equal(longest(5, bounds_of(both, 1)), each[1:])
 
 
-def test_the_cheapest_rule_by_hand():
-    """At 1 rad/s Simpson's step of two evaluations goes 23.28 ms, Lobatto's of three 231.8 ms."""
-    law = Law(turning(np.degrees(1.0), 3.0), [])
-    lengths = np.array([0.001, 0.0232, 0.0234, 0.231, 0.233, 0.5])
-    parts, lobatto = law.choose(np.zeros(6, np.int64), lengths)
-    assert list(parts) == [1, 1, 1, 1, 2, 3]
-    assert list(lobatto) == [False, False, True, True, True, True]
+def test_the_cheapest_panels_by_hand():
+    """At 1 rad/s three nodes have the mean over 23.28 ms, four over 231.8 ms.
+
+    Where samples end within, four do for 3.74 ms: 5 ms are two panels of them, six evaluations, or
+    one of five nodes, four: ``g (h/2)^5 0.0941/120 = 1e-12`` allows h = 21 ms.
+    """
+    lengths = np.array([0.001, 0.0232, 0.0234, 0.231, 0.233])
+    knots = np.append(0.0, np.cumsum(lengths))
+    coefficients = np.zeros((2, 5, 6))
+    coefficients[0, :, OUTER] = 1.0
+    law = Law(Motion(knots, coefficients), [])
+    nodes, panels = law.choose(0, np.ones(5, bool))
+    assert list(nodes) == [3, 3, 4, 4, 5]
+    assert list(panels) == [1] * 5
+    law = Law(turning(np.degrees(1.0), 0.005), [])
+    assert [int(x[0]) for x in law.choose(0, np.array([False]))] == [5, 1]
 
 
 def test_a_choice_does_not_depend_on_what_else_is_asked():
@@ -170,15 +171,15 @@ def test_a_choice_does_not_depend_on_what_else_is_asked():
     c = rng.normal(size=(6, 500, 6)) * quiet * np.array([1e4, 1e3, 1e2, 3, 1, 1])[:, None, None]
     motion = Motion(np.append(0.0, np.cumsum(lengths)), c)
     waves = draw(load_table("mid-class"), 3, None, True).waves
-    numbers = np.arange(500)
-    parts, lobatto = Law(motion, waves).choose(numbers, lengths)
-    assert 50 < np.count_nonzero(lobatto) < 450  # some of each
+    whole = rng.uniform(size=500) < 0.8
+    nodes, panels = Law(motion, waves).choose(0, whole)
+    assert len(np.unique(nodes[~whole])) > 3
+    assert np.count_nonzero(nodes[whole] == 3) > 30
     law = Law(motion, waves)
     for first, last in ((0, 1), (3, 170), (171, 175), (160, 500)):
-        some = slice(first, last)
-        again = law.choose(numbers[some], lengths[some])
-        np.testing.assert_array_equal(again[0], parts[some])
-        np.testing.assert_array_equal(again[1], lobatto[some])
+        again = law.choose(first, whole[first:last])
+        np.testing.assert_array_equal(again[0], nodes[first:last])
+        np.testing.assert_array_equal(again[1], panels[first:last])
 
 
 # --- the promise, on every kind of motion
@@ -289,7 +290,12 @@ def test_mean_rate_of_vibration_by_hand(model, hz):
 @pytest.mark.parametrize("hz", RATES)
 @pytest.mark.parametrize("name", ["vibration", "sines", "moves"])
 def test_means_match_a_fine_gauss_rule_of_the_closed_form(model, name, hz):
-    """Eight points between edges and knots, exact to the fifteenth power, of `chain.sensors`."""
+    """Eight points between edges and knots, exact to the fifteenth power, of `chain.sensors`.
+
+    Pieces in which a sample ends are right to rounding: where sines of 2 rad/s^2 were fitted, their
+    accelerations round, and differ across a knot, by 1e-11. Vibration's pieces of 4 ms lie within
+    samples whole, at 1e-9 m/s^2 and 1e-11 rad/s by the law.
+    """
     motion, site = MOTIONS[name](), Site(np.radians(48.5))
     block = Truth(model, site).block(motion, hz, Sampling.MEAN, hz, 3 * hz)
     edges = np.arange(hz, 3 * hz + 1) / hz
@@ -302,19 +308,20 @@ def test_means_match_a_fine_gauss_rule_of_the_closed_form(model, name, hz):
     felt = np.hstack(chain.sensors(q, v, a, site.latitude, site.gravity)).reshape(-1, 8, 6)
     parts = np.einsum("k,nkj->nj", weights / 2, felt) * h[:, None]
     means = np.add.reduceat(parts, np.searchsorted(ends, edges[:-1]), axis=0) * hz
-    assert np.abs(block.w_ib_b - means[:, :3]).max() < 1e-11
-    assert np.abs(block.f_b - means[:, 3:]).max() < 1e-9
+    assert np.abs(block.w_ib_b - means[:, :3]).max() < 1e-12
+    assert np.abs(block.f_b - means[:, 3:]).max() < 1e-11
 
 
 def test_evaluations_of_slow_and_fast_turns(model, monkeypatch):
-    """Of 0.0035 and 0.00035 rad a sample: Simpson's rule, two; of 0.05 rad, Lobatto's, three."""
+    """At the cost of the motion: 1.4 rad in one panel or two, whatever the rate of the samples."""
     truth, rows = Truth(model, Site(0.3)), []
     original = truth.instants
     monkeypatch.setattr(truth, "instants", lambda q, v, a: rows.append(len(q)) or original(q, v, a))
-    truth.block(turning(4.0, 20.0), 20, Sampling.MEAN, 0, 400)
+    truth.block(turning(4.0, 20.0), 1, Sampling.MEAN, 0, 20)
     truth.block(turning(4.0, 20.0), 200, Sampling.MEAN, 0, 4000)
-    truth.block(turning(60.0, 20.0), 20, Sampling.MEAN, 0, 400)
-    assert rows == [801, 8001, 1201]
+    truth.block(turning(4.0, 20.0), 10_000, Sampling.INSTANT, 0, 200_000)
+    truth.block(turning(60.0, 20.0), 20, Sampling.MEAN, 0, 400)  # 21 rad
+    assert rows == [12, 12, 12, 155]
 
 
 @pytest.mark.parametrize("hz", [20, 190])

@@ -20,10 +20,10 @@ from stand import toml_files as catalogue
 from stand.imu import load_imu
 from stand.procedure.procedure import ProcedureEntry, procedure_from, table_of
 from stand.rehearsal import scene
-from stand.rehearsal.known_errors import stated
 from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.verify import with_verification
 from stand.simulation.settings import assembled
+from stand.table.known_errors import stated
 
 AMONG = 1000  # quantities compared at once in all these tests: chance makes none of them miss
 SITE = """

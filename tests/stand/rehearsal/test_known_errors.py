@@ -13,7 +13,6 @@ from stand.imu import load_imu, without
 from stand.imu.model import TERMS
 from stand.motion.polynomial import MotionKind
 from stand.procedure.procedure import procedure_from, table_of
-from stand.rehearsal.known_errors import KNOWN, Size, stated
 from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.result import Verdict
 from stand.rehearsal.result_json import rehearsal_json
@@ -21,6 +20,7 @@ from stand.rehearsal.verify import errors_of, with_verification
 from stand.report.rehearsal_tables import headline, tables
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.settings import assembled
+from stand.table.known_errors import KNOWN, Size, stated
 from stand.table.table import load_table
 from stand.table.table_errors import TableErrorsEntry
 

@@ -22,14 +22,14 @@ from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.accuracy import predict
-from stand.rehearsal.instrument import leanings
-from stand.rehearsal.known_errors import stated
 from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.rocking import turned_by_heading
 from stand.rehearsal.rounding import Rounding, roundings_of
 from stand.rehearsal.verify import with_verification
 from stand.simulation.settings import assembled
 from stand.table.joints import JOINTS
+from stand.table.known_errors import stated
+from stand.table.leanings import leanings
 from stand.table.table import load_table
 from stand.table.table_errors import TableErrors
 

@@ -125,3 +125,23 @@ def test_the_true_attitude_of_a_moving_stretch_at_any_sample():
     for C_nb, degrees in zip(found, (30, 39, 49), strict=True):
         turned = Rotation.from_rotvec([0, 0, np.radians(degrees)]).as_matrix()
         np.testing.assert_allclose(C_nb.as_matrix(), np.array(C_NW) @ turned, atol=1e-14)
+
+
+def test_what_lies_in_a_file_has_the_bits_of_what_lies_in_memory(monkeypatch, tmp_path):
+    truth, imu = samples(60)
+
+    def answers():
+        steps = [step("A", 0.0, 2.0), step("B", 3.0, 5.0)]
+        collector = DwellCollector(steps, RATE, moving=["B"], folder=tmp_path)
+        for part in (slice(0, 7), slice(7, 45), slice(45, 60)):
+            collector.add(truth.part(part), imu.part(part))
+        track = collector.true_at("B", np.array([2.0, 3.1, 4.05, 5.0, 9.0]))
+        dwells, attitudes = collector.finish({"B": 3.5})
+        kept = [a for d in dwells for a in (d.readings.t, d.readings.w_ib_b, d.readings.f_b)]
+        found = [*kept, track.as_quat(), *(C.as_quat() for C in attitudes)]
+        return [a.tobytes() for a in found], len(dwells[1].readings)
+
+    whole = answers()
+    monkeypatch.setattr("stand.room.IN_MEMORY", 0)
+    assert answers() == whole
+    assert whole[1] == 15  # of 2 s at 10 Hz, from half a second later on

@@ -9,11 +9,12 @@ from scipy.stats import chi2
 
 from alignment import ESTIMATORS
 from alignment.errors import AlignmentError, NotAtRest
+from stand.arguments import site_with
 from stand.evaluation.score import suited
 from stand.imu import Imu, load_imu
 from stand.procedure.procedure import load_procedure
 from stand.simulation.monte_carlo import Trials
-from stand.simulation.settings import assembled, site_with
+from stand.simulation.settings import assembled
 from stand.toml_files import find
 
 W = 7.292115e-5  # rad/s

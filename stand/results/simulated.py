@@ -1,8 +1,8 @@
-"""What the Python interface gives back: results that print themselves as tables."""
+"""A run in memory, that prints itself."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,29 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings
 from alignment.arrays import Array, set_owned
-from alignment.units import DEG
-from stand.evaluation.aligned import Alignment
-from stand.evaluation.allan import AllanReport
-from stand.evaluation.comparison import Comparison
-from stand.evaluation.drive_result import DriveResult
-from stand.evaluation.run_result import RunResult
 from stand.evaluation.score import Truths
-from stand.evaluation.side_by_side import SideBySide
-from stand.recording.found_stretches import FoundStretches
 from stand.recording.log import Log, mean_attitude
 from stand.recording.mcap.reader import ImuLog
 from stand.recording.metadata import RUN, describe_schedule
-from stand.rehearsal.result import Rehearsal
-from stand.report import allan as allan_report
-from stand.report import compare as compare_report
-from stand.report import rehearsal_tables, vectors
-from stand.report import side_by_side as beside_report
-from stand.report.document import ANGLE_NOTE, motion_table, refusal_lines, score_tables
-from stand.report.listing import entries_table
+from stand.report.document import motion_table
 from stand.report.notebook import Shown
-from stand.report.stretches import stretches_table
 from stand.report.tables import TableData
-from stand.report.windows import windows_table
+from stand.results.recording import Recording
 from stand.samples import AXES, CHANNELS, ImuBlock, TruthBlock
 from stand.simulation.collector import NS, DwellCollector
 from stand.simulation.settings import Settings, methods_of, run_id
@@ -40,8 +25,6 @@ from stand.simulation.simulation import Simulation, begins_of
 from stand.simulation.step_record import StepRecord
 from stand.table.joints import JOINTS
 from stand.table.kinematics import C_NW
-
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
@@ -237,156 +220,3 @@ def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulate
         steps=records,
         schedule=describe_schedule(simulation.plan.steps),
     )
-
-
-def shown(kind: type[Result], result: Any) -> Result:
-    """A result as the type that prints itself."""
-    return kind(**{field.name: getattr(result, field.name) for field in fields(result)})
-
-
-class Recording(Shown, Log):
-    """A recording as the estimators take it; see `stand.recording.log.Log`."""
-
-    __slots__ = ()
-
-    def headline(self) -> str:
-        latitude = self.site.latitude
-        where = "latitude not known" if latitude is None else f"latitude {latitude / DEG:.4f} deg"
-        return f"{self.path} {self.topic}: {', '.join(self.methods)}; {where}"
-
-    def tables(self) -> Sequence[TableData]:
-        rows = tuple((d.label, f"{d.t_from:.2f}", f"{d.t_to:.2f}") for d in self.dwells)
-        return [TableData("stretches to estimate from", ("label", "from s", "to s"), rows)]
-
-
-class Aligned(Shown, Alignment):
-    """Estimates of `stand.align`."""
-
-    __slots__ = ()
-
-    def headline(self) -> str:
-        n = len(self.scores)
-        told = "1 estimate" if n == 1 else f"{n} estimates"
-        return f"{told} from {', '.join(log.path for log in self.logs)}"
-
-    def tables(self) -> Sequence[TableData]:
-        more = [windows_table(self.windows)] if self.windows else []
-        return [*score_tables(self.scores, self.imu, self.noise_only), *more]
-
-    def remarks(self) -> Sequence[str]:
-        return [*refusal_lines(self.refusals), ANGLE_NOTE]
-
-
-class Recorded(Shown, RunResult):
-    """What `stand.run` left behind."""
-
-    __slots__ = ()
-
-    def headline(self) -> str:
-        s = self.settings
-        return (
-            f"{s.procedure.entry.title}: {s.imu.title}, seed {s.seed}, {self.samples} samples at "
-            f"{s.rate_hz} Hz ({s.sampling.value}), {s.motion.value} motion of {s.table.title}; "
-            f"recorded in {self.out}"
-        )
-
-    def tables(self) -> Sequence[TableData]:
-        motion = [motion_table(self.records)] if self.records else []
-        return [*motion, *score_tables(self.scores, self.settings.imu)]
-
-    def remarks(self) -> Sequence[str]:
-        return [*refusal_lines(self.refusals), ANGLE_NOTE]
-
-
-class Driven(Shown, DriveResult):
-    """What `stand.drive` left behind."""
-
-    __slots__ = ()
-
-    def headline(self) -> str:
-        s = self.settings
-        return (
-            f"{s.drive.title}: {s.imu.title}, seed {s.seed}, {self.samples} samples at "
-            f"{s.rate_hz} Hz, {len(self.fixes)} fixes; recorded in {self.out}"
-        )
-
-    def tables(self) -> Sequence[TableData]:
-        return [vectors.table(self)]
-
-
-class Compared(Shown, Comparison):
-    """Methods side by side, of `stand.compare`."""
-
-    __slots__ = ()
-
-    def headline(self) -> str:
-        s = self.settings
-        return f"{s.procedure.entry.title}: {s.imu.title}, {self.runs} runs from seed {s.seed} on"
-
-    def tables(self) -> Sequence[TableData]:
-        return [compare_report.table(self)]
-
-
-class Rehearsed(Shown, Rehearsal):
-    """The answer of `stand.rehearse`."""
-
-    __slots__ = ()
-
-    def headline(self) -> str:
-        return rehearsal_tables.headline(self)
-
-    def tables(self) -> Sequence[TableData]:
-        return rehearsal_tables.tables(self)
-
-
-class Analysed(Shown, AllanReport):
-    """Noise terms, of `stand.allan`."""
-
-    __slots__ = ()
-
-    def headline(self) -> str:
-        return f"Allan analysis of {self.path} {self.topic}".rstrip()
-
-    def tables(self) -> Sequence[TableData]:
-        return allan_report.tables(self)
-
-
-class Stretches(Shown, FoundStretches):
-    """What stands still or turns evenly, of `stand.stretches`."""
-
-    __slots__ = ()
-
-    def headline(self) -> str:
-        n = len(self.found)
-        told = "1 stretch" if n == 1 else f"{n} stretches"
-        return f"{self.path} {self.topic}".rstrip() + f": {told}"
-
-    def tables(self) -> Sequence[TableData]:
-        return [stretches_table(self)]
-
-
-class Beside(Shown, SideBySide):
-    """Two recordings beside each other, of `stand.side_by_side`."""
-
-    __slots__ = ()
-
-    def headline(self) -> str:
-        return beside_report.headline(self)
-
-    def tables(self) -> Sequence[TableData]:
-        return beside_report.tables(self)
-
-    def remarks(self) -> Sequence[str]:
-        return beside_report.remarks(self)
-
-
-class Entries(Shown, tuple[dict[str, Any], ...]):
-    """Entries of a catalogue: a tuple of dictionaries."""
-
-    __slots__ = ()
-
-    def headline(self) -> str:
-        return "1 entry" if len(self) == 1 else f"{len(self)} entries"
-
-    def tables(self) -> Sequence[TableData]:
-        return [entries_table("", self)]

@@ -1,8 +1,7 @@
-"""What the data sheets of unit and table say, as errors to first order.
+"""What is stated of a table, as errors to first order: small rotations of b at each attitude.
 
-The unit's become `InstrumentErrors` of `alignment.information`. The table's are small rotations of
-b at each attitude, worked out from the stand's own axes: what a class states of one axis turns and
-leans it the same way in every position, so much of it cancels and some of it does not.
+Worked out from the stand's own axes: what a class states of one axis turns and leans it the same
+way in every position, so much of it cancels and some of it does not.
 """
 
 from dataclasses import dataclass
@@ -11,57 +10,32 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray, set_owned
-from alignment.information import GaussMarkov, InstrumentErrors, TriadErrors
 from alignment.information.model import NODES
-from stand.imu import ImuSpec
-from stand.imu.filter import LAG
-from stand.imu.preset import TriadSpec
-from stand.imu.processes import plateau
-from stand.rehearsal.known_errors import Size, StatedErrors
 from stand.table.joints import JOINTS, StandModel
+from stand.table.known_errors import Size, StatedErrors
 
+PARTS = ("cosine", "sine")
 # the axis toward which each one leans, as `stand.physics.geometry` builds it
 _TOWARD = {"base_pitch": 0, "base_yaw": 1, "outer": 1, "middle": 3, "inner": 4}
-
-
-def unit_of(imu: ImuSpec) -> InstrumentErrors:
-    """The instrument's errors as standard deviations, but for the rounding of its samples."""
-    delay = LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
-    return InstrumentErrors(
-        _triad(imu.gyro, imu), _triad(imu.accel, imu), float(delay + imu.clock.latency)
-    )
-
-
-def _triad(spec: TriadSpec, imu: ImuSpec) -> TriadErrors:
-    height = spec.instability / plateau(imu.corners)
-    return TriadErrors(
-        noise=spec.noise,
-        bias=spec.bias,
-        ramp=spec.ramp,
-        scale=spec.scale,
-        asymmetry=spec.asymmetry,
-        quadratic=spec.second_order,
-        cubic=spec.nonlinearity / spec.full_scale**2,
-        misalignment=spec.misalignment,
-        non_orthogonality=spec.non_orthogonality,
-        g_sensitivity=spec.g_sensitivity,
-        g2_sensitivity=spec.g2_sensitivity,
-        drift=tuple(GaussMarkov(height, corner) for corner in imu.corners) if height else (),
-        random_walk=spec.random_walk,
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leaning:
     """An error of the table, and the `turns` (k, 3) of b at k poses per unit of it.
 
-    `sigma` of its draws, or the value that is `known` of it.
+    `sigma` of its draws, or the value that is `known` of it; `detail`: which of its source.
     """
 
     source: str
     sigma: float
     turns: Array
     known: float = 0.0
+    detail: str = ""
+
+    @property
+    def name(self) -> str:
+        """Of this one alone."""
+        return f"{self.source} {self.detail}".strip()
 
     def __post_init__(self) -> None:
         set_owned(self, turns=(self.turns, (None, 3), float))
@@ -84,39 +58,47 @@ def leanings(
     rounds = np.full(len(joints), -1) if round_axis is None else round_axis
     found: list[Leaning] = []
 
-    def add(source: str, size: Size, in_w: Array) -> None:
+    def add(source: str, size: Size, in_w: Array, detail: str = "") -> None:
         if size.sigma or size.known:
             turns = np.einsum("kji,kj->ki", frames, in_w)
-            found.append(Leaning(source, size.sigma, turns, size.known))
+            found.append(Leaning(source, size.sigma, turns, size.known, detail=detail))
 
     for axis, (line, base, seat) in enumerate(
         zip(np.eye(3), stated.base(), stated.mounting(), strict=True)
     ):
-        add("table tilt" if axis < 2 else "table azimuth", base, np.tile(line, (len(joints), 1)))
-        add("mounting", seat, frames[:, :, axis])
+        told = "table tilt" if axis < 2 else "table azimuth"
+        add(told, base, np.tile(line, (len(joints), 1)), ("about east", "about north", "")[axis])
+        add("mounting", seat, frames[:, :, axis], f"about {('X1', 'Y1', 'Z1')[axis]}")
     for i, name in enumerate(JOINTS):
         q = joints[:, i : i + 1]
-        add("placement", stated.placement(i), axes[:, i])
+        add("placement", stated.placement(i), axes[:, i], f"of {name}")
         for order in (1, 2):
             waves = np.cos(order * q), np.sin(order * q)
-            for size, wave in zip(stated.encoder(i, order), waves, strict=True):
-                add("encoder", size, axes[:, i] * wave)
+            for size, wave, part in zip(stated.encoder(i, order), waves, PARTS, strict=True):
+                add("encoder", size, axes[:, i] * wave, f"of {name}, {part} {order}")
         if name in _TOWARD:
             toward = np.einsum("kij,j->ki", before[:, i], _built(model)[_TOWARD[name]])
             turned = np.cross(axes[:, i], toward)
             after = Rotation.from_rotvec(q * axes[:, i]).apply(turned)
-            add("non-orthogonality", stated.non_orthogonality(i), turned - after)
-        for size, cosine, sine in stated.wobble(i):
+            add("non-orthogonality", stated.non_orthogonality(i), turned - after, f"of {name}")
+        for (size, cosine, sine), part in zip(stated.wobble(i), PARTS, strict=False):
             c, s = cosine * np.cos(q) - sine * np.sin(q), cosine * np.sin(q) + sine * np.cos(q)
-            add("wobble", size, across[:, i, 0] * c + across[:, i, 1] * s)
+            nod = across[:, i, 0] * c + across[:, i, 1] * s
+            add("wobble", size, nod, f"of {name}, {part}")
         n, waves = stated.ripple(i)
         slow = 1.0 if n < NODES / 2 else (rounds != i)[:, None]
-        for size, cosine, sine in waves:
+        for (size, cosine, sine), part in zip(waves, PARTS, strict=False):
             wave = cosine * np.cos(n * q) - sine * np.sin(n * q)
-            add("rate ripple", size, axes[:, i] * wave * slow)
+            add("rate ripple", size, axes[:, i] * wave * slow, f"of {name}, {part}")
     if off is not None and off.any():
         add("servo", Size(known=1.0), np.einsum("ki,kij->kj", off, axes))
     return found
+
+
+def joint_axes(model: StandModel, joints: Array) -> Array:
+    """Axes (k, 6, 3) in b about which each joint turns it, at joint angles (k, 6) [rad]."""
+    frames, axes, *_ = _chain(model, joints)
+    return np.einsum("kji,kaj->kai", frames, axes)
 
 
 def _built(model: StandModel) -> Array:

@@ -1,0 +1,192 @@
+"""A unit's calibration from the stretches of one recording or several."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from alignment.arrays import Array
+from alignment.calibration import terms
+from alignment.calibration.bench import SENSORS, Bench
+from alignment.calibration.design import Design
+from alignment.calibration.fit import Fit, fitted
+from alignment.calibration.model import AXES
+from alignment.calibration.observe import Observed
+from alignment.calibration.result import (
+    Calibration,
+    Gravity,
+    Nuisance,
+    basis_of,
+    derived_of,
+    parameters_of,
+    share_of_prior,
+)
+from alignment.calibration.words import untold
+from alignment.earth import Site
+
+
+def calibrate(
+    seen: Sequence[Observed],
+    bench: Bench,
+    site: Site,
+    design: Design | None = None,
+    reference_temperature: float = 25.0,
+) -> Calibration:
+    """The parameters of a unit from a test on a table.
+
+    Parameters
+    ----------
+    seen : sequence of Observed
+        One recording each, of one unit on one table.
+    bench : Bench
+        What is known beforehand.
+    site : Site
+        With its latitude; ``local_gravity`` where it was measured.
+    design : Design, optional
+        Of just these stretches, where it is known already: then only the solving is left.
+    reference_temperature : float
+        Of terms of temperature [deg C].
+
+    Raises
+    ------
+    AlignmentError
+        As `alignment.calibration.fit.fitted`.
+
+    Notes
+    -----
+    Leading errors: the seat and the table in absolute misalignment, gravity in the accelerometers'
+    scale factor, bias instability in the biases, noise in all else. All are in the covariance.
+    """
+    return assembled(fitted(seen, bench, site, design), reference_temperature)
+
+
+def assembled(fit: Fit, reference_temperature: float = 25.0) -> Calibration:
+    """A fit as its result: parameters, nuisances, what they cannot tell."""
+    design = fit.design
+    told = np.isin(np.arange(terms.COUNT), design.active)
+    outside = terms.outside(told)
+    rows = _rows(design, outside.matrix)
+    growth = fit.growth
+    covariance = growth**2 * rows @ design.covariance @ rows.T
+    values = outside.matrix @ fit.x[: terms.COUNT]
+    prior = np.sqrt(rows**2 @ design.sigmas**2)
+    return Calibration(
+        parameters=parameters_of(outside.keys, values, covariance, prior),
+        covariance=(covariance + covariance.T) / 2,
+        chi_square=fit.chi_square,
+        dof=fit.dof,
+        gravity=_gravity(fit),
+        nuisance=(*_nuisances(fit), *_of_sessions(fit)),
+        enlarged=growth,
+        null_space=untold(design),
+        left_out=fit.left_out,
+        derived=derived_of(outside.keys, values, covariance),
+        reference_temperature=reference_temperature,
+    )
+
+
+def _rows(design: Design, matrix: Array) -> Array:
+    """Rows (k, a) on the active unknowns of rows (k, COUNT) on those of the unit."""
+    whole = np.zeros((len(matrix), design.model.count))
+    whole[:, : terms.COUNT] = matrix
+    return whole[:, design.active]
+
+
+def _gravity(fit: Fit) -> Gravity:
+    site, unknowns = fit.design.model.site, fit.design.model.unknowns
+    return Gravity(value=site.gravity, sigma=float(unknowns.sigmas[terms.COUNT]))
+
+
+def _nuisances(fit: Fit) -> list[Nuisance]:
+    design, unknowns = fit.design, fit.design.model.unknowns
+    sigmas = fit.growth * np.sqrt(design.covariance.diagonal())
+    found = []
+    for at, sigma in zip(design.active.tolist(), sigmas.tolist(), strict=True):
+        if at >= terms.COUNT:
+            k = at - terms.COUNT
+            prior = float(unknowns.sigmas[at])
+            found.append(
+                _nuisance(unknowns.names[k], float(fit.x[at]), sigma, prior, unknowns.units[k])
+            )
+    return found
+
+
+def _nuisance(name: str, value: float, sigma: float, prior: float, unit: str) -> Nuisance:
+    share = share_of_prior(sigma, prior)
+    return Nuisance(
+        name=name,
+        value=value,
+        sigma=sigma,
+        prior_sigma=prior,
+        basis=basis_of(share),
+        share=share,
+        unit=unit,
+    )
+
+
+# --- the bias of a session -----------------------------------------------------------------------
+
+
+def _of_sessions(fit: Fit) -> list[Nuisance]:
+    """Mean bias of each recording: what was switched on, and its drift since, as it was on average.
+
+    Notes
+    -----
+    The drift's mean is told by the readings too, with the bias and against it: their sum is known
+    better than either.
+    """
+    design, model = fit.design, fit.design.model
+    found = []
+    for k in range(len(model.sessions)):
+        label = f"recording {k + 1}: " if len(model.sessions) > 1 else ""
+        for sensor, unit in zip(SENSORS, ("rad/s", "m/s^2"), strict=True):
+            rows, mean = _bias_rows(design, k, sensor), _mean_rows(design, k, sensor)
+            drift = _drift(design, sensor)
+            through = mean @ drift
+            alike = rows @ design.gain @ through.T
+            covariance = (
+                rows @ design.covariance @ rows.T
+                + through @ mean.T
+                - through @ design.weight @ through.T
+                - alike
+                - alike.T
+            )
+            values = rows @ fit.x[design.active] + through @ design.weight @ fit.off
+            prior = np.sqrt(rows**2 @ design.sigmas**2 + (through @ mean.T).diagonal())
+            sigmas = fit.growth * np.sqrt(np.maximum(covariance.diagonal(), 0.0))
+            for axis, value, sigma, before in zip(
+                AXES, values.tolist(), sigmas.tolist(), prior.tolist(), strict=True
+            ):
+                name = f"{label}mean {sensor} bias {axis}"
+                found.append(_nuisance(name, value, sigma, before, unit))
+    return found
+
+
+def _bias_rows(design: Design, k: int, sensor: str) -> Array:
+    """Rows (3, a) of the bias as it was switched on in session k."""
+    rows = np.zeros((3, design.model.count))
+    rows[:, terms.columns_of(sensor, "bias")] = np.eye(3)
+    name = f"recording {k + 1}: {sensor} bias X1"
+    if name in design.model.unknowns.names:
+        at = design.model.unknowns.at(name)
+        rows[:, at : at + 3] = np.eye(3)
+    return rows[:, design.active]
+
+
+def _mean_rows(design: Design, k: int, sensor: str) -> Array:
+    """Rows (3, m) that average the stations' constant readings of one triad, by their time."""
+    model = design.model
+    stations = model.sessions[k].stations
+    lengths = np.array([s.stretch.span.length for s in stations])
+    rows = np.zeros((3, len(design.J)))
+    for own, weight in zip(model.rows()[k], lengths / lengths.sum(), strict=False):
+        half = own[: len(own) // 2] if sensor == "gyro" else own[len(own) // 2 :]
+        rows[np.arange(3), half[:3]] = weight
+    return rows
+
+
+def _drift(design: Design, sensor: str) -> Array:
+    """Covariance (m, m) of the readings by what changes the bias."""
+    word = {"gyro": "gyro", "accel": "accelerometer"}[sensor]
+    names = [f"{word} {name}" for name in ("bias instability", "random walk", "ramp")]
+    zero = np.zeros((len(design.J), len(design.J)))
+    return sum((design.noises[name] for name in names if name in design.noises), zero)

@@ -1,0 +1,355 @@
+"""What the stations and moves of sessions read, and how that changes with every unknown.
+
+The unknowns, in order: those of the unit (`terms`), then the nuisances: gravity, the table's
+errors, and where there are several sessions what changes from one to the next.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from alignment.arrays import Array, set_owned
+from alignment.calibration import terms
+from alignment.calibration.apply import inverse
+from alignment.calibration.bench import SENSORS, Bench
+from alignment.calibration.constants import TriadConstants, constants_of, reported
+from alignment.calibration.session import Move, Poses, Session, by_errors, by_place, true_input
+from alignment.earth import Site
+from alignment.quaternions import multiply
+from alignment.strapdown import matrices, quaternions, rotation_vectors
+
+AXES = ("X1", "Y1", "Z1")
+GRAVITY = "gravity"
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Unknowns:
+    """All that is unknown: `names` and `units` of the nuisances, priors of everything.
+
+    `expected`, `sigmas` (p,): of the unit's unknowns first, then of the nuisances.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    expected: Array
+    sigmas: Array
+
+    def __post_init__(self) -> None:
+        p = terms.COUNT + len(self.names)
+        set_owned(self, expected=(self.expected, (p,), float), sigmas=(self.sigmas, (p,), float))
+
+    def at(self, name: str) -> int:
+        """Column of a nuisance."""
+        return terms.COUNT + self.names.index(name)
+
+
+class Model:
+    """The readings of sessions of one unit on one bench, as functions of the unknowns.
+
+    Readings are in one vector: of every session the gyros' coefficients, three at a time, station
+    by station; its moves' rotations; the accelerometers' coefficients.
+    """
+
+    def __init__(self, sessions: Sequence[Session], bench: Bench, site: Site) -> None:
+        self.sessions, self.bench, self.site = tuple(sessions), bench, site
+        self.poses = [Poses(session, bench, site) for session in sessions]
+        self.unknowns = _unknowns(self.sessions, self.poses, bench)
+        self._paths = [[_Path(move) for move in s.moves] for s in sessions]
+
+    @property
+    def count(self) -> int:
+        """How many unknowns."""
+        return len(self.unknowns.sigmas)
+
+    def rows(self) -> list[list[Array]]:
+        """Of each session, the rows of every station, then of every move."""
+        found, at = [], 0
+        for poses in self.poses:
+            edges = 3 * np.cumsum([0, *poses.orders])
+            total, moves = int(edges[-1]), 3 * len(poses.session.moves)
+            own = [
+                at + np.r_[a:b, total + moves + a : total + moves + b]
+                for a, b in pairwise(edges.tolist())
+            ]
+            own += [at + total + np.arange(k, k + 3) for k in range(0, moves, 3)]
+            found.append(own)
+            at += 2 * total + moves
+        return found
+
+    # --- the readings
+
+    def left(self, y: Array, x: Array) -> Array:
+        """What of the readings (m,) the unknowns (p,) leave unexplained."""
+        found, at = [], 0
+        keys, values = terms.ALL.keys, terms.ALL.matrix @ x[: terms.COUNT]
+        for k, poses in enumerate(self.poses):
+            shift = np.zeros(terms.COUNT)
+            shift[terms.columns_of("gyro", "bias")] = self._own_bias(x, k, "gyro")
+            shift[terms.columns_of("accel", "bias")] = self._own_bias(x, k, "accel")
+            own = values + terms.ALL.matrix @ shift
+            gyro, accel = (constants_of(keys, own, s) for s in SENSORS)
+            errors = x[self.columns_of_table(k)]
+            w, f = self._coefficients(poses, gyro, accel, errors, x[terms.COUNT])
+            moves = self._moves(k, gyro, errors) if poses.session.moves else np.zeros(0)
+            n = len(w) + len(moves) + len(f)
+            part = y[at : at + n]
+            found += [part[: len(w)] - w, moves, part[len(w) + len(moves) :] - f]
+            at += n
+        return np.concatenate(found)
+
+    def _own_bias(self, x: Array, k: int, sensor: str) -> Array:
+        name = _own(k, f"{sensor} bias X1")
+        if name not in self.unknowns.names:
+            return np.zeros(3)
+        at = self.unknowns.at(name)
+        return x[at : at + 3]
+
+    def columns_of_table(self, k: int) -> list[int]:
+        """Where the table's errors of session k stand."""
+        return [self.unknowns.at(name) for name in _names(k, self.poses[k])]
+
+    def _coefficients(
+        self,
+        poses: Poses,
+        gyro: TriadConstants,
+        accel: TriadConstants,
+        errors: Array,
+        gravity: float,
+    ) -> tuple[Array, Array]:
+        there = true_input(poses, self.bench, errors, gravity, accel.places)
+        w = reported(gyro, there.w, there.f, poses.warmth)
+        f = reported(accel, there.at_places, there.at_places, poses.warmth)
+        return self._projected(poses, w, gyro.lag), self._projected(poses, f, accel.lag)
+
+    def _projected(self, poses: Poses, values: Array, lag: Array) -> Array:
+        """Coefficients as they are sampled, of values (n, 3) at the nodes."""
+        found = []
+        for k, station in enumerate(poses.session.stations):
+            own = poses.project[k] @ values[poses.edges[k] : poses.edges[k + 1]]
+            if station.stretch.rate:
+                own = self._sampled(own, station.stretch.rate, lag, poses.session.interval)
+            found.append(own.ravel())
+        return np.concatenate(found)
+
+    def _sampled(self, own: Array, rate: float, lag: Array, interval: float) -> Array:
+        """Coefficients (3, 3, ...) of values that come late, as means over the samples."""
+        half = rate * interval / 2 * self.bench.means
+        late = (half + rate * lag).reshape(3, *(1,) * (own.ndim - 2))
+        c, s, size = np.cos(late), np.sin(late), np.sinc(half / np.pi)
+        return np.stack(
+            [own[0], size * (c * own[1] - s * own[2]), size * (s * own[1] + c * own[2])]
+        )
+
+    def _moves(self, k: int, gyro: TriadConstants, errors: Array) -> Array:
+        """Rotations (3 m,) that the gyros, corrected, make too much of the moves."""
+        poses = self.poses[k]
+        start, end = (turns @ errors for turns in poses.of_ends())
+        table = _exponential(-start) @ poses.expected @ _exponential(end)
+        found = []
+        for n, (move, path) in enumerate(zip(poses.session.moves, self._paths[k], strict=True)):
+            own = path.rotation(gyro)
+            before, after = (_swing(poses.session, i) for i in (move.first, move.last))
+            lag = _exponential(gyro.lag * np.array([-before, after]))
+            found.append(_logarithm(table[n].T @ (lag[0] @ own @ lag[1])))
+        return np.concatenate(found)
+
+    # --- their derivatives
+
+    def jacobian(self) -> Array:
+        """Derivatives (m, p) of the readings at the expected unknowns."""
+        blocks = []
+        for k, poses in enumerate(self.poses):
+            w, f = self._node_columns(k, poses)
+            lags = self.unknowns.expected
+            gyro = self._station_columns(poses, w, lags, "gyro")
+            accel = self._station_columns(poses, f, lags, "accel")
+            blocks += [gyro, self._move_columns(k, poses), accel]
+        return np.concatenate(blocks)
+
+    def _node_columns(self, k: int, poses: Poses) -> tuple[Array, Array]:
+        """(n, 3, p) of the gyros and of the accelerometers at every node."""
+        n, p, x0 = len(poses.w), self.count, self.unknowns.expected
+        places = x0[terms.columns_of("accel", "lever_arm")].reshape(3, 3)
+        there = true_input(poses, self.bench, np.zeros(poses.slopes.shape[2]), 0.0, places)
+        found = np.zeros((2, n, 3, p))
+        for own, x, sensor in zip(found, (there.w, there.at_places), SENSORS, strict=True):
+            for term in terms.UNIT:
+                if term.sensor == sensor:
+                    own[:, :, term.columns] = terms.columns(
+                        sensor, term.name, x, there.f, poses.warmth
+                    )
+            self._add_own_bias(own, k, sensor)
+        found[1][:, :, terms.columns_of("accel", "lever_arm")] = by_place(poses)
+        w, f = by_errors(poses, self.bench, places)
+        columns = self.columns_of_table(k)
+        found[0][:, :, columns], found[1][:, :, columns] = w, f
+        found[1][:, :, terms.COUNT] = poses.f / self.site.gravity
+        return found[0], found[1]
+
+    def _add_own_bias(self, own: Array, k: int, sensor: str) -> None:
+        name = _own(k, f"{sensor} bias X1")
+        if name in self.unknowns.names:
+            at = self.unknowns.at(name)
+            own[..., :, at : at + 3] = np.eye(3)
+
+    def _station_columns(self, poses: Poses, nodes: Array, x0: Array, sensor: str) -> Array:
+        columns = terms.columns_of(sensor, "lag")
+        found = []
+        x = poses.w if sensor == "gyro" else poses.f
+        for k, station in enumerate(poses.session.stations):
+            part = slice(poses.edges[k], poses.edges[k + 1])
+            own = np.einsum("hk,kip->hip", poses.project[k], nodes[part])
+            rate = station.stretch.rate
+            if rate:
+                own[1:, :, columns] = _by_lag(poses.project[k] @ x[part], rate)
+                own = self._sampled(own, rate, x0[columns], poses.session.interval)
+            found.append(own.reshape(-1, self.count))
+        return np.concatenate(found)
+
+    def _move_columns(self, k: int, poses: Poses) -> Array:
+        found = [np.zeros((0, self.count))]
+        start, end = poses.of_ends()
+        columns = self.columns_of_table(k)
+        for n, (move, path) in enumerate(zip(poses.session.moves, self._paths[k], strict=True)):
+            own = np.zeros((3, self.count))
+            for term in terms.UNIT:
+                if term.sensor == "gyro" and term.name != "lag":
+                    own[:, term.columns] = path.columns(term.name, poses, move)
+            before, after = (_swing(poses.session, i) for i in (move.first, move.last))
+            # the gyros have not yet turned what comes within the lag
+            back = poses.expected[n].T
+            own[:, terms.columns_of("gyro", "lag")] = back * before - np.diag(after)
+            if _own(k, "gyro bias X1") in self.unknowns.names:
+                at = self.unknowns.at(_own(k, "gyro bias X1"))
+                own[:, at : at + 3] = own[:, terms.columns_of("gyro", "bias")]
+            own[:, columns] = end[n] - back @ start[n]
+            found.append(own)
+        return np.concatenate(found)
+
+    def paths(self, k: int) -> Array:
+        """Integrals (m, 3, 3) [s] of the attitude in b at a move's end over each move of k."""
+        return np.array([path.turned for path in self._paths[k]]).reshape(-1, 3, 3)
+
+
+def _swing(session: Session, number: int) -> Array:
+    """Rate (3,) in b of the turning of a station."""
+    stretch = session.stations[number].stretch
+    return stretch.rate * stretch.axis_b
+
+
+def _by_lag(own: Array, rate: float) -> Array:
+    """Derivative (2, 3, 3) of cosine and sine by each channel's lag, of coefficients (3, 3)."""
+    return rate * np.stack([np.diag(-own[2]), np.diag(own[1])])
+
+
+def _own(k: int, name: str) -> str:
+    return f"recording {k + 1}: {name}"
+
+
+def _names(k: int, poses: Poses) -> list[str]:
+    """Of the table's errors in session k: what is of one station alone is of this session."""
+    return [
+        _own(k, name) if k and name.startswith("position of ") else name
+        for name in poses.leanings.names
+    ]
+
+
+def _unknowns(sessions: Sequence[Session], poses: Sequence[Poses], bench: Bench) -> Unknowns:
+    turning, warm = any(s.turning for s in sessions), any(s.warm for s in sessions)
+    expected, sigmas = terms.priors(bench, turning, warm)
+    names, units, sizes = [GRAVITY], ["m/s^2"], [bench.gravity_sigma]
+    for k, own in enumerate(poses):
+        for name, sigma in zip(_names(k, own), own.leanings.sigmas.tolist(), strict=True):
+            if name not in names:
+                names.append(name)
+                units.append("rad")
+                sizes.append(sigma)
+    several = len(sessions) > 1
+    for k in range(len(sessions) if several else 0):
+        for sensor, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
+            size = sigmas[terms.columns_of(sensor, "bias")] / np.sqrt(2)
+            names += [_own(k, f"{sensor} bias {axis}") for axis in AXES]
+            units += [unit] * 3
+            sizes += size.tolist()
+    if several:
+        for sensor in SENSORS:  # the part that stays, and what changes each time it is switched on
+            sigmas[terms.columns_of(sensor, "bias")] /= np.sqrt(2)
+    return Unknowns(
+        names=tuple(names),
+        units=tuple(units),
+        expected=np.concatenate([expected, np.zeros(len(names))]),
+        sigmas=np.concatenate([sigmas, sizes]),
+    )
+
+
+# --- moves ---------------------------------------------------------------------------------------
+
+
+class _Path:
+    """Readings over a move, ready to be integrated."""
+
+    def __init__(self, move: Move) -> None:
+        readings = move.readings
+        self.h = np.diff(readings.t, prepend=move.t_from)[:, None]
+        self.w, self.f = readings.w_ib_b, readings.f_b
+        steps = _pairs(self.w * self.h)
+        q = quaternions(rotation_vectors(steps[:, 0], steps[:, 1]))
+        run = matrices(_running(q))
+        middle = (run + np.concatenate([np.eye(3)[None], run[:-1]])) / 2
+        # b at the end from b at the middle of each pair of samples
+        self.to_end = run[-1].T @ middle
+        self._half = len(steps)
+        self.turned = np.einsum("nij,n->ij", self.to_end, _pairs(self.h)[:, :, 0].sum(axis=1))
+
+    def rotation(self, gyro: TriadConstants) -> Array:
+        """By the corrected readings (3, 3): takes b at the end to b at the start."""
+        w = inverse(gyro, self.w, self.f)
+        steps = _pairs(w * self.h)
+        return matrices(_product(quaternions(rotation_vectors(steps[:, 0], steps[:, 1])))[None])[0]
+
+    def columns(self, name: str, poses: Poses, move: Move) -> Array:
+        """Rotation at the end (3, 3 or 9) that a term makes, per unit of it."""
+        warmth = poses.session.stations[move.last].warmth
+        own = terms.columns("gyro", name, self.w, self.f, np.full(len(self.w), warmth))
+        own = own * self.h[:, :, None]
+        pairs = _pairs(own.reshape(len(own), -1)).sum(axis=1).reshape(self._half, 3, -1)
+        return np.einsum("nij,njk->ik", self.to_end, pairs)
+
+
+def _pairs(rows: Array) -> Array:
+    """Rows (n, k) as pairs (m, 2, k); where n is odd, nothing comes before the first."""
+    if len(rows) % 2:
+        rows = np.concatenate([np.zeros((1, rows.shape[1])), rows])
+    return rows.reshape(-1, 2, rows.shape[1])
+
+
+def _running(q: Array) -> Array:
+    """Running products of quaternions (n, 4), by doubling."""
+    done, step = q, 1
+    while step < len(q):
+        done = np.concatenate([done[:step], multiply(done[:-step], done[step:])])
+        step *= 2
+    return done
+
+
+def _product(q: Array) -> Array:
+    """The product (4,) of quaternions (n, 4), pair by pair."""
+    while len(q) > 1:
+        if len(q) % 2:
+            q = np.concatenate([q, [[0.0, 0.0, 0.0, 1.0]]])
+        q = multiply(q[0::2], q[1::2])
+    return q[0]
+
+
+def _exponential(vectors: Array) -> Array:
+    """Rotation matrices (n, 3, 3) of rotation vectors (n, 3)."""
+    return matrices(quaternions(vectors))
+
+
+def _logarithm(C: Array) -> Array:
+    """Rotation vector (3,) of a matrix (3, 3) that turns by less than a right angle."""
+    twice = np.array([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]])
+    size = np.linalg.norm(twice) / 2
+    return twice / 2 * (1.0 if size == 0 else np.arcsin(min(size, 1.0)) / size)

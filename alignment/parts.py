@@ -1,0 +1,94 @@
+"""Passes over records that may be longer than memory: a part at a time, and what that part used
+is given back.
+
+A long record lies in a file that is mapped (see `release`); to everybody it is an array like any
+other. What is summed in parts has the bits of the sum in one go. Where all values are needed at
+once, as for a median, a record of more than `MOST` rows is told by excerpts.
+"""
+
+import mmap
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+PART = 2**20  # rows at once
+MOST = 2**22  # rows that are held at once: over an hour at 1 kHz
+_EXCERPT = 4096  # rows of one excerpt
+
+Values = NDArray[Any]
+
+
+def parts(n: int) -> Iterator[slice]:
+    """Successive rows of `n`, `PART` at most."""
+    return (slice(first, min(first + PART, n)) for first in range(0, n, PART))
+
+
+def in_parts(values: Values) -> Iterator[Values]:
+    """Successive rows of `values` (n, ...), given back behind whoever takes them."""
+    for rows in parts(len(values)):
+        yield values[rows]
+        release(values)
+
+
+def release(*values: Values) -> None:
+    """Give back the memory in which pages of a mapped file lie; nothing of other arrays.
+
+    The file keeps them: they come again when they are asked for.
+    """
+    for base in map(_origin, values):
+        if isinstance(base, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+            base.madvise(mmap.MADV_DONTNEED)
+
+
+def _origin(values: Values) -> Any:
+    """What the memory of an array belongs to, behind all views."""
+    base: Any = values
+    while isinstance(base, np.ndarray):
+        base = base.base
+    return base
+
+
+def excerpts(values: Values) -> list[Values]:
+    """All rows of `values` (n, ...) as one, or of more than `MOST` as many, spread evenly."""
+    n = len(values)
+    if n <= MOST:
+        return [values]
+    count = MOST // _EXCERPT
+    starts = np.arange(count) * (n - _EXCERPT) // (count - 1)
+    found = []
+    for start in starts:
+        found.append(values[start : start + _EXCERPT].copy())
+        release(values)
+    return found
+
+
+def mean(values: Values) -> Values:
+    """Mean (k,) of `values` (n, k) over the rows, with the bits of ``values.mean(axis=0)``."""
+    if len(values) <= PART:
+        return np.asarray(values.mean(axis=0))
+    total = np.zeros(values.shape[1:])
+    for part in in_parts(values):
+        total = np.add.reduce(np.concatenate([total[None], part]))  # as numpy does: row by row
+    return np.asarray(total / len(values))
+
+
+def sums_between(values: Values, edges: Values) -> Values:
+    """Sums (m, k) of the rows of `values` (n, k) between successive `edges` (m + 1,) of rows."""
+    sums = np.empty((len(edges) - 1, *values.shape[1:]))
+    for first, last in pairwise(_groups(edges)):
+        own = values[edges[first] : edges[last]]
+        sums[first:last] = np.add.reduceat(own, edges[first:last] - edges[first], axis=0)
+        release(values)
+    return sums
+
+
+def _groups(edges: Values) -> Sequence[int]:
+    """Numbers of edges between which lie `PART` rows at most, or one block."""
+    found = [0]
+    while found[-1] < len(edges) - 1:
+        reach = int(np.searchsorted(edges, edges[found[-1]] + PART, "right")) - 1
+        found.append(max(found[-1] + 1, reach))
+    return found

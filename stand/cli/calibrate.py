@@ -1,0 +1,158 @@
+"""A unit's constant errors: `stand calibrate`, `stand apply`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stand.cli.log_options import takes_log_form
+from stand.cli.options import (
+    ForceOption,
+    HeightOption,
+    JsonOption,
+    LatitudeOption,
+    quick_imports,
+)
+from stand.cli.progress import print_json, progress, tell_left_behind, working
+
+if TYPE_CHECKING:
+    from stand.recording.log_form import LogForm
+
+
+@takes_log_form
+def calibrate(
+    recordings: Annotated[
+        list[Path], typer.Argument(help="Logs of any kind, or folders of stand run.")
+    ],
+    *,
+    form: LogForm,
+    by_hand: Annotated[
+        bool,
+        typer.Option(
+            "--hand-held", help="No table: the unit was turned by hand from rest to rest."
+        ),
+    ] = False,
+    imu: Annotated[
+        str | None,
+        typer.Option(metavar="ID", help="Unit or TOML file: what its data sheet says beforehand."),
+    ] = None,
+    gravity: Annotated[
+        float | None, typer.Option(metavar="M/S^2", help="As measured; else normal gravity.")
+    ] = None,
+    gravity_sigma: Annotated[
+        float | None,
+        typer.Option(metavar="M/S^2", help="Of it; normal gravity has 3e-4 without being told."),
+    ] = None,
+    latitude: LatitudeOption = None,
+    height: HeightOption = None,
+    shortest: Annotated[float, typer.Option(metavar="S", help="Of a rest.")] = 1.0,
+    published: Annotated[
+        bool,
+        typer.Option(
+            "--as-published", help="--hand-held to the letter: no weights, no g-sensitivity."
+        ),
+    ] = False,
+    topic: Annotated[
+        str | None, typer.Option(help="Which IMU topic, where there are several.")
+    ] = None,
+    serial: Annotated[str, typer.Option(help="Of the unit, for the record.")] = "",
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="X.json", help="The calibration; else calibration.json here."),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Find a unit's biases, scale factors and axes, with a sigma of each and its share.
+
+    Without a table: rest the unit some seconds with each face up and on some edges, turn it by hand
+    between; rests are found, and what they cannot tell is said before any number.
+
+    Example: stand calibrate log.csv --hand-held --latitude 48.5 --out calibration.json
+
+    With --json it prints the calibration, and writes it only if --out is given.
+    """
+    with quick_imports():
+        from stand import api
+        from stand.calibration.file import record_to_json
+        from stand.errors import StandError
+        from stand.folder import refuse_files
+
+    if not by_hand:
+        raise StandError("missing --hand-held: the unit was turned by hand, without a table")
+    target = out or (None if as_json else Path("calibration.json"))
+    if target is not None:
+        refuse_files([target], force=force)
+    with progress("reading", as_json) as done:
+        logs = [api.read(path, form=form, topic=topic, progress=done) for path in recordings]
+    with working("estimating", as_json):
+        found = api.calibrate(
+            logs,
+            hand_held=True,
+            imu=imu,
+            gravity_m_s2=gravity,
+            gravity_sigma_m_s2=gravity_sigma,
+            latitude_deg=latitude,
+            height_m=height,
+            shortest_s=shortest,
+            as_published=published,
+            axes=form.axes or "",
+            serial=serial,
+        )
+    if target is not None:
+        found.save(target, force=force)
+    if as_json:
+        print_json(record_to_json(found))
+        return
+    from stand.report.console import console, show
+
+    console().print(found.headline(), markup=False)
+    for line in found.remarks():
+        console().print(line, style="dim", markup=False)
+    show(console(), found.tables())
+    print(target)
+
+
+@takes_log_form
+def apply(
+    calibration: Annotated[Path, typer.Argument(help="calibration.json of stand calibrate.")],
+    recording: Annotated[Path, typer.Argument(help="A log of this unit, of any kind.")],
+    *,
+    form: LogForm,
+    out: Annotated[Path, typer.Option(metavar="X.mcap", help="The corrected log to write.")],
+    topic: Annotated[
+        str | None, typer.Option(help="Which IMU topic, where there are several.")
+    ] = None,
+    temperature: Annotated[
+        float | None,
+        typer.Option(metavar="C", help="Of the unit, where the calibration has such terms."),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Take a unit's errors out of a log; the calibration and both hashes go into its metadata.
+
+    Example: stand apply calibration.json log.mcap --out corrected.mcap
+    """
+    tell_left_behind(out)
+    with quick_imports():
+        from stand.calibration.corrected import applied
+
+    with progress("correcting", as_json) as done:
+        found = applied(
+            calibration,
+            recording,
+            out,
+            form,
+            topic=topic,
+            temperature_C=temperature,
+            force=force,
+            progress=done,
+        )
+    facts = {"out": str(out), "topic": found.log.topic, "samples": len(found.log)}
+    if as_json:
+        print_json(facts)
+        return
+    print(f"{out}: {facts['samples']} samples of {recording}, corrected")

@@ -1,0 +1,140 @@
+"""A calibration as tables for a terminal, a notebook and its page."""
+
+from collections.abc import Sequence
+
+from alignment.calibration import Parameter
+from alignment.units import ARC_SECOND
+from stand.calibration.file import CalibrationRecord
+from stand.calibration.units import AXES, OF_NUISANCE, unit_of
+from stand.report.tables import TableData
+
+COVERAGE = 2.0  # of an expanded uncertainty: 95 % of a normal error
+BASES = {"data": "readings", "prior": "before", "both": "both"}
+QUANTITIES = {
+    "rotation": "rotation of the triad about",
+    "non_orthogonality": "axes lean together about",
+    "gyro_to_accel": "gyros against accelerometers about",
+}
+
+
+def number(value: float, sigma: float) -> str:
+    """A value to the second digit of its sigma."""
+    if not sigma > 0:
+        return f"{value:.6g}"
+    exponent = int(f"{sigma:e}".partition("e")[2])
+    digits = max(0, 1 - exponent)
+    return f"{value:.{min(digits, 12)}f}"
+
+
+def headline(record: CalibrationRecord) -> str:
+    """What it is, in one line."""
+    c = record.calibration
+    named = record.unit.get("title") or record.unit.get("id") or "unit"
+    serial = f", serial {record.unit['serial']}" if record.unit.get("serial") else ""
+    return (
+        f"Calibration of {named}{serial}: {len(c.parameters)} parameters, "
+        f"chi-square {c.chi_square:.0f} of {c.dof}"
+    )
+
+
+def remarks(record: CalibrationRecord) -> list[str]:
+    """What must be known of the numbers."""
+    c = record.calibration
+    return [
+        *c.notes,
+        *(f"not told: {line}" for line in c.null_space),
+        *(f"left out: {one.stretch}: {one.reason}" for one in c.left_out),
+    ]
+
+
+def tables(record: CalibrationRecord) -> list[TableData]:
+    """Gyros, accelerometers, the angles that misalignments come to, and what else was found."""
+    found = [
+        parameter_table(record, sensor, title)
+        for sensor, title in (("gyro", "gyros"), ("accel", "accelerometers"))
+    ]
+    return [
+        table for table in (*found, derived_table(record), nuisance_table(record)) if table.rows
+    ]
+
+
+def parameter_table(record: CalibrationRecord, sensor: str, title: str) -> TableData:
+    """One row per parameter of a triad, in its unit."""
+    c, known = record.calibration, record.errors
+    rows = [
+        _row(p, None if known is None else known[n])
+        for n, p in enumerate(c.parameters)
+        if p.key.sensor == sensor
+    ]
+    columns = ("parameter", "value", "sigma", "unit", "known before", "told by")
+    return TableData(
+        f"{title}: what the unit does to the truth",
+        columns if known is None else (*columns, "error"),
+        tuple(rows),
+    )
+
+
+def _row(p: Parameter, error: float | None) -> tuple[str, ...]:
+    unit, size = unit_of(p.key)
+    sigma = p.sigma / size
+    cells = (
+        named(p),
+        number(p.value / size, sigma),
+        f"{sigma:.2g}",
+        unit,
+        f"{p.prior_sigma / size:.3g}" if p.prior_sigma < float("inf") else "nothing",
+        BASES[p.basis],
+    )
+    return cells if error is None else (*cells, number(error / size, sigma))
+
+
+def named(p: Parameter) -> str:
+    """A parameter within the table of its triad."""
+    key = p.key
+    toward = "" if key.toward is None else f" toward {AXES[key.toward]}"
+    return f"{key.term.replace('_', ' ')} {AXES[key.axis]}{toward}"
+
+
+def derived_table(record: CalibrationRecord) -> TableData:
+    """Angles that the misalignments come to."""
+    rows = [
+        (
+            f"{d.sensor}: {QUANTITIES[d.quantity]} {AXES[d.axis]}",
+            number(d.value / ARC_SECOND, d.sigma / ARC_SECOND),
+            f"{d.sigma / ARC_SECOND:.2g}",
+        )
+        for d in record.calibration.derived
+    ]
+    return TableData("angles", ("angle", "value arcsec", "sigma"), tuple(rows))
+
+
+def nuisance_table(record: CalibrationRecord) -> TableData:
+    """What had to be estimated beside the unit."""
+    rows = []
+    for n in record.calibration.nuisance:
+        unit, size = OF_NUISANCE[n.unit]
+        sigma = n.sigma / size
+        before = f"{n.prior_sigma / size:.3g}" if n.prior_sigma < float("inf") else "nothing"
+        rows.append(
+            (n.name, number(n.value / size, sigma), f"{sigma:.2g}", unit, before, BASES[n.basis])
+        )
+    columns = ("what else", "value", "sigma", "unit", "known before", "told by")
+    return TableData("estimated beside the unit", columns, tuple(rows))
+
+
+def budget_table(record: CalibrationRecord) -> TableData:
+    """What each source gives to the sigma of each parameter, in its unit."""
+    c = record.calibration
+    rows = []
+    for n, p in enumerate(c.parameters):
+        unit, size = unit_of(p.key)
+        parts = [f"{one.sigmas[n] / size:.2g}" if one.sigmas[n] else "" for one in c.budget]
+        rows.append((f"{p.key.sensor} {named(p)}", *parts, f"{p.sigma / size:.2g}", unit))
+    columns = ("parameter", *(one.name for one in c.budget), "sigma", "unit")
+    return TableData("where each sigma comes from", columns, tuple(rows))
+
+
+def all_tables(record: CalibrationRecord) -> Sequence[TableData]:
+    """The tables, with the budget."""
+    more = [budget_table(record)] if record.calibration.budget else []
+    return [*tables(record), *more]

@@ -1,0 +1,102 @@
+"""What a command loads before it answers: of libraries and rooms, those that it uses.
+
+Counted in modules, not in time, which a busy machine stretches. To see the time:
+``python -X importtime -m stand align recordings/sample``.
+"""
+
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+SAMPLE = Path(__file__).resolve().parents[3] / "recordings" / "sample"
+TOLD = """
+import atexit, sys
+atexit.register(lambda: print(*sorted(sys.modules), file=sys.stderr))
+from stand.cli import main
+main()
+"""
+ROTATIONS = "import sys, scipy.spatial.transform; print(*sorted(sys.modules), file=sys.stderr)"
+
+# The libraries that this project names, and what takes long; all others come with one of them.
+LIBRARIES = {
+    *("numpy", "scipy", "mujoco", "rerun", "pyarrow", "ruckig", "mcap", "zstandard", "lz4"),
+    *("pydantic", "typer", "rich", "matplotlib", "jinja2", "multiprocessing", "pandas"),
+    *("rosbags", "pyulog", "h5py", "allantools", "dask"),
+}
+ROOMS = ("alignment", "stand.physics.truth", "stand.physics.servo", "stand.vehicle.path")
+ROOMS = (
+    *ROOMS,
+    "stand.simulation.settings",
+    "stand.recording",
+    "stand.rehearsal",
+    "stand.report.page",
+)
+ROOMS = (*ROOMS, "alignment.allan", "stand.evaluation.comparison", "stand.evaluation.published")
+
+# command -> which libraries beside typer it may load, which rooms it may enter
+COMMANDS = {
+    "--help": (set(), set()),
+    "align": (
+        {"numpy", "scipy", "pydantic", "rich", "mcap", "zstandard", "lz4"},
+        {"alignment", "stand.recording"},
+    ),
+    "rehearse": (
+        {"numpy", "scipy", "pydantic", "rich", "mujoco", "ruckig"},
+        # the law of quadrature; thinned curves; what its pages have in common with its tables
+        {"alignment", "stand.simulation.settings", "stand.rehearsal", "stand.physics.truth"}
+        | {"stand.recording", "stand.report.page"},
+    ),
+    "run": (
+        {"numpy", "scipy", "pydantic", "rich", "mcap", "zstandard", "lz4", "mujoco", "ruckig"}
+        | {"rerun", "pyarrow"},  # of the review, which rerun writes by pyarrow
+        {"alignment", "stand.simulation.settings", "stand.recording", "stand.physics.truth"}
+        | {"stand.physics.servo"},
+    ),
+}
+ARGUMENTS = {
+    "--help": [],
+    "align": [str(SAMPLE)],
+    "rehearse": ["two-position", "--imu", "hg9900", "--table", "precision"],
+    "run": ["two-position", "--rate", "1", "--out", "run"],
+}
+
+
+@cache
+def loaded(program: str, *arguments: str, cwd: str) -> set[str]:
+    """Modules of a child that ran, by name."""
+    command = [sys.executable, "-c", program, *arguments]
+    found = subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=True)
+    return set(found.stderr.splitlines()[-1].split())
+
+
+def parts_of_scipy(modules: set[str]) -> set[str]:
+    return {m.split(".")[1] for m in modules if m.startswith("scipy.")}
+
+
+@pytest.fixture(params=COMMANDS)
+def command(request, tmp_path_factory) -> tuple[str, set[str]]:
+    name = request.param
+    folder = str(tmp_path_factory.getbasetemp())
+    return name, loaded(TOLD, name, *ARGUMENTS[name], cwd=folder)
+
+
+def test_a_command_loads_no_library_that_it_does_not_use(command):
+    name, modules = command
+    there = {library for library in LIBRARIES if library in modules}
+    assert there - {"typer"} - COMMANDS[name][0] == set()
+
+
+def test_a_command_enters_no_room_that_it_does_not_use(command):
+    name, modules = command
+    assert {room for room in ROOMS if room in modules} - COMMANDS[name][1] == set()
+
+
+def test_of_scipy_a_command_loads_what_rotations_bring_along(command, tmp_path):
+    """Statistics alone would take half a second, optimisation and integration a fifth each."""
+    name, modules = command
+    basis = parts_of_scipy(loaded(ROTATIONS, cwd=str(SAMPLE)))
+    more = parts_of_scipy(modules) - basis
+    assert more == set(), f"{name} loads scipy.{', scipy.'.join(sorted(more))}"
