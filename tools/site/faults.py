@@ -106,8 +106,8 @@ def fault_page() -> str:
         "# Faults and their remedies",
         "A fault of the input is one line on stderr, `stand: ...`, and exit code 2; in Python it "
         "is a `stand.StandError`, or an `AlignmentError` where a method does not answer. What "
-        f"comes with a traceback is a bug. `{HOLE}` stands for what the input puts in; examples are lines "
-        "that the tests have seen, and stand here while they fit the source.",
+        f"comes with a traceback is a bug. `{HOLE}` stands for what the input puts in; examples "
+        "are lines that the tests have seen, and stand here while they fit the source.",
     ]
     for group, own in groups.items():
         parts.append(f"## `{group}`")
