@@ -16,19 +16,18 @@ from typing import Any
 import numpy as np
 
 from alignment import ESTIMATORS
-from alignment.angles import angles_from_C_nb, near_singular
 from alignment.units import DEG
 from stand.arguments import site_with
 from stand.errors import StandError, located
 from stand.evaluation.aligned import sheet_beside
-from stand.evaluation.score import evaluate_each, suited
+from stand.evaluation.growth import tracked
+from stand.evaluation.score import evaluate_each
 from stand.folder import refuse_files, write_file
 from stand.imu.preset import ImuEntry
 from stand.procedure.procedure import ProcedureEntry, RequireEntry
-from stand.recording.curves import AngleCurves
+from stand.recording.attached_model import attached_model
 from stand.recording.hashes import sha256_of_file, sha256_of_text
 from stand.recording.log import Log, load_log
-from stand.recording.mcap.reader import read_attachments
 from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN, recorded_steps
 from stand.report.document import (
     ANGLE_NOTE,
@@ -210,28 +209,11 @@ def _facts(run: Mapping[str, str], log: Log, total: float) -> list[tuple[str, st
 
 def _errors(log: Log, refused: set[str], total: float) -> list[Any]:
     """A figure per method that has tracks, where the truth is known."""
-    from stand.evaluation.review_curves import curves
-
-    found = []
-    for method in log.methods:
-        known = ESTIMATORS.get(method)
-        if known is None or known.tracks is None or method in refused or not log.simulated:
-            continue
-        wanted = {dwell.label for dwell in suited(method, log.dwells)}
-        tracks: list[AngleCurves] = []
-        for dwell, truth in zip(log.dwells, log.truths, strict=True):
-            if dwell.label not in wanted or truth.C_nb is None:
-                continue
-            tracks += [
-                curves(track, truth.C_nb)
-                for track in known.tracks(dwell, log.site, log.options)
-                if not near_singular(track.sequence, angles_from_C_nb(track.sequence, truth.C_nb))
-            ]
-        for name in dict.fromkeys(track.method for track in tracks):
-            own = [track for track in tracks if track.method == name and len(track.t_ns)]
-            if own:
-                found.append(errors(name, len(found), own, total))
-    return found
+    answered = [m for m in log.methods if m in ESTIMATORS and m not in refused]
+    tracks = tracked(log, answered) if log.simulated else []
+    names = dict.fromkeys(track.method for track in tracks)
+    groups = [[t for t in tracks if t.method == name and len(t.t_ns)] for name in names]
+    return [errors(own[0].method, k, own, total) for k, own in enumerate(filter(None, groups))]
 
 
 def _bar(number: int, step: Mapping[str, Any]) -> Bar:
@@ -262,20 +244,6 @@ def _gallery(recorded: _Recorded, file: Path) -> Gallery:
         return gallery(positions)
     with TemporaryDirectory() as folder, located(file):
         return gallery(positions, attached_model(file, MODEL_FOLDER + main, Path(folder)))
-
-
-def attached_model(file: Path, main: str, folder: Path) -> Path:
-    """The MJCF `main` that is attached to a recording, written into a folder with its files."""
-    attached = read_attachments(file)
-    if main not in attached:
-        raise StandError(f"run: model: {main!r} is not attached")
-    for name, data in attached.items():
-        if not name.startswith(MODEL_FOLDER):
-            continue
-        if ".." in Path(name).parts or "\0" in name:
-            raise StandError(f"attached file {name!r} would leave its folder")
-        write_file(folder / name, data)
-    return folder / main
 
 
 def _date(file: Path) -> str:

@@ -20,6 +20,8 @@ from catalogue_pages import KINDS, Pages, catalogue_pages, command_pages, python
 from drawings import write_drawings, write_procedures
 from faults import fault_page
 
+from stand.cli.app import COMMANDS
+
 ROOT = Path(__file__).resolve().parents[2]
 DOCS, SITE = ROOT / "docs", ROOT / "docs" / "site"
 BUILD = ROOT / "build" / "docs"
@@ -38,8 +40,11 @@ def assemble() -> None:
     for file in DOCS.iterdir():
         if file.is_file():
             shutil.copy(file, SOURCE)
-    for name in ("CITATION.cff",):
-        shutil.copy(ROOT / name, SOURCE)
+    shutil.copy(ROOT / "CITATION.cff", SOURCE)
+    # notebooks run where they lie, and find there what a reader finds in a checkout
+    shutil.copytree(ROOT / "recordings" / "sample", SOURCE / "tutorials" / "recordings" / "sample")
+    for name in _too_early():
+        (SOURCE / "tutorials" / f"{name}.md").unlink()
     for path, text in _written().items():
         target = SOURCE / f"{path}.md"
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -50,6 +55,16 @@ def assemble() -> None:
     index.write_text(
         index.read_text(encoding="utf-8") + toctree(list(SECTIONS), hidden=True), encoding="utf-8"
     )
+
+
+def _too_early() -> list[str]:
+    """Tutorials on a command that is not there yet: `needs: COMMAND` in their head says so."""
+    found = []
+    for path in (SITE / "tutorials").glob("*.md"):
+        needed = re.search(r"^needs: (\S+)$", path.read_text(encoding="utf-8"), re.M)
+        if needed is not None and needed[1] not in COMMANDS:
+            found.append(path.stem)
+    return found
 
 
 def _written() -> Pages:
@@ -93,7 +108,7 @@ def _sections() -> Pages:
     guides = sorted(own - {*explained, *START, *CHANGED})
     inner = {
         "start": START,
-        "tutorials/index": sorted(p.stem for p in (SITE / "tutorials").glob("*.md")),
+        "tutorials/index": sorted(p.stem for p in (SOURCE / "tutorials").glob("*.md")),
         "guides": guides,
         "explanations/index": [
             *sorted(p.stem for p in (SITE / "explanations").glob("*.md")),
@@ -114,8 +129,8 @@ def build() -> int:
     shutil.rmtree(HTML, ignore_errors=True)
     environment = os.environ | {
         "OMP_NUM_THREADS": "1",
+        "COLUMNS": "112",
         "PYTHONPATH": str(ROOT),
-        "STAND_CHECKOUT": str(ROOT),
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }
     command = [
