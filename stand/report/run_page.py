@@ -6,7 +6,7 @@ the recording holds, not what was once written beside it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -36,9 +36,10 @@ from stand.report.document import (
     score_tables,
 )
 from stand.report.figures import Bar, channels, errors, timeline
+from stand.report.film import write_film
 from stand.report.gallery import Gallery, Position, gallery
 from stand.report.judged import judged
-from stand.report.page import render, span_text
+from stand.report.page import Photo, data_uri, render, span_text
 from stand.report.provenance import provenance
 from stand.report.tables import TableData
 from stand.simulation.step_record import StepRecord, records_from_json
@@ -46,6 +47,7 @@ from stand.table.table import TableEntry
 from stand.toml_files import Source, parse
 
 PAGE = "report.html"
+FILM_S, FILM_SIZE = 15.0, (800, 450)  # of a film in a page
 _MOVING = ("move", "profile")
 _ENTRIES = {"procedure": ProcedureEntry, "imu": ImuEntry, "table": TableEntry}
 
@@ -56,7 +58,9 @@ def write_run_page(
     *,
     log: Log | None = None,
     latitude_deg: float | None = None,
+    film: bool = False,
     force: bool = False,
+    progress: Callable[[float], None] = lambda done: None,
 ) -> Path:
     """Write the page of a recorded run.
 
@@ -70,8 +74,12 @@ def write_run_page(
         The recording, where it has been read.
     latitude_deg : float, optional
         Of the site; else as recorded.
+    film : bool
+        Show the run as a film of `FILM_S` at most on the first screen.
     force : bool
         Replace a page that is there.
+    progress : callable
+        Told the part of the film that is drawn, 0 to 1.
 
     Raises
     ------
@@ -83,11 +91,18 @@ def write_run_page(
     if target.is_dir():
         raise StandError(f"--out {target}: must be a file")
     refuse_files([target], force=force)
-    return write_file(target, page(file, latitude_deg, log))
+    log = log or load_log(file, None, None, None)
+    moving = _film(log, progress) if film else None
+    return write_file(target, page(file, latitude_deg, log, moving))
 
 
-def page(file: Path, latitude_deg: float | None = None, log: Log | None = None) -> str:
-    """The page of a recording: HTML that needs nothing else."""
+def page(
+    file: Path,
+    latitude_deg: float | None = None,
+    log: Log | None = None,
+    moving: Photo | None = None,
+) -> str:
+    """The page of a recording: HTML that needs nothing else; `moving` is its film."""
     recorded = _read(file, log)
     log, steps, run = recorded.log, recorded.steps, recorded.metadata[RUN]
     site = site_with(log.site, latitude_deg, None)
@@ -117,6 +132,7 @@ def page(file: Path, latitude_deg: float | None = None, log: Log | None = None) 
         if steps
         else None,
         "gallery": _gallery(recorded, file) if steps else None,
+        "film": moving,
         "settings": _settings(run, log),
         "provenance": provenance(texts, recorded.sha256, _versions(run)),
         "path": str(file),
@@ -244,6 +260,17 @@ def _gallery(recorded: _Recorded, file: Path) -> Gallery:
         return gallery(positions)
     with TemporaryDirectory() as folder, located(file):
         return gallery(positions, attached_model(file, MODEL_FOLDER + main, Path(folder)))
+
+
+def _film(log: Log, progress: Callable[[float], None]) -> Photo:
+    """The run as a moving picture that a page holds."""
+    with TemporaryDirectory() as folder:
+        made = write_film(
+            log, Path(folder) / "run.webp", longest_s=FILM_S, size=FILM_SIZE, progress=progress
+        )
+        image = made.path.read_bytes()
+    alt = f"The stand from {made.t_from:.1f} to {made.t_to:.1f} s, beside readings and estimate"
+    return Photo(data_uri(image, "webp"), alt, f"{alt}; {made.speed:.3g} times its speed.")
 
 
 def _date(file: Path) -> str:

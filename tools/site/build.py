@@ -27,6 +27,14 @@ DOCS, SITE = ROOT / "docs", ROOT / "docs" / "site"
 BUILD = ROOT / "build" / "docs"
 SOURCE, HTML = BUILD / "source", BUILD / "html"
 
+# Commands in notebooks speak to a file, not to a screen of many colours; the kernel is ours alone.
+IPYTHON = BUILD / "ipython"
+PLAIN = {
+    "profile_default/startup/plain.py": "import os\n"
+    "for name in ('FORCE_COLOR', 'CLICOLOR', 'CLICOLOR_FORCE'):\n    os.environ.pop(name, None)\n",
+    "profile_default/ipython_kernel_config.py": "c.IPKernelApp.log_level = 40\n",
+}
+
 # Pages of docs/ in the order in which they are read; one that is not here comes with the guides.
 START = ("readme", "running")
 EXPLAINED = ("notation", "methods", "papers", "proof", "proof-allan", "speed", "mutants")
@@ -127,7 +135,12 @@ def _sections() -> Pages:
 def build() -> int:
     """Run Sphinx; its exit code."""
     shutil.rmtree(HTML, ignore_errors=True)
+    shutil.rmtree(IPYTHON, ignore_errors=True)
+    for name, text in PLAIN.items():
+        (IPYTHON / name).parent.mkdir(parents=True, exist_ok=True)
+        (IPYTHON / name).write_text(text, encoding="utf-8")
     environment = os.environ | {
+        "IPYTHONDIR": str(IPYTHON),
         "OMP_NUM_THREADS": "1",
         "COLUMNS": "112",
         "PYTHONPATH": str(ROOT),
