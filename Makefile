@@ -1,4 +1,4 @@
-.PHONY: demo test lint bench peers proof mutants fuzz clean
+.PHONY: demo test lint bench peers proof docs mutants fuzz clean
 
 VENV := .venv
 PEERS := .venv-peers
@@ -32,6 +32,10 @@ proof: $(READY)
 	$(PY) tests/benchmarks/proof.py
 	$(PY) tests/benchmarks/proof_allan.py
 	$(PY) tests/benchmarks/proof_nees.py
+
+docs: $(READY)
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(PY) tools/site/build.py $(ARGS)
 
 mutants: $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[mutants]'

@@ -68,9 +68,9 @@ def photo(png: bytes, alt: str, caption: str = "") -> Photo:
     return Photo(data_uri(png), alt, caption)
 
 
-def data_uri(png: bytes) -> str:
-    """A PNG as an address that holds it."""
-    return f"data:image/png;base64,{b64encode(png).decode()}"
+def data_uri(image: bytes, kind: str = "png") -> str:
+    """A PNG, or an image of another kind, as an address that holds it."""
+    return f"data:image/{kind};base64,{b64encode(image).decode()}"
 
 
 def drawing(
