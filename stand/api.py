@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stand.recording.log import Log
     from stand.recording.log_form import LogForm
     from stand.recovered import Recovered
+    from stand.report.film import Film
     from stand.results.aligned import Aligned
     from stand.results.analysed import Analysed
     from stand.results.beside import Beside
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from stand.results.simulated import Simulated
     from stand.results.stretches import Stretches
     from stand.simulation.settings import Settings
+    from stand.simulation.work import Engine
     from stand.table.table import Table
 
 Named = str | PathLike[str]
@@ -254,6 +256,143 @@ def read(
         _path(path), topic, t_from_s, t_to_s, turn_joint, turn_axis, vehicle, named, form, progress
     )
     return shown(Recording, log)
+
+
+def film(
+    recording: Log | Named,
+    out: Named,
+    *,
+    t_from_s: float | None = None,
+    t_to_s: float | None = None,
+    speed: float | None = None,
+    camera: str = "review",
+    size: tuple[int, int] = (1280, 720),
+    method: str | None = None,
+    joints: str = "",
+    force: bool = False,
+    progress: Progress = _quiet,
+) -> Film:
+    """The moving stand beside its readings and its estimate, as a film.
+
+    Parameters
+    ----------
+    recording : Recording or path
+        Of `stand.run`, or a log with joint angles.
+    out : path
+        ``.mp4``, ``.gif`` or ``.webp``.
+    t_from_s, t_to_s : float, optional
+        What is shown [s]; else all.
+    speed : float, optional
+        So many times faster; else so that it takes 60 s at most.
+    camera : str
+        Of the model, or ``"azimuth,elevation,distance"`` [deg, deg, m].
+    size : (2,)
+        Width and height in pixels, even.
+    method : str, optional
+        Whose estimate grows; else the recording's first that answers.
+    joints : str
+        Which joint of a foreign table is which axis: ``"yaw=outer,pitch=-middle"``.
+    force : bool
+        Replace a file that is there.
+    progress : callable
+        Told the part done, 0 to 1.
+
+    Returns
+    -------
+    Film
+        ``path``, ``pictures``, ``duration`` [s], ``speed``.
+
+    Raises
+    ------
+    StandError
+        No joints; nothing that draws or encodes; an argument is not allowed; a file is there.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.film("recordings/sample", "film.avi")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: unknown --out film.avi: kind of film '.avi': ...
+    """
+    from stand.report.film import write_film
+
+    return write_film(
+        _of_file(recording),
+        Path(out),
+        t_from=t_from_s,
+        t_to=t_to_s,
+        speed=speed,
+        camera=camera,
+        size=size,
+        method=method,
+        joints=joints,
+        force=force,
+        progress=progress,
+    )
+
+
+def picture(
+    recording: Log | Named,
+    at_s: float,
+    out: Named,
+    *,
+    camera: str = "review",
+    size: tuple[int, int] = (1280, 720),
+    method: str | None = None,
+    joints: str = "",
+    force: bool = False,
+) -> Path:
+    """One moment of a recording as a PNG; arguments and faults as of `stand.film`.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    at_s : float
+        Which moment [s].
+    out : path
+        A PNG.
+    camera, size, method, joints : optional
+        As of `stand.film`.
+    force : bool
+        Replace a file that is there.
+
+    Returns
+    -------
+    Path
+        `out`.
+
+    Raises
+    ------
+    StandError
+        A moment beyond the recording; else as `stand.film`.
+
+    Examples
+    --------
+    >>> import stand
+    >>> stand.picture("recordings/sample", 75, "moment.jpg")
+    Traceback (most recent call last):
+        ...
+    stand.errors.StandError: --out moment.jpg: must end in .png
+    """
+    from stand.report.film import write_picture
+
+    return write_picture(
+        _of_file(recording),
+        at_s,
+        Path(out),
+        camera=camera,
+        size=size,
+        method=method,
+        joints=joints,
+        force=force,
+    )
+
+
+def _of_file(recording: Log | Named) -> Log:
+    from stand.recording.log import Log
+
+    return recording if isinstance(recording, Log) else read(recording)
 
 
 def recover(place: Named | None = None) -> list[Recovered]:
@@ -601,7 +740,12 @@ def stretches(
 
 
 def rehearse(
-    settings: Settings, *, verify: int | None = None, progress: Progress = _quiet
+    settings: Settings,
+    *,
+    verify: int | None = None,
+    keep: Named | None = None,
+    scheduler: object = None,
+    progress: Progress = _quiet,
 ) -> Rehearsed:
     """Before the table is booked: can it run, how long, how accurate, why, what would help.
 
@@ -611,8 +755,12 @@ def rehearse(
         Of `stand.settings`.
     verify : int, optional
         Simulate so many runs and set what they come to beside the predictions.
+    keep : path, optional
+        File for those runs; those that it holds are not made again.
+    scheduler : str or object, optional
+        Of a Dask cluster that makes them, as of `stand.campaign`.
     progress : callable
-        Told the part of those runs that is done, 0 to 1.
+        Told the part done, 0 to 1: of those runs, without any of the changes that are tried.
 
     Raises
     ------
@@ -633,11 +781,13 @@ def rehearse(
 
     if verify is not None:
         whole("verify", verify, 1)
-    answer = with_advice(_checked(settings))
+    answer = with_advice(_checked(settings), _quiet if verify else progress)
     if verify is not None:
         from stand.rehearsal.verify import with_verification
 
-        answer = with_verification(answer, settings, verify, progress)
+        file = None if keep is None else Path(keep)
+        engine = _engine(scheduler)
+        answer = with_verification(answer, settings, verify, progress, engine=engine, keep=file)
     return shown(Rehearsed, answer)
 
 
@@ -647,6 +797,8 @@ def compare(
     *,
     progress: Progress = _quiet,
     workers: int | None = None,
+    keep: Named | None = None,
+    scheduler: object = None,
 ) -> Compared:
     """Methods side by side on identical data: error, sigma, floor, NEES, run time.
 
@@ -662,6 +814,10 @@ def compare(
     workers : int, optional
         Processes, which change nothing but the time. A script that lets more than one work must
         keep its own behind ``if __name__ == "__main__"``.
+    keep : path, optional
+        File for the runs; those that it holds are not made again.
+    scheduler : str or object, optional
+        Of a Dask cluster that makes them, as of `stand.campaign`.
 
     Raises
     ------
@@ -686,7 +842,18 @@ def compare(
     whole("runs", runs, 1)
     if workers is not None:
         whole("workers", workers, 1)
-    return shown(Compared, compare_methods(_checked(settings), runs, progress, workers))
+    file = None if keep is None else Path(keep)
+    found = compare_methods(_checked(settings), runs, progress, workers, _engine(scheduler), file)
+    return shown(Compared, found)
+
+
+def _engine(scheduler: object) -> Engine | None:
+    """Who makes runs at a scheduler; None: processes of this machine."""
+    if scheduler is None:
+        return None
+    from stand.simulation.cluster import engine_at
+
+    return engine_at(scheduler)
 
 
 def campaign(

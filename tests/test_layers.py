@@ -14,6 +14,7 @@ DOORS = {
     "mcap": ("stand.recording.mcap",),
     "rosbags": ("stand.recording.mcap.bag",),
     "pyulog": ("stand.recording.formats.ulog",),
+    "av": ("stand.report.encoding",),
     "h5py": ("stand.recording.formats.hdf5",),
     "pyarrow": (
         "stand.recording.formats.parquet",

@@ -30,7 +30,7 @@ def scatter(values: Array) -> Array:
     """Variances (b, k) of values (n, k) about the means of successive blocks."""
     if len(values) < BLOCK:
         return values.var(axis=0, ddof=1)[None]
-    return np.stack([_scatter(column) for column in values.T], axis=1)
+    return np.stack([_scatter(np.ascontiguousarray(column)) for column in values.T], axis=1)
 
 
 def _scatter(values: Array) -> Array:
@@ -48,13 +48,12 @@ def peculiar(sensor: str, parts: Sequence[ImuReadings], interval: float) -> list
     notes: list[str] = []
     for part in parts:
         values = part.w_ib_b if sensor == "gyro" else part.f_b
-        values = np.asfortranarray(values)  # each channel by itself
         spread = scatter(values)
         usual = np.median(spread, axis=0)
         notes += _shaken(sensor, part.t, spread, usual)
         window = np.hanning(len(values))
         for k, axis in enumerate(AXES):
-            name, own = f"{sensor} {axis}", values[:, k]
+            name, own = f"{sensor} {axis}", np.ascontiguousarray(values[:, k])
             if len(own) < BLOCK or np.ptp(own) <= SILENT * largest(own):
                 continue
             shaken = bool((spread[:, k] > SHAKEN * usual[k]).any())

@@ -16,6 +16,7 @@ from stand.cli.align import align, allan, import_log
 from stand.cli.calibrate import apply, calibrate
 from stand.cli.campaign import campaign
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
+from stand.cli.film import film, picture
 from stand.cli.progress import Stopped
 from stand.cli.review import recover, report, view
 from stand.cli.run import drive, run
@@ -53,6 +54,8 @@ COMMANDS = {
     "allan": allan,
     "stretches": stretches,
     "report": report,
+    "film": film,
+    "picture": picture,
     "recover": recover,
     "check-imu": check_imu,
     "check-table": check_table,

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from stand.cli.options import ForceOption, JsonOption, quick_imports
+from stand.cli.options import ForceOption, JsonOption, SchedulerOption, quick_imports
 from stand.cli.progress import Stopped, print_json, progress, working
+from stand.cli.run import show_run
 
 
 def campaign(
@@ -32,13 +33,7 @@ def campaign(
     workers: Annotated[
         int | None, typer.Option(metavar="N", help="Processes; else as many as there are cores.")
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Of a Dask cluster, as tcp://127.0.0.1:8786; local: one that is started here.",
-        ),
-    ] = None,
+    scheduler: SchedulerOption = None,
     plan: Annotated[
         bool, typer.Option("--plan", help="Cases, runs, time and size that are expected; no run.")
     ] = False,
@@ -159,6 +154,9 @@ def _record(
     with quick_imports():
         import stand
         from stand.campaigns.record import default_recording, settings_of_run
+        from stand.recording.reviewing import can_review
+
+        reviewed = can_review()  # imports rerun here rather than amid the samples
 
     if folder is None or case is None or seed is None:
         raise stand.StandError("stand campaign record: must have DIR, --case and --seed")
@@ -169,9 +167,6 @@ def _record(
     if as_json:
         from stand.evaluation.run_result import result_json
 
-        print_json(result_json(result))
+        print_json(result_json(result) | {"out": str(result.out)})
         return
-    from stand.report.console import console, show
-
-    show(console(), result.tables())
-    print(target)
+    show_run(result, reviewed)

@@ -100,10 +100,11 @@ def run(
     if as_json:
         print_json(result_json(result) | {"out": str(result.out)})
     else:
-        _show_run(result, reviewed)
+        show_run(result, reviewed)
 
 
-def _show_run(result: RunResult, reviewed: bool) -> None:
+def show_run(result: RunResult, reviewed: bool) -> None:
+    """What a run came to, for a person."""
     from rich.markup import escape
 
     from stand.recording.reviewing import MISSING

@@ -13,10 +13,13 @@ import struct
 import subprocess
 import sys
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from threading import Timer
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,13 +32,20 @@ from stand.table.joints import JOINTS
 Image = NDArray[np.uint8]
 
 DRIVERS = ("egl", "osmesa")  # a graphics card or Mesa's software; software alone
-LONGEST = 300.0  # s, for all pictures; software draws about ten a second
+LONGEST = 300.0  # s, of one process; software draws about ten pictures a second
+LONGEST_EACH = 2.0  # s, more of it for each picture
+QUICK_SAMPLES = 4  # of a pixel
 SHADOW = 5  # points of the shadow map for each of the picture's
+_FAULTS = "faults"  # the file with what the process complains of
 _REFUSED = 3  # exit code: the request is wrong, another driver would not help
 
 
 class NoDriver(StandError):
     """Nothing can be drawn on this machine."""
+
+
+class Stopped(Exception):
+    """A driver that did not draw all; the message says why."""
 
 
 def pictures(
@@ -70,21 +80,42 @@ def pictures(
     StandError
         A camera that the model does not have; a model that is not right.
     """
-    angles = np.asarray(joints, dtype=float).reshape(-1, len(JOINTS))
+    return list(drawn(joints, camera, width, height, model))
+
+
+def drawn(
+    joints: ArrayLike,
+    camera: str = "review",
+    width: int = 1600,
+    height: int = 1200,
+    model: Path | None = None,
+    *,
+    quick: bool = False,
+) -> Iterator[Image]:
+    """The same one after the other, each as soon as it is drawn: for films.
+
+    `quick`: without shadows and reflections, which take most of the time where software draws.
+    """
+    rest = np.asarray(joints, dtype=float).reshape(-1, len(JOINTS))
     request = {
-        "joints": angles.tolist(),
         "camera": camera,
         "width": width,
         "height": height,
         "model": None if model is None else str(model.absolute()),
+        "quick": quick,
     }
     chosen = os.environ.get(ASIDE) or os.environ.get("MUJOCO_GL")
     told = []
     for driver in (chosen,) if chosen else DRIVERS:
-        drawn, fault = _drawn_by(driver, request)
-        if drawn is not None:
-            return list(drawn)
-        told.append(f"{driver}: {fault}")
+        done = 0
+        try:
+            for image in drawn_by(driver, request | {"joints": rest.tolist()}):
+                done += 1
+                yield image
+            return
+        except Stopped as fault:
+            told.append(f"{driver}: {fault}")
+            rest = rest[done:]  # another driver goes on
     raise NoDriver(
         f"no OpenGL driver ({'; '.join(told)}): install libegl1 or libosmesa6 and leave MUJOCO_GL "
         "unset, or set it to egl or osmesa"
@@ -104,29 +135,57 @@ def _chunk(kind: bytes, body: bytes) -> bytes:
     return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
 
 
-def _drawn_by(driver: str, request: dict[str, Any]) -> tuple[Image | None, str]:
-    """The images (n, height, width, 3) by one driver, or None and why not."""
-    environment = os.environ | {"MUJOCO_GL": driver, "PYTHONPATH": _import_path()}
+def drawn_by(driver: str, request: dict[str, Any]) -> Iterator[Image]:
+    """Images by one driver; `Stopped` where it does not draw all."""
+    shape = (request["height"], request["width"], 3)
     with TemporaryDirectory() as folder:  # MuJoCo writes its log into the working folder
-        try:
-            answer = subprocess.run(
+        limit = LONGEST + LONGEST_EACH * len(request["joints"])
+        with _drawing(driver, Path(folder), limit) as (process, stdin, stdout):
+            with suppress(OSError), stdin:  # a process that died is known by its answer
+                stdin.write(json.dumps(request).encode())
+            for _ in request["joints"]:
+                pixels = stdout.read(prod(shape))
+                if len(pixels) < prod(shape):
+                    break
+                yield np.frombuffer(pixels, np.uint8).reshape(shape)
+            else:
+                return
+            code = process.wait()
+        fault = (Path(folder) / _FAULTS).read_text(encoding="utf-8", errors="replace").strip()
+    if code == _REFUSED:
+        raise StandError(fault)
+    raise Stopped(fault.rpartition("\n")[2][:120] or f"ended with {code}")
+
+
+@contextmanager
+def _drawing(
+    driver: str, folder: Path, limit: float
+) -> Iterator[tuple[subprocess.Popen[bytes], IO[bytes], IO[bytes]]]:
+    """The process that draws, with its pipes, for `limit` seconds at most."""
+    environment = os.environ | {"MUJOCO_GL": driver, "PYTHONPATH": _import_path()}
+    try:
+        with (folder / _FAULTS).open("wb") as faults:
+            process = subprocess.Popen(
                 [sys.executable, "-P", "-m", __name__],
-                input=json.dumps(request).encode(),
-                capture_output=True,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=faults,
                 cwd=folder,
                 env=environment,
-                timeout=LONGEST,
-                check=False,
             )
-        except (OSError, subprocess.TimeoutExpired) as error:
-            return None, " ".join(str(error).split())
-    if answer.returncode == _REFUSED:
-        raise StandError(answer.stderr.decode(errors="replace").strip())
-    shape = (len(request["joints"]), request["height"], request["width"], 3)
-    if answer.returncode or len(answer.stdout) != np.prod(shape):
-        last = answer.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        return None, last[:120] or f"ended with {answer.returncode}"
-    return np.frombuffer(answer.stdout, np.uint8).reshape(shape), ""
+    except OSError as error:
+        raise Stopped(" ".join(str(error).split())) from error
+    assert process.stdin is not None
+    assert process.stdout is not None
+    watchdog = Timer(limit, process.kill)
+    watchdog.start()
+    try:
+        yield process, process.stdin, process.stdout
+    finally:
+        watchdog.cancel()
+        process.kill()
+        process.wait()
+        process.stdout.close()
 
 
 def _import_path() -> str:
@@ -147,8 +206,8 @@ def _main() -> int:
 
 
 def _draw(
-    joints: Sequence[Array], camera: str, width: int, height: int, model: str | None
-) -> Sequence[Image]:
+    joints: Sequence[Array], camera: str, width: int, height: int, model: str | None, quick: bool
+) -> Iterator[Image]:
     import mujoco
 
     from stand.physics.mjcf import load_model
@@ -160,14 +219,17 @@ def _draw(
     # sharper shadows than the picture can show are half of a small one's time
     quality = stand.vis.quality
     quality.shadowsize = min(quality.shadowsize, SHADOW * max(width, height))
-    images = []
+    if quick:
+        quality.offsamples = min(quality.offsamples, QUICK_SAMPLES)
     with mujoco.Renderer(stand, height, width) as renderer:
         for angles in joints:
             data.qpos[:] = angles
             mujoco.mj_forward(stand, data)
             renderer.update_scene(data, view)
-            images.append(renderer.render().copy())
-    return images
+            if quick:
+                for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+                    renderer.scene.flags[flag] = 0
+            yield renderer.render()
 
 
 def _camera(model: Any, name: str) -> Any:

@@ -194,6 +194,7 @@ def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulate
         simulation.plan.stretches,
         settings.rate_hz,
         moves=follows_moves(settings),
+        imu=settings.unit,
         stand=simulation.encoders_of,
     )
     blocks, done = [], 0

@@ -1,6 +1,8 @@
 """Faults of runs, in processes of their own too: a bug keeps its traceback."""
 
 import operator
+import os
+import signal
 import subprocess
 import sys
 from functools import partial
@@ -9,7 +11,9 @@ import pytest
 
 from alignment.errors import AlignmentError, Fault, TooShort
 from stand.errors import StandError
-from stand.simulation.parallel import RunFailed, campaign
+from stand.simulation import work
+from stand.simulation.parallel import RunFailed, campaign, pool
+from stand.simulation.work import Done, Lost, Supply, Task, here, recipe_of
 
 TRIPLED = partial(partial, operator.mul, 3)  # makes what makes a run of a seed
 
@@ -54,6 +58,38 @@ def test_a_known_fault_is_told_with_its_seed(workers):
     with pytest.raises(StandError) as raised:
         list(campaign(ready, [4, 5], workers))
     assert str(raised.value) == "run with seed 5: 1 sample: at least 2 are needed"
+
+
+def fatal():
+    """What ends its process at seed 5; a longer batch than two in any case."""
+    return lambda seed: os.kill(os.getpid(), signal.SIGKILL) if seed == 5 else seed
+
+
+def test_a_run_that_ends_its_process_is_named_and_the_rest_is_made():
+    supply = Supply([Task(3, recipe_of(fatal), range(8)), Task(4, recipe_of(ready), [1, 2])])
+    found = list(pool(supply, 2))
+    assert [one for one in found if isinstance(one, Lost)] == [Lost(3, 5)]
+    made = [(one.case, seed) for one in found if isinstance(one, Done) for seed in one.seeds]
+    assert sorted(made) == [(3, s) for s in (0, 1, 2, 3, 4, 6, 7)] + [(4, 1), (4, 2)]
+    with pytest.raises(StandError, match="run with seed 5: ended the process that made it"):
+        list(campaign(fatal, range(4, 7), 2))
+
+
+def test_when_every_run_ends_its_process_it_is_said():
+    supply = Supply([Task(0, b"", range(100))])
+    told = "11 runs have ended their process, the last with seed 10"
+    with pytest.raises(StandError, match=told):
+        [supply.lost(batch) for batch in iter(supply.take, None)]
+
+
+def test_a_batch_goes_on_where_its_time_was_up(monkeypatch):
+    """A clock that goes a second a look: one run a batch, the rest goes back, in order."""
+    clock = iter(range(1000))
+    monkeypatch.setattr(work.time, "perf_counter", lambda: next(clock))
+    supply = Supply([Task(0, recipe_of(TRIPLED), range(6))])
+    found = list(here(supply))
+    assert [one.results for one in found] == [[3 * seed] for seed in range(6)]
+    assert supply.empty
 
 
 def test_the_command_ends_with_code_1_and_the_traceback():
