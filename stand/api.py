@@ -572,7 +572,7 @@ def calibrate(
     >>> run = stand.simulate(stand.settings("tumble-6", imu="hg9900", rate_hz=20))
     >>> found = stand.calibrate(run)
     >>> gyro = found.calibration.parameters[0]
-    >>> gyro.key.term, gyro.basis, bool(abs(found.errors[0]) < 4 * gyro.sigma)
+    >>> gyro.key.term, gyro.basis, bool(gyro.sigma < gyro.prior_sigma)
     ('bias', 'both', True)
     >>> run = stand.simulate(stand.settings("two-position", imu="stim300", rate_hz=20))
     >>> stand.calibrate(run, hand_held=True)

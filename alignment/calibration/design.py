@@ -4,6 +4,7 @@ Also what one more station or move would add (`candidate`), for those who plan t
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,12 +30,15 @@ class Design:
         Derivatives of the readings by the unknowns, at the expected ones.
     noises : mapping
         Covariances (m, m) of the readings by source.
+    origin : Design
+        Of the first run, where this is that of another.
     active : (a,)
         Columns of the unknowns that are not known beforehand.
     """
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        self.origin = self
         self.J = model.jacobian()
         self.noises = noise_parts(model)
         self.active = np.flatnonzero(model.unknowns.sigmas > 0)
@@ -47,6 +51,13 @@ class Design:
         Q, self._U = np.linalg.qr(np.concatenate([W, np.eye(len(self.active))]))
         self._Q, self._Q_prior = Q[: len(W)], Q[len(W) :]
         self.W = W
+
+    def of_readings(self, model: Model) -> "Design":
+        """The same for another run of the procedure: its moves are its own, all else is known."""
+        _ = self.weight, self.covariance, self.gain  # worked out once, for all
+        known = copy(self)
+        known.model = model
+        return known
 
     def whitened(self, rows: Array) -> Array:
         """Rows (m, ...) in units of the noise, uncorrelated."""

@@ -77,13 +77,15 @@ def solved(design: Design, y: Array) -> tuple[Array, Array]:
     unknowns, model = design.model.unknowns, design.model
     x = np.array(unknowns.expected)
     active, sigmas = design.active, np.sqrt(design.covariance.diagonal())
-    for _ in range(STEPS):
+    for number in range(STEPS):
         left = model.left(y, x)
+        if number == 0:
+            _check_moves(model, left)
+        off = left + design.J @ (x - unknowns.expected)
         step = design.step(left, x[active] - unknowns.expected[active])
         x[active] += step
         if np.all(np.abs(step) <= SETTLED * sigmas):
-            left = model.left(y, x)
-            return x, left + design.J @ (x - unknowns.expected)
+            return x, off
     raise AlignmentError("the readings cannot be those of such a unit: the fit does not settle")
 
 
@@ -104,7 +106,7 @@ def fitted(
     bench : Bench
     site : Site
     design : Design, optional
-        Of just these stretches, where it is known already.
+        Of these stretches in another run, where it is known already.
     all_of_them : bool
         Leave none out, whatever it contradicts.
 
@@ -116,11 +118,11 @@ def fitted(
     left_out = [one for session in seen for one in session.left_out]
     current = list(seen)
     most = max(1, int(MOST * sum(len(s.session.stations) for s in seen)))
-    worked = design or Design(Model([s.session for s in seen], bench, site))
+    model = Model([s.session for s in seen], bench, site)
+    worked = Design(model) if design is None else design.of_readings(model)
     dropped = 0
     while True:
         y = np.concatenate([s.y for s in current])
-        _check_moves(worked.model, y)
         x, off = solved(worked, y)
         found = Fit(worked, x, off, tuple(left_out))
         worst = None if all_of_them else _worst(worked, off)
@@ -146,9 +148,8 @@ def fitted(
     return found
 
 
-def _check_moves(model: Model, y: Array) -> None:
+def _check_moves(model: Model, left: Array) -> None:
     """Refuse moves in which the gyros turn quite otherwise than the encoders."""
-    left = model.left(y, model.unknowns.expected)
     for k, rows in enumerate(model.rows()):
         session = model.sessions[k]
         for move, own in zip(session.moves, rows[len(session.stations) :], strict=True):

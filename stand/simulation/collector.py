@@ -122,8 +122,12 @@ class DwellCollector:
                 self._all_q_wb[label][there] = truth.q_wb[here]
             q = truth.q_wb[here]
             self._squares[k] += q.T @ q
-            if self._stand is not None:
-                self._encoders[k] += truth.encoders[here].sum(axis=0) / (last - first)
+            if self._stand is not None:  # of its second half: it may have to settle
+                half = max(a, (first + last) // 2)
+                own = (
+                    truth.encoders[slice(half - start, b - start)] if half < b else np.zeros((0, 6))
+                )
+                self._encoders[k] += own.sum(axis=0) / (last - (first + last) // 2)
             if b == last:
                 self._q_wb[k] = truth.q_wb[b - 1 - start]
         self._tick = stop
