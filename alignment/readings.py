@@ -14,6 +14,15 @@ from alignment.parts import parts, release
 EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
 
 
+@dataclass(frozen=True, slots=True)
+class Grain:
+    """How coarse a sensor's numbers are: the `step` that they are rounded to, and the `noise` of
+    one sample before that, its standard deviation; both in the sensor's unit."""
+
+    step: float = 0.0
+    noise: float = 0.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuReadings:
     """Samples of one IMU.
@@ -28,6 +37,8 @@ class ImuReadings:
     ranges : (float, float)
         Full scale that the data sheet states of gyros [rad/s] and accelerometers [m/s^2]; infinite
         where nobody does.
+    grains : (Grain, Grain) or None
+        What is known of their rounding; None where nobody says.
 
     Raises
     ------
@@ -39,6 +50,7 @@ class ImuReadings:
     w_ib_b: Array
     f_b: Array
     ranges: tuple[float, float] = (inf, inf)
+    grains: tuple[Grain, Grain] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.t)

@@ -160,8 +160,10 @@ class _Run:
         """Samples block by block into both recordings and the stretches."""
         steps = zip(self.plan.steps, self.plan.rests, strict=True)
         moving = [step.label for step, rests in steps if not rests.all()]
-        rate = self.settings.rate_hz
-        collector = DwellCollector(self.plan.stretches, rate, moving, self.folder)
+        known = self.settings
+        collector = DwellCollector(
+            self.plan.stretches, known.rate_hz, moving, self.folder, imu=known.unit
+        )
         waiting: list[Future[None]] = []
         done, total, steps_over = 0, self.simulation.total, 0
         for block in self.simulation.blocks():

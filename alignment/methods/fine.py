@@ -42,6 +42,7 @@ from alignment.noise import around_doubt
 from alignment.nominal import TRACK_STEP
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
 from alignment.strapdown import Carried, carry, matrices
 
@@ -241,7 +242,7 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     site.horizontal_rate()
     readings = checked_readings(dwell)
     carried = carry(readings, update_of(readings))
-    priors = states_of(options.priors, carried, site)
+    priors = states_of(with_rounding(options.priors, readings), carried, site)
     matched, noise, arm = laid(readings, carried, site, priors)
     coarse, wander = covariances(carried, matched, noise, priors, arm)
     rest = rest_of(dwell, readings, priors)

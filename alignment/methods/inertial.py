@@ -32,6 +32,7 @@ from alignment.noise import (
 )
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
 from alignment.strapdown import Carried, carry, matrices
 
@@ -478,7 +479,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     """The attitude at the end of the record so far, as it grows: the last of them `inertial`'s."""
     site.horizontal_rate()
     readings = checked_readings(dwell)
-    priors = options.priors
+    priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
     _, noise, _ = laid(readings, carried, site, priors)
     rest = rest_of(dwell, readings, priors)
@@ -523,10 +524,11 @@ def block_of(readings: ImuReadings) -> float:
 
 def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     readings = checked_readings(dwell)
+    priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
-    matched, noise, arm = laid(readings, carried, site, options.priors)
-    covariance, wander = covariances(carried, matched, noise, options.priors, arm)
-    rest = rest_of(dwell, readings, options.priors)
+    matched, noise, arm = laid(readings, carried, site, priors)
+    covariance, wander = covariances(carried, matched, noise, priors, arm)
+    rest = rest_of(dwell, readings, priors)
     covariance = covariance + rest_covariance(carried, matched, rest)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)

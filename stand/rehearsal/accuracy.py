@@ -23,6 +23,7 @@ from stand.rehearsal.refusals import (
     check_quiet,
     check_vertical,
     coarse,
+    coarse_tilt,
     rival_of,
     rivalled,
 )
@@ -111,7 +112,9 @@ def _by_gains(name: str, gains: Gains, scene: Scene, unit: InstrumentErrors) -> 
         why_not, parts = rivalled(other), response.attitude()
         parts = parts if why_not else rounder(parts, other)
         told = angles(name, answer.window, answer.label, C_nb, parts, why, response.bias())
-        found += withheld(told, ("heading", "yaw"), doubt or why_not)
+        told = withheld(told, ("heading", "yaw"), doubt or why_not)
+        later = answer.window == "fresh" and not method.carries_nominal
+        found += withheld(told, ("pitch", "roll"), coarse_tilt(scene) if later else "")
         if answer is answers[0]:
             found += withheld(response.biases(name), *_with_heading(response, parts, why_not))
     return found, [_observed(name, known(answers[0]))]

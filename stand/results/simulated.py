@@ -190,7 +190,7 @@ _COLUMNS = (
 def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulated:
     """A run in memory, by `stand.simulation.simulation` block after block."""
     simulation = Simulation(settings)
-    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz)
+    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz, imu=settings.unit)
     blocks, done = [], 0
     for block in simulation.blocks():
         collector.add(block.truth, block.readings)

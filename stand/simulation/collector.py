@@ -10,6 +10,8 @@ from alignment import Dwell, ImuReadings, Turn
 from alignment.arrays import Array
 from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE, JointAngles
+from stand.imu import ImuSpec
+from stand.imu.grains import stated_of
 from stand.motion.plan import PlannedStep
 from stand.room import Room
 from stand.samples import ImuBlock, TruthBlock
@@ -36,7 +38,8 @@ class DwellCollector:
 
     Of the stretches labelled in `moving` the true attitude is kept for every sample. What is too
     much for memory lies in a file in `folder`, see `Room`. `moves`: whether stretches at rest keep
-    the readings of the moves beside them too.
+    the readings of the moves beside them too. The readings know what the sheet of the unit `imu`
+    states of them.
     """
 
     def __init__(
@@ -46,8 +49,9 @@ class DwellCollector:
         moving: Collection[str] = (),
         folder: Path | None = None,
         moves: bool = False,
+        imu: ImuSpec | None = None,
     ) -> None:
-        self._steps, self._rate = stretches, rate_hz
+        self._steps, self._rate, self._imu = stretches, rate_hz, imu
         self._ranges = [ticks_of(step, rate_hz) for step in stretches]
         self._held = self._with_moves() if moves else self._ranges
         moving = set(moving)
@@ -161,6 +165,8 @@ class DwellCollector:
             t, w, f, angle = (column[cut:] if cut else column for column in columns)
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
             readings = ImuReadings(t, w, f)
+            if self._imu is not None:
+                readings = ImuReadings(t, w, f, *stated_of(self._imu, self._rate))
             dwells.append(
                 Dwell(
                     label=step.label,

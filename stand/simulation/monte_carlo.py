@@ -89,12 +89,12 @@ class Trials:
     def _simulated(self, settings: Settings) -> Readings:
         if self._blocks:
             imu = self._imu(settings)
-            collector = DwellCollector(self.plan.stretches, settings.rate_hz, moves=self._moves)
+            collector = self._collector(self.plan)
             for block in self._blocks:
                 collector.add(block.truth, imu.report(block.sensed))
             return collector.finish(self._begins)
         simulation = Simulation(settings)
-        collector = DwellCollector(simulation.plan.stretches, settings.rate_hz, moves=self._moves)
+        collector = self._collector(simulation.plan)
         keep = self._same and simulation.total <= KEPT
         for block in simulation.blocks():
             collector.add(block.truth, block.readings)
@@ -105,10 +105,14 @@ class Trials:
 
     # --- ideal motion
 
+    def _collector(self, plan: Plan) -> DwellCollector:
+        rate = self.settings.rate_hz
+        return DwellCollector(plan.stretches, rate, moves=self._moves, imu=self._spec)
+
     def _made(self, settings: Settings) -> Readings:
         planned = self._first.replanned(settings.seed) if self._drawn else self.plan
         imu = self._imu(settings)
-        collector = DwellCollector(planned.stretches, settings.rate_hz, moves=self._moves)
+        collector = self._collector(planned)
         for felt in self._of(settings, planned):
             collector.add(felt.truth, imu.report(felt.sensed))
         return collector.finish()
@@ -211,7 +215,7 @@ class Watched(NamedTuple):
 def watch(settings: Settings) -> Watched:
     """One run by `stand.simulation.simulation`, for curves over time."""
     simulation = Simulation(settings)
-    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz)
+    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz, imu=settings.unit)
     t, q = [], []
     for block in simulation.blocks():
         collector.add(block.truth, block.readings)

@@ -922,6 +922,20 @@ def test_attitude_and_biases_are_all_seen(stretches, latitude):
     assert found.determined("heading")
 
 
+@pytest.mark.parametrize("latitude", LATITUDES)
+def test_condition_by_hand(latitude):
+    """One rest of a unit without constant errors: tilt shows as g over the accelerometers' noise,
+    heading as W cos lat over the gyros'; of the Fisher matrix the squares count."""
+    site = Site(latitude * DEG, local_gravity=9.81)
+    found = information(
+        rests(0), headed(20), site, InstrumentErrors(TriadErrors(ARW), TriadErrors(FINE))
+    )
+    ratio = 9.81 / FINE / (W * cos(latitude * DEG) / ARW)
+    assert found.rank == found.sought == 3
+    # a floor of 1e-9 m/s^2 beside 4e-7 of the mean: squared 6e-6
+    assert found.condition == pytest.approx(ratio**2, rel=1e-5)
+
+
 def test_turns_about_the_vertical_show_no_vertical_scale():
     """Four positions, nothing known of accelerometer scale: Y1's is its bias; X1, Z1 feel nothing.
 
