@@ -30,6 +30,7 @@ from stand.toml_files import ids  # noqa: E402
 
 KEPT, PAGE = ROOT / "recordings" / "proof-nees", ROOT / "docs" / "proof-nees.md"
 TURNING = {"carousel": 20, "random-sway": 20, "scorsby": 50, "rate-sweep": 200}  # Hz at least
+TURNING |= dict.fromkeys(("rate-steps", "spins", "calibration-full"), 20)
 LOW_TURNING = 20  # Hz: a sample is less than 0.2 rad
 SLOW = 4  # times as few runs of what takes minutes each
 LOW = """
