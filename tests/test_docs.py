@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from turned_by_hand import anyhow, log_of, unit_of
 
 from stand.errors import StandError
 from stand.motion.limits import check
@@ -79,6 +80,10 @@ def furnish(folder):
     for name, sign in (("up", 1.0), ("down", -1.0)):
         body = noisy(rng, len(t), 0) * np.array([sign, 1, sign, sign, 1, sign])
         np.concatenate([t, body], axis=1).astype("<f8").tofile(folder / f"{name}.ins")
+    by_hand, _, _ = log_of(unit_of("stim300", 3, 25), anyhow(14, 3), rest_s=5)
+    rows = np.column_stack([by_hand.t, np.degrees(by_hand.w_ib_b), by_hand.f_b])
+    head = "t [s],gx [deg/s],gy [deg/s],gz [deg/s],ax [m/s^2],ay [m/s^2],az [m/s^2]"
+    np.savetxt(folder / "by-hand.csv", rows, "%.9f", ",", header=head, comments="")
     rest = noisy(rng, 100 * 600, 1)
     write_imu_log(
         folder / "static.mcap",

@@ -201,10 +201,6 @@ def _compare_published(only: str, out: Path | None, as_json: bool) -> None:
                 print(path)
 
 
-def _unseen(done: float) -> None:
-    """Progress of no runs."""
-
-
 def rehearse(
     procedure: Annotated[
         str, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
@@ -277,15 +273,10 @@ def rehearse(
         from stand.report.rehearsal import refuse_report
 
         refuse_report(report, force)
-    title = f"{settings.procedure.id}, {settings.imu.id}, {verify} runs"
-    watching = working("rehearsing", as_json) if verify is None else progress(title, as_json)
-    with watching as done:
+    runs_told = "what would help" if verify is None else f"{verify} runs"
+    with progress(f"{settings.procedure.id}, {settings.imu.id}, {runs_told}", as_json) as done:
         result = stand.rehearse(
-            settings,
-            verify=verify,
-            keep=keep,
-            scheduler=scheduler,
-            progress=done if verify else _unseen,
+            settings, verify=verify, keep=keep, scheduler=scheduler, progress=done
         )
     runs = result.verification
     if as_json:
