@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from stand.results.simulated import Simulated
     from stand.results.stretches import Stretches
     from stand.simulation.settings import Settings
+    from stand.simulation.work import Engine
+    from stand.table.table import Table
 
 Named = str | PathLike[str]
 Progress = Callable[[float], None]
@@ -511,6 +513,9 @@ def calibrate(
     *,
     hand_held: bool = False,
     imu: str | ImuSpec | None = None,
+    table: str | Table | None = None,
+    trust_table: bool = False,
+    free: Sequence[str] = (),
     gravity_m_s2: float | None = None,
     gravity_sigma_m_s2: float | None = None,
     latitude_deg: float | None = None,
@@ -526,9 +531,17 @@ def calibrate(
     ----------
     recordings : Recording, Simulated, path, or several of them
     hand_held : bool
-        Without a table: a unit that was turned by hand from rest to rest; rests are found.
+        Without a table: a unit that was turned by hand from rest to rest; rests are found. Else
+        from the stretches of the recordings, several of which are of one unit on one table.
     imu : str or ImuSpec, optional
-        Unit whose data sheet says what is known before; without it nothing is.
+        Unit whose data sheet says what is known before. Without it nothing is of a unit by hand;
+        on a table what the recording says.
+    table : str or Table, optional
+        Class of the table; else as recorded.
+    trust_table : bool
+        Take the table and the unit's seat on it for perfect.
+    free : sequence of str
+        Terms to find though the data sheet states none: ``"k2"``, ``"asymmetry"`` ...
     gravity_m_s2, gravity_sigma_m_s2 : float, optional
         As measured; else normal gravity of the site, which is good to 30 mGal.
     latitude_deg, height_m : float, optional
@@ -556,21 +569,40 @@ def calibrate(
     Examples
     --------
     >>> import stand
+    >>> run = stand.simulate(stand.settings("tumble-6", imu="hg9900", rate_hz=20))
+    >>> found = stand.calibrate(run)
+    >>> gyro = found.calibration.parameters[0]
+    >>> gyro.key.term, gyro.basis, bool(abs(found.errors[0]) < 4 * gyro.sigma)
+    ('bias', 'both', True)
     >>> run = stand.simulate(stand.settings("two-position", imu="stim300", rate_hz=20))
     >>> stand.calibrate(run, hand_held=True)
     Traceback (most recent call last):
         ...
     stand.errors.StandError: ...: 2 rests in 600 s: at least 9 are needed, ...
     """
+    from stand.arguments import words
     from stand.calibration.by_hand import by_hand
-    from stand.errors import StandError
+    from stand.calibration.on_table import on_table
     from stand.report.notebook import shown
     from stand.results.calibrated import Calibrated
 
     several = isinstance(recordings, (list, tuple))
     logs = [_log(one) for one in (recordings if several else [recordings])]
     if not hand_held:
-        raise StandError("hand_held = False: must be True, for logs without a table")
+        on = on_table(
+            logs,
+            imu=imu,
+            table=table,
+            trust_table=trust_table,
+            free=words("free", free),
+            gravity=gravity_m_s2,
+            gravity_sigma=gravity_sigma_m_s2,
+            latitude_deg=latitude_deg,
+            height_m=height_m,
+            axes=axes,
+            serial=serial,
+        )
+        return shown(Calibrated, on)
     found = by_hand(
         logs,
         imu=imu,
@@ -708,7 +740,12 @@ def stretches(
 
 
 def rehearse(
-    settings: Settings, *, verify: int | None = None, progress: Progress = _quiet
+    settings: Settings,
+    *,
+    verify: int | None = None,
+    keep: Named | None = None,
+    scheduler: object = None,
+    progress: Progress = _quiet,
 ) -> Rehearsed:
     """Before the table is booked: can it run, how long, how accurate, why, what would help.
 
@@ -718,8 +755,12 @@ def rehearse(
         Of `stand.settings`.
     verify : int, optional
         Simulate so many runs and set what they come to beside the predictions.
+    keep : path, optional
+        File for those runs; those that it holds are not made again.
+    scheduler : str or object, optional
+        Of a Dask cluster that makes them, as of `stand.campaign`.
     progress : callable
-        Told the part of those runs that is done, 0 to 1.
+        Told the part done, 0 to 1: of those runs, without any of the changes that are tried.
 
     Raises
     ------
@@ -740,11 +781,13 @@ def rehearse(
 
     if verify is not None:
         whole("verify", verify, 1)
-    answer = with_advice(_checked(settings))
+    answer = with_advice(_checked(settings), _quiet if verify else progress)
     if verify is not None:
         from stand.rehearsal.verify import with_verification
 
-        answer = with_verification(answer, settings, verify, progress)
+        file = None if keep is None else Path(keep)
+        engine = _engine(scheduler)
+        answer = with_verification(answer, settings, verify, progress, engine=engine, keep=file)
     return shown(Rehearsed, answer)
 
 
@@ -754,6 +797,8 @@ def compare(
     *,
     progress: Progress = _quiet,
     workers: int | None = None,
+    keep: Named | None = None,
+    scheduler: object = None,
 ) -> Compared:
     """Methods side by side on identical data: error, sigma, floor, NEES, run time.
 
@@ -769,6 +814,10 @@ def compare(
     workers : int, optional
         Processes, which change nothing but the time. A script that lets more than one work must
         keep its own behind ``if __name__ == "__main__"``.
+    keep : path, optional
+        File for the runs; those that it holds are not made again.
+    scheduler : str or object, optional
+        Of a Dask cluster that makes them, as of `stand.campaign`.
 
     Raises
     ------
@@ -793,7 +842,18 @@ def compare(
     whole("runs", runs, 1)
     if workers is not None:
         whole("workers", workers, 1)
-    return shown(Compared, compare_methods(_checked(settings), runs, progress, workers))
+    file = None if keep is None else Path(keep)
+    found = compare_methods(_checked(settings), runs, progress, workers, _engine(scheduler), file)
+    return shown(Compared, found)
+
+
+def _engine(scheduler: object) -> Engine | None:
+    """Who makes runs at a scheduler; None: processes of this machine."""
+    if scheduler is None:
+        return None
+    from stand.simulation.cluster import engine_at
+
+    return engine_at(scheduler)
 
 
 def campaign(

@@ -43,7 +43,7 @@ from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
 from stand.samples import CHANNELS, ImuBlock, TruthBlock
 from stand.simulation.collector import DwellCollector, TrueAttitudes
-from stand.simulation.settings import Settings, methods_of, run_id
+from stand.simulation.settings import Settings, follows_moves, methods_of, run_id
 from stand.simulation.simulation import Simulation, begins_of
 from stand.simulation.step_record import StepRecord
 from stand.table.kinematics import C_NW
@@ -160,8 +160,16 @@ class _Run:
         """Samples block by block into both recordings and the stretches."""
         steps = zip(self.plan.steps, self.plan.rests, strict=True)
         moving = [step.label for step, rests in steps if not rests.all()]
-        rate = self.settings.rate_hz
-        collector = DwellCollector(self.plan.stretches, rate, moving, self.folder)
+        known = self.settings
+        collector = DwellCollector(
+            self.plan.stretches,
+            known.rate_hz,
+            moving,
+            self.folder,
+            moves=follows_moves(known),
+            imu=known.unit,
+            stand=self.simulation.encoders_of,
+        )
         waiting: list[Future[None]] = []
         done, total, steps_over = 0, self.simulation.total, 0
         for block in self.simulation.blocks():

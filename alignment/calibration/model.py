@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from alignment.arrays import Array, set_owned
+from alignment.arrays import Array, IntArray, set_owned
 from alignment.calibration import terms
 from alignment.calibration.apply import inverse
 from alignment.calibration.bench import SENSORS, Bench
@@ -54,7 +54,11 @@ class Model:
 
     def __init__(self, sessions: Sequence[Session], bench: Bench, site: Site) -> None:
         self.sessions, self.bench, self.site = tuple(sessions), bench, site
-        self.poses = [Poses(session, bench, site) for session in sessions]
+        several = len(sessions) > 1
+        self.poses = [
+            Poses(session, bench, site, f"recording {k + 1}" if several else "")
+            for k, session in enumerate(sessions)
+        ]
         self.unknowns = _unknowns(self.sessions, self.poses, bench)
         self._paths = [[_Path(move) for move in s.moves] for s in sessions]
 
@@ -63,9 +67,10 @@ class Model:
         """How many unknowns."""
         return len(self.unknowns.sigmas)
 
-    def rows(self) -> list[list[Array]]:
+    def rows(self) -> list[list[IntArray]]:
         """Of each session, the rows of every station, then of every move."""
-        found, at = [], 0
+        found: list[list[IntArray]] = []
+        at = 0
         for poses in self.poses:
             edges = 3 * np.cumsum([0, *poses.orders])
             total, moves = int(edges[-1]), 3 * len(poses.session.moves)

@@ -10,11 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Options, Site, Turn
 from alignment.arrays import Array
+from alignment.parts import PART, in_parts
 from alignment.quaternions import turned_evenly
-from alignment.readings import EDGE
+from alignment.readings import EDGE, JointAngles
 from alignment.sampling import bursts, evened, repeats
 from stand.errors import StandError, located
 from stand.evaluation.score import Refusal, Truths
+from stand.physics.mjcf import describe, load_model
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
 from stand.recording.entrance import OpenLog, Progress, open_log, unseen
 from stand.recording.log_form import LogForm
@@ -32,8 +34,12 @@ from stand.recording.metadata import (
 )
 from stand.recording.named_stretches import StretchesEntry
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
+from stand.room import seconds
+from stand.table.joints import JOINTS
 from stand.table.kinematics import C_NW
+from stand.table.leanings import joints_read
 
+SERVO = "servo"  # motion of a recording whose joints followed the plan as motors do
 NAMED = 5  # stretches that were not reached: more are counted
 
 
@@ -141,7 +147,7 @@ def _parted(
         stretches, lost = named.stretches(), ()
         site, options, methods = named.settings(site, options, methods)
     vehicle = vehicle or (None if drive is None else Vehicle())
-    t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
+    t = seconds(imu.t_ns, origin)
     t, doubts = (t, ()) if simulated or drive is not None else _as_sampled(t, imu)
     t.flags.writeable = False
     readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
@@ -163,8 +169,13 @@ def _parted(
                 chosen = replace(chosen, joint=turn_joint, axis_b=axis, nominal=None)
             stretches, lost = [chosen], ()
         turning = any(stretch.joint is not None for stretch in stretches)
-        encoders = Encoders(file.joints(), origin, counted=simulated) if turning else None
+        servo = simulated and metadata[RUN].get("motion") == SERVO
+        encoders = None
+        if turning or servo:
+            encoders = Encoders(file.joints(), origin, counted=simulated)
         dwells = [_dwell(path, stretch, readings, encoders) for stretch in stretches]
+        if servo and encoders is not None:  # a plan is not where they stood
+            dwells = [replace(dwell, joints=_stood(dwell, encoders)) for dwell in dwells]
         truths = [Truths()] * len(dwells)
         if simulated:
             truths = _truths(file.truth(), origin, dwells, site)
@@ -259,8 +270,9 @@ def _dwell(
 ) -> Dwell:
     nominal = None if stretch.nominal is None else Rotation.from_quat(stretch.nominal)
     times = stretch.t_from, stretch.t_to
+    joints = _joints(stretch)
     if stretch.rate is None and (stretch.joint is None or encoders is None):
-        return Dwell(stretch.label, *times, readings=readings, nominal=nominal)
+        return Dwell(stretch.label, *times, readings=readings, nominal=nominal, joints=joints)
     part = readings.between(*times)
     with located(path):
         if len(part) < 2:
@@ -272,7 +284,28 @@ def _dwell(
             assert encoders is not None
             angle = encoders.angle(stretch.joint, part.t)
         turn = Turn(axis_of_turn(stretch, part, angle), angle)
-    return Dwell(stretch.label, *times, readings=part, nominal=nominal, turn=turn)
+    return Dwell(stretch.label, *times, readings=part, nominal=nominal, turn=turn, joints=joints)
+
+
+def _joints(stretch: LoggedStretch) -> JointAngles | None:
+    """Where the axes stood, the turning one's angle at zero; None where nobody said."""
+    if not stretch.joints:
+        return None
+    angles = np.array(stretch.joints)
+    if stretch.joint is None:
+        return JointAngles(angles)
+    axis = JOINTS.index(stretch.joint)
+    angles[axis] = 0.0
+    return JointAngles(angles, axis)
+
+
+def _stood(dwell: Dwell, encoders: Encoders) -> JointAngles | None:
+    """Where the axes stood by their encoders, on the mean."""
+    if dwell.joints is None:
+        return None
+    t = dwell.window().t
+    angles = np.array([encoders.angle(joint, t).mean() for joint in JOINTS])
+    return joints_read(describe(load_model()), angles, dwell.joints.going_round)
 
 
 def _true_attitude(truth: TruthLog, origin: int, t: float) -> Rotation:
@@ -284,7 +317,7 @@ def _true_attitude(truth: TruthLog, origin: int, t: float) -> Rotation:
 
 
 def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -> list[Truths]:
-    t = (truth.t_ns - origin) * 1e-9
+    t = seconds(truth.t_ns, origin)
     last = np.searchsorted(t, [dwell.t_to + 1e-6 for dwell in dwells]) - 1
     for k, dwell in zip(last, dwells, strict=True):
         if k < 0:
@@ -302,10 +335,14 @@ def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -
 
 def mean_attitude(t: Array, q_wb: Array, dwell: Dwell) -> Rotation | None:
     """True mean ``C_nb`` of a dwell from samples (n,), (n, 4); None of one that turns."""
-    own = (t > dwell.t_from + EDGE) & (t <= dwell.t_to + EDGE)
-    if dwell.turn is not None or not own.any():
+    first, last = np.searchsorted(t, [dwell.t_from + EDGE, dwell.t_to + EDGE], "right")
+    if dwell.turn is not None or last <= first:
         return None
-    return C_NW * Rotation.from_quat(q_wb[own]).mean()
+    own = q_wb[first:last]
+    if len(own) <= PART:
+        return C_NW * Rotation.from_quat(own).mean()
+    _, vectors = np.linalg.eigh(np.sum([q.T @ q for q in in_parts(own)], axis=0))
+    return C_NW * Rotation.from_quat(vectors[:, -1])  # as it is found of all at once
 
 
 def _untrue(truth: TruthLog, stamps: Array, t: float) -> StandError:

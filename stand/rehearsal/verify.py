@@ -4,33 +4,43 @@ Nothing is shared with the predictions: each run draws its unit, its table and i
 readings, and the estimators are set against the truth of that run.
 """
 
-import hashlib
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
+import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment import ESTIMATORS, AttitudeEstimate
+from alignment import ESTIMATORS, AttitudeEstimate, Site
 from alignment.against_truth import angle_errors, heading_errors
 from alignment.angles import SequenceRule
 from alignment.arrays import Array
+from alignment.calibration import Calibration
+from alignment.calibration import Key as ConstantKey
+from alignment.calibration.bench import Bench
 from alignment.errors import AlignmentError
 from alignment.units import DEG
+from stand.calibration.truth import true_values
+from stand.calibration.units import name_of
 from stand.errors import StandError
 from stand.evaluation.score import ANGLES, Truths, suited
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
-from stand.rehearsal.sums import Key, RunErrors, Sums
+from stand.rehearsal.sums import Key, RunErrors, Sums, run_from_json, run_to_json
 from stand.rehearsal.verification import Achieved, Verification
 from stand.samples import AXES
+from stand.simulation.journal import Journal, case_digest
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
+from stand.simulation.work import Engine
 
 Progress = Callable[[float], None]
 _RUNS_BITS = 20
+ASSUMED = ("lag", "lever_arm")  # terms that a calibration allows for and no sheet draws
+_GRAVITY = 4  # of the random streams; a table has 3, sensors 0 to 2
 BIASES = tuple(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in AXES)
 
 
@@ -40,6 +50,8 @@ def with_verification(
     runs: int,
     progress: Progress = lambda done: None,
     workers: int | None = None,
+    engine: Engine | None = None,
+    keep: Path | None = None,
 ) -> Rehearsal:
     """The rehearsal with `runs` runs of the stand beside its predictions.
 
@@ -54,6 +66,10 @@ def with_verification(
         Told the part done, 0 to 1.
     workers : int, optional
         Processes; if not given, as many as there are cores and as pay.
+    engine : callable, optional
+        Who makes the runs, instead of processes of this machine.
+    keep : Path, optional
+        File for the runs; those that it holds are not made again.
 
     Returns
     -------
@@ -72,7 +88,8 @@ def with_verification(
         return _warned(result, "verify", "not verified: it cannot run as it is")
     if not result.predictions:
         return _warned(result, "verify", "not verified: no method is named in [estimate]")
-    verification = _verified(result, settings, runs, progress, workers)
+    made = partial(errors_of_runs, result, settings, workers=workers, engine=engine)
+    verification = _verified(result, settings, runs, progress, made, keep)
     result = replace(result, verification=verification)
     for a in verification.disagreeing:
         result = _warned(result, "prediction", _contradicted(a), a.label)
@@ -90,16 +107,7 @@ def first_seed(settings: Settings) -> int:
     20 bits of a million runs are left free below 32 of a hash. Of ten thousand cases two meet with
     a chance of one in a hundred.
     """
-    site, made = settings.site, settings
-    case = (
-        made.procedure.text,
-        made.imu.text,
-        made.table.text,
-        repr((site.latitude, site.height, site.local_gravity)),
-        repr((made.rate_hz, made.motion.value, made.sampling.value, made.seed)),
-        repr((made.without, made.true_table)),
-    )
-    digest = hashlib.sha256("\0".join(case).encode()).digest()
+    digest = case_digest(settings)
     return int.from_bytes(digest[:4], "big") << _RUNS_BITS
 
 
@@ -119,14 +127,28 @@ def _contradicted(a: Achieved) -> str:
 
 
 def _verified(
-    result: Rehearsal, settings: Settings, runs: int, progress: Progress, workers: int | None
+    result: Rehearsal,
+    settings: Settings,
+    runs: int,
+    progress: Progress,
+    made: Callable[[range], Generator[RunErrors]],
+    keep: Path | None,
 ) -> Verification:
     sums = Sums()
     begin = time.perf_counter()
-    with closing(errors_of_runs(result, settings, range(runs), workers)) as trials:
+    with ExitStack() as stack:
+        journal = None
+        if keep is not None:
+            methods = ", ".join(_methods(result))
+            journal = stack.enter_context(Journal(keep, f"verify {methods}", settings).adding())
+            for run in journal.runs[:runs]:
+                sums.add(run_from_json(run))
+        trials = stack.enter_context(closing(made(range(sums.runs, runs))))
         try:
             for found in trials:
                 sums.add(found)
+                if journal is not None:
+                    journal.add(run_to_json(found))
                 progress(sums.runs / runs)
         except KeyboardInterrupt:
             if not sums.runs:
@@ -135,16 +157,24 @@ def _verified(
     return verification_of(result, sums, runs, first_seed(settings), seconds)
 
 
+def _methods(result: Rehearsal) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(p.method for p in result.predictions))
+
+
 def errors_of_runs(
-    result: Rehearsal, settings: Settings, numbers: range, workers: int | None = None
+    result: Rehearsal,
+    settings: Settings,
+    numbers: range,
+    workers: int | None = None,
+    engine: Engine | None = None,
 ) -> Generator[RunErrors]:
     """The runs of these `numbers`, counted from `first_seed`; close it to end early."""
-    methods = tuple(dict.fromkeys(p.method for p in result.predictions))
+    methods = _methods(result)
     options = replace(settings.options, rule=SequenceRule.REGULAR)  # as predictions read angles
     first = first_seed(settings)
     made = replace(settings, options=options, seed=first)
     seeds = range(first + numbers.start, first + numbers.stop)
-    return campaign(partial(_ready, made, methods), seeds, workers)
+    return campaign(partial(_ready, made, methods), seeds, workers, engine=engine)
 
 
 def verification_of(
@@ -214,11 +244,13 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
         for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
     }
     biases = trials.biases(seed)
+    truth_of_unit = partial(_true_constants, trials, seed)
     found, untold, refusals = {}, set(), {}
     for method in methods:
         try:
             own = suited(method, dwells)
-            estimates = ESTIMATORS[method].estimate(own, settings.site, settings.options)
+            site = _site_told(settings, method, seed)
+            estimates = ESTIMATORS[method].estimate(own, site, settings.options)
         except AlignmentError as error:
             refusals[method] = str(error)
             continue
@@ -229,7 +261,35 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
                 assert truth is not None  # it is a run of ours
                 for key, error in errors_of(e, truth, biases).items():
                     found.setdefault(key, error)  # biases by the first of several fits
+                if e.calibration is not None:
+                    found |= _errors_of_constants(e.method, e.calibration, truth_of_unit)
     return RunErrors(found, refusals, frozenset(untold))
+
+
+def _site_told(settings: Settings, method: str, seed: int) -> Site:
+    """The site with gravity as wrong as it is said to be, for a method that is told how wrong."""
+    bench = settings.options.bench
+    if ESTIMATORS[method].design is None or not isinstance(bench, Bench):
+        return settings.site
+    sequence = np.random.SeedSequence(seed, spawn_key=(_GRAVITY,))
+    off = bench.gravity_sigma * float(np.random.default_rng(sequence).standard_normal())
+    return replace(settings.site, local_gravity=settings.site.gravity + off)
+
+
+def _true_constants(trials: Trials, seed: int, keys: Sequence[ConstantKey]) -> Array:
+    return true_values(keys, *trials.units(seed), trials.settings.unit)
+
+
+def _errors_of_constants(
+    method: str, found: Calibration, truth: Callable[[Sequence[ConstantKey]], Array]
+) -> dict[Key, float]:
+    """Errors [SI] of a unit's constants, but of those whose priors no sheet states."""
+    errors = found.values - truth(found.keys)
+    return {
+        (method, "", "all", name_of(key)): error
+        for key, error in zip(found.keys, errors.tolist(), strict=True)
+        if key.term not in ASSUMED
+    }
 
 
 def errors_of(e: AttitudeEstimate, truth: Rotation, biases: Array) -> dict[Key, float]:
