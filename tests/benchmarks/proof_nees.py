@@ -106,7 +106,9 @@ def summary(found: Sequence[tuple[int, Sequence[Promise]]]) -> str:
     kept = sum(p.kept(len(rows)) for p in rows)
     names = sorted({f"{p.method} on {p.case}" for p in rows if not p.kept(len(rows))})
     told = f"Of {len(rows)} stretches and methods with numbers {kept} keep their promise"
-    return told + (f"; not: {', '.join(names)}." if names else ".")
+    told += f"; not: {', '.join(names)}." if names else "."
+    waiting = sum(not runs for runs, _ in found)
+    return told + f" {len(found)} cases, {waiting} of them without runs yet." * bool(waiting)
 
 
 def cases() -> Iterator[tuple[Procedure, str]]:
