@@ -240,6 +240,6 @@ def test_a_scheduler_that_goes_is_told_and_what_was_made_is_kept(sweep, schedule
     with at_work(sweep, out, "--scheduler", address) as process:
         os.killpg(groups[0], signal.SIGKILL)
         _, told = process.communicate(timeout=120)
-    assert process.returncode == 2
+    assert process.returncode == 2, told
     assert told == f"stand: --scheduler {address}: the scheduler has gone\n"
     assert 0 < kept(out) < 320
