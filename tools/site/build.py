@@ -32,9 +32,19 @@ SOURCE, HTML = BUILD / "source", BUILD / "html"
 PLAIN = """```{code-cell}
 :tags: [remove-cell]
 import os
+import subprocess
+
+from IPython.core.magic import register_cell_magic
 
 for name in ("FORCE_COLOR", "CLICOLOR", "CLICOLOR_FORCE"):
     os.environ.pop(name, None)
+
+@register_cell_magic
+def bash(line, cell):
+    # IPython's own breaks lines where a pipe was cut
+    done = subprocess.run(["bash", "-c", cell], text=True, capture_output=True)
+    print(done.stdout + done.stderr, end="")
+    done.check_returncode()
 ```
 
 """
@@ -153,7 +163,7 @@ def build() -> int:
     environment = os.environ | {
         "IPYTHONDIR": str(KERNEL),
         "OMP_NUM_THREADS": "1",
-        "COLUMNS": "112",
+        "COLUMNS": "100",
         "PYTHONPATH": str(ROOT),
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }
