@@ -40,7 +40,8 @@ nb_execution_raise_on_error = True
 nb_execution_timeout = 120
 nb_merge_streams = True
 nb_execution_excludepatterns: list[str] = []
-suppress_warnings = ["mystnb.mime_priority"]
+# an output with letters of colour, cut where a stream was cut, is shown as it is
+suppress_warnings = ["mystnb.mime_priority", "misc.highlighting_failure"]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"

@@ -27,11 +27,29 @@ DOCS, SITE = ROOT / "docs", ROOT / "docs" / "site"
 BUILD = ROOT / "build" / "docs"
 SOURCE, HTML = BUILD / "source", BUILD / "html"
 
-# Commands in notebooks speak to a file, not to a screen of many colours; the kernel is ours alone.
-IPYTHON = BUILD / "ipython"
-PLAIN = {
-    "profile_default/startup/plain.py": "import os\n"
-    "for name in ('FORCE_COLOR', 'CLICOLOR', 'CLICOLOR_FORCE'):\n    os.environ.pop(name, None)\n",
+# The kernel is ours alone, and says so to nobody; a command in a notebook writes no colours, which
+# kernels ask all programs for.
+PLAIN = """```{code-cell}
+:tags: [remove-cell]
+import os
+import subprocess
+
+from IPython.core.magic import register_cell_magic
+
+for name in ("FORCE_COLOR", "CLICOLOR", "CLICOLOR_FORCE"):
+    os.environ.pop(name, None)
+
+@register_cell_magic
+def bash(line, cell):
+    # IPython's own breaks lines where a pipe was cut
+    done = subprocess.run(["bash", "-c", cell], text=True, capture_output=True)
+    print(done.stdout + done.stderr, end="")
+    done.check_returncode()
+```
+
+"""
+KERNEL = BUILD / "kernel"
+KERNEL_FILES = {
     "profile_default/ipython_kernel_config.py": "c.IPKernelApp.log_level = 40\n",
 }
 
@@ -53,6 +71,9 @@ def assemble() -> None:
     shutil.copytree(ROOT / "recordings" / "sample", SOURCE / "tutorials" / "recordings" / "sample")
     for name in _too_early():
         (SOURCE / "tutorials" / f"{name}.md").unlink()
+    for path in (SOURCE / "tutorials").glob("*.md"):
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text.replace("```{code-cell}", f"{PLAIN}```{{code-cell}}", 1), "utf-8")
     for path, text in _written().items():
         target = SOURCE / f"{path}.md"
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -135,15 +156,14 @@ def _sections() -> Pages:
 def build() -> int:
     """Run Sphinx; its exit code."""
     shutil.rmtree(HTML, ignore_errors=True)
-    shutil.rmtree(IPYTHON, ignore_errors=True)
-    for name, text in PLAIN.items():
-        (IPYTHON / name).parent.mkdir(parents=True, exist_ok=True)
-        (IPYTHON / name).write_text(text, encoding="utf-8")
+    shutil.rmtree(KERNEL, ignore_errors=True)
+    for name, text in KERNEL_FILES.items():
+        (KERNEL / name).parent.mkdir(parents=True, exist_ok=True)
+        (KERNEL / name).write_text(text, encoding="utf-8")
     environment = os.environ | {
-        "IPYTHONDIR": str(IPYTHON),
+        "IPYTHONDIR": str(KERNEL),
         "OMP_NUM_THREADS": "1",
-        "COLUMNS": "112",
-        "TTY_COMPATIBLE": "0",
+        "COLUMNS": "100",
         "PYTHONPATH": str(ROOT),
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }
