@@ -43,7 +43,7 @@ from stand.recording.urdf import urdf
 from stand.report.document import config_document, report_document
 from stand.samples import CHANNELS, ImuBlock, TruthBlock
 from stand.simulation.collector import DwellCollector, TrueAttitudes
-from stand.simulation.settings import Settings, methods_of, run_id
+from stand.simulation.settings import Settings, follows_moves, methods_of, run_id
 from stand.simulation.simulation import Simulation, begins_of
 from stand.simulation.step_record import StepRecord
 from stand.table.kinematics import C_NW
@@ -161,7 +161,9 @@ class _Run:
         steps = zip(self.plan.steps, self.plan.rests, strict=True)
         moving = [step.label for step, rests in steps if not rests.all()]
         rate = self.settings.rate_hz
-        collector = DwellCollector(self.plan.stretches, rate, moving, self.folder)
+        collector = DwellCollector(
+            self.plan.stretches, rate, moving, self.folder, moves=follows_moves(self.settings)
+        )
         waiting: list[Future[None]] = []
         done, total, steps_over = 0, self.simulation.total, 0
         for block in self.simulation.blocks():

@@ -6,6 +6,7 @@ multi-position and rate tests, solved as one fit with the table's errors beside 
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,7 +18,7 @@ from alignment.calibration.design import Design
 from alignment.calibration.fit import Fit, fitted
 from alignment.calibration.model import Model
 from alignment.calibration.observe import observed
-from alignment.calibration.result import Calibration
+from alignment.calibration.result import SENSORS, Calibration, Key
 from alignment.calibration.session import Session, Station
 from alignment.earth import Site
 from alignment.estimate import AttitudeEstimate
@@ -78,7 +79,7 @@ def calibration(dwells: Sequence[Dwell], site: Site, options: Options) -> list[A
                 sequence=options.rule.sequence_for(nominal.inv().apply(UP)),
                 covariance=covariance,
                 flags=doubts,
-                calibration=None if k else found,
+                **({} if k else _constants(found)),
             )
         )
     return estimates
@@ -111,6 +112,17 @@ def _attitude(fit: Fit, number: int) -> tuple[Rotation, Array]:
         own = C_nb.as_matrix() @ joints * design.model.bench.joint_noise
         covariance = covariance + own @ own.T
     return C_nb, fit.growth**2 * (covariance + covariance.T) / 2
+
+
+def _constants(found: Calibration) -> dict[str, Any]:
+    """What the first estimate has beside its attitude."""
+    own = {p.key: p for p in found.parameters}
+    biases = [own.get(Key(sensor, "bias", i)) for sensor in SENSORS for i in range(3)]
+    return {
+        "calibration": found,
+        "biases": np.array([0.0 if p is None else p.value for p in biases]),
+        "bias_sigmas": np.array([0.0 if p is None else p.sigma for p in biases]),
+    }
 
 
 def _doubts(found: Calibration) -> tuple[str, ...]:

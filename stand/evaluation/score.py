@@ -12,6 +12,7 @@ from alignment.against_truth import angle_errors, heading_errors
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G
+from stand.calibration.file import CalibrationRecord, record_to_json
 
 ANGLES = ("roll", "yaw", "pitch")
 
@@ -224,6 +225,9 @@ def score_to_json(scored: Score, noise_only: bool = False) -> dict[str, object]:
         entry["error_latitude_deg"] = scored.latitude_error / DEG
     entry |= _named("error_nominal_", scored.error_nominal)
     entry |= _biases("bias", e.biases) | _biases("sigma_bias", e.bias_sigmas)
+    if e.calibration is not None:
+        told = record_to_json(CalibrationRecord(calibration=e.calibration))
+        entry["constants"] = told["parameters"]
     if e.sway is not None:
         entry["sway"] = _sway_json(e.sway)
     entry |= {"undetermined": e.undetermined, "noise_only": noise_only}

@@ -11,14 +11,20 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment import ESTIMATORS, AttitudeEstimate
+from alignment import ESTIMATORS, AttitudeEstimate, Site
 from alignment.against_truth import angle_errors, heading_errors
 from alignment.angles import SequenceRule
 from alignment.arrays import Array
+from alignment.calibration import Calibration
+from alignment.calibration import Key as ConstantKey
+from alignment.calibration.bench import Bench
 from alignment.errors import AlignmentError
 from alignment.units import DEG
+from stand.calibration.truth import true_values
+from stand.calibration.units import name_of
 from stand.errors import StandError
 from stand.evaluation.score import ANGLES, Truths, suited
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
@@ -31,6 +37,8 @@ from stand.simulation.settings import Settings
 
 Progress = Callable[[float], None]
 _RUNS_BITS = 20
+ASSUMED = ("lag", "lever_arm")  # terms that a calibration allows for and no sheet draws
+_GRAVITY = 4  # of the random streams; a table has 3, sensors 0 to 2
 BIASES = tuple(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in AXES)
 
 
@@ -214,11 +222,13 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
         for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
     }
     biases = trials.biases(seed)
+    truth_of_unit = partial(_true_constants, trials, seed)
     found, untold, refusals = {}, set(), {}
     for method in methods:
         try:
             own = suited(method, dwells)
-            estimates = ESTIMATORS[method].estimate(own, settings.site, settings.options)
+            site = _site_told(settings, method, seed)
+            estimates = ESTIMATORS[method].estimate(own, site, settings.options)
         except AlignmentError as error:
             refusals[method] = str(error)
             continue
@@ -229,7 +239,35 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
                 assert truth is not None  # it is a run of ours
                 for key, error in errors_of(e, truth, biases).items():
                     found.setdefault(key, error)  # biases by the first of several fits
+                if e.calibration is not None:
+                    found |= _errors_of_constants(e.method, e.calibration, truth_of_unit)
     return RunErrors(found, refusals, frozenset(untold))
+
+
+def _site_told(settings: Settings, method: str, seed: int) -> Site:
+    """The site with gravity as wrong as it is said to be, for a method that is told how wrong."""
+    bench = settings.options.bench
+    if ESTIMATORS[method].design is None or not isinstance(bench, Bench):
+        return settings.site
+    sequence = np.random.SeedSequence(seed, spawn_key=(_GRAVITY,))
+    off = bench.gravity_sigma * float(np.random.default_rng(sequence).standard_normal())
+    return replace(settings.site, local_gravity=settings.site.gravity + off)
+
+
+def _true_constants(trials: Trials, seed: int, keys: Sequence[ConstantKey]) -> Array:
+    return true_values(keys, *trials.units(seed), trials.settings.unit)
+
+
+def _errors_of_constants(
+    method: str, found: Calibration, truth: Callable[[Sequence[ConstantKey]], Array]
+) -> dict[Key, float]:
+    """Errors [SI] of a unit's constants, but of those whose priors no sheet states."""
+    errors = found.values - truth(found.keys)
+    return {
+        (method, "", "all", name_of(key)): error
+        for key, error in zip(found.keys, errors.tolist(), strict=True)
+        if key.term not in ASSUMED
+    }
 
 
 def errors_of(e: AttitudeEstimate, truth: Rotation, biases: Array) -> dict[Key, float]:

@@ -20,7 +20,7 @@ from stand.report.tables import TableData
 from stand.results.recording import Recording
 from stand.samples import AXES, CHANNELS, ImuBlock, TruthBlock
 from stand.simulation.collector import NS, DwellCollector
-from stand.simulation.settings import Settings, methods_of, run_id
+from stand.simulation.settings import Settings, follows_moves, methods_of, run_id
 from stand.simulation.simulation import Simulation, begins_of
 from stand.simulation.step_record import StepRecord
 from stand.table.joints import JOINTS
@@ -190,7 +190,9 @@ _COLUMNS = (
 def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulated:
     """A run in memory, by `stand.simulation.simulation` block after block."""
     simulation = Simulation(settings)
-    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz)
+    collector = DwellCollector(
+        simulation.plan.stretches, settings.rate_hz, moves=follows_moves(settings)
+    )
     blocks, done = [], 0
     for block in simulation.blocks():
         collector.add(block.truth, block.readings)

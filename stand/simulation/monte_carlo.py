@@ -19,7 +19,7 @@ from alignment import Dwell
 from alignment.arrays import Array
 from alignment.quaternions import turned_evenly
 from stand.imu import Imu
-from stand.imu.model import draw
+from stand.imu.model import UnitErrors, draw
 from stand.motion.plan import Plan, PlannedStep
 from stand.motion.polynomial import MotionKind
 from stand.physics.geometry import with_errors
@@ -83,6 +83,10 @@ class Trials:
         """The turn-on biases (6,) that the unit of a run was given: [rad/s], then [m/s^2]."""
         sensors = (("gyro", self._spec.gyro), ("accel", self._spec.accel))
         return np.concatenate([draw(spec, seed, sensor).bias for sensor, spec in sensors])
+
+    def units(self, seed: int) -> tuple[UnitErrors, UnitErrors]:
+        """The constants that the gyros and the accelerometers of a run were given."""
+        return draw(self._spec.gyro, seed, "gyro"), draw(self._spec.accel, seed, "accel")
 
     # --- whole simulations
 
