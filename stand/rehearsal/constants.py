@@ -62,13 +62,19 @@ def _steady(scene: Scene, step: PlannedStep) -> bool:
 def planned_session(scene: Scene) -> Session:
     """Stations and moves as the method will get them, with perfect readings of the moves."""
     steps = sorted(scene.plan.stretches, key=lambda step: step.steady_from)
-    stations = tuple(_station(step, scene) for step in steps)
+    stations = planned_stations(scene)
     moves = tuple(
         _planned_move(k, one, other, scene)
         for k, (one, other) in enumerate(pairwise(steps))
         if one.turning is None or other.turning is None
     )
     return Session(stations, moves, 1 / scene.rate_hz)
+
+
+def planned_stations(scene: Scene) -> tuple[Station, ...]:
+    """Rests and steady turns as the method will get them, in time."""
+    steps = sorted(scene.plan.stretches, key=lambda step: step.steady_from)
+    return tuple(_station(step, scene) for step in steps)
 
 
 def _station(step: PlannedStep, scene: Scene) -> Station:
@@ -108,7 +114,7 @@ def _reach(step: PlannedStep) -> float:
 def _predictions(name: str, design: Design, scene: Scene) -> list[Prediction]:
     present = np.isin(np.arange(terms.COUNT), design.active)
     outside = terms.outside(present)
-    derived, angles = _derived(present)
+    derived, angles = derived_rows(present)
     rows = np.zeros((len(outside.keys) + len(derived), design.model.count))
     rows[:, : terms.COUNT] = np.concatenate([outside.matrix, angles])
     rows = rows[:, design.active]
@@ -123,7 +129,7 @@ def _predictions(name: str, design: Design, scene: Scene) -> list[Prediction]:
     return found
 
 
-def _derived(present: Array) -> tuple[list[str], Array]:
+def derived_rows(present: Array) -> tuple[list[str], Array]:
     """Names and rows (k, COUNT) of the angles that the misalignments come to."""
     names, rows = [], []
     for sensor in SENSORS:
