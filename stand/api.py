@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from stand.results.simulated import Simulated
     from stand.results.stretches import Stretches
     from stand.simulation.settings import Settings
+    from stand.table.table import Table
 
 Named = str | PathLike[str]
 Progress = Callable[[float], None]
@@ -511,6 +512,9 @@ def calibrate(
     *,
     hand_held: bool = False,
     imu: str | ImuSpec | None = None,
+    table: str | Table | None = None,
+    trust_table: bool = False,
+    free: Sequence[str] = (),
     gravity_m_s2: float | None = None,
     gravity_sigma_m_s2: float | None = None,
     latitude_deg: float | None = None,
@@ -526,9 +530,17 @@ def calibrate(
     ----------
     recordings : Recording, Simulated, path, or several of them
     hand_held : bool
-        Without a table: a unit that was turned by hand from rest to rest; rests are found.
+        Without a table: a unit that was turned by hand from rest to rest; rests are found. Else
+        from the stretches of the recordings, several of which are of one unit on one table.
     imu : str or ImuSpec, optional
-        Unit whose data sheet says what is known before; without it nothing is.
+        Unit whose data sheet says what is known before. Without it nothing is of a unit by hand;
+        on a table what the recording says.
+    table : str or Table, optional
+        Class of the table; else as recorded.
+    trust_table : bool
+        Take the table and the unit's seat on it for perfect.
+    free : sequence of str
+        Terms to find though the data sheet states none: ``"k2"``, ``"asymmetry"`` ...
     gravity_m_s2, gravity_sigma_m_s2 : float, optional
         As measured; else normal gravity of the site, which is good to 30 mGal.
     latitude_deg, height_m : float, optional
@@ -556,21 +568,40 @@ def calibrate(
     Examples
     --------
     >>> import stand
+    >>> run = stand.simulate(stand.settings("tumble-6", imu="hg9900", rate_hz=20))
+    >>> found = stand.calibrate(run)
+    >>> gyro = found.calibration.parameters[0]
+    >>> gyro.key.term, gyro.basis, bool(abs(found.errors[0]) < 4 * gyro.sigma)
+    ('bias', 'both', True)
     >>> run = stand.simulate(stand.settings("two-position", imu="stim300", rate_hz=20))
     >>> stand.calibrate(run, hand_held=True)
     Traceback (most recent call last):
         ...
     stand.errors.StandError: ...: 2 rests in 600 s: at least 9 are needed, ...
     """
+    from stand.arguments import words
     from stand.calibration.by_hand import by_hand
-    from stand.errors import StandError
+    from stand.calibration.on_table import on_table
     from stand.report.notebook import shown
     from stand.results.calibrated import Calibrated
 
     several = isinstance(recordings, (list, tuple))
     logs = [_log(one) for one in (recordings if several else [recordings])]
     if not hand_held:
-        raise StandError("hand_held = False: must be True, for logs without a table")
+        on = on_table(
+            logs,
+            imu=imu,
+            table=table,
+            trust_table=trust_table,
+            free=words("free", free),
+            gravity=gravity_m_s2,
+            gravity_sigma=gravity_sigma_m_s2,
+            latitude_deg=latitude_deg,
+            height_m=height_m,
+            axes=axes,
+            serial=serial,
+        )
+        return shown(Calibrated, on)
     found = by_hand(
         logs,
         imu=imu,

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, set_owned
+from alignment.calibration.gravity import NORMAL_SIGMA
+from alignment.calibration.result import Key
 from alignment.errors import AlignmentError
 from alignment.information.model import InstrumentErrors, TriadErrors, assumed
 from alignment.options import Priors
 from alignment.units import DEG, DEG_PER_HOUR, MICRO_G, PPM, STANDARD_GRAVITY
 
 SENSORS = ("gyro", "accel")
-NORMAL_GRAVITY = 3e-4  # m/s^2 (30 mGal): of gravity about its WGS 84 value, if none was measured
 MEASURED_GRAVITY = 2e-6  # m/s^2 (0.2 mGal): of a measured value that comes without a sigma
 LAG = 1e-3  # s: of a delay that no sheet states
 PLACE = 2e-3  # m: of an accelerometer's place from where the sheet, or the seat, has it
@@ -87,6 +88,8 @@ class Bench:
         To which readings are rounded; 0: not at all, or their integral is.
     dither : (2,)
         Standard deviation of a sample's noise before it is rounded.
+    known : tuple of (Key, float, float)
+        Constants of this one unit by value, with their standard deviations, SI.
     arm : (3,) m
         From the crossing of the table's axes to the unit's point, in b.
     table : callable or None
@@ -112,6 +115,7 @@ class Bench:
     place_sigma: float = PLACE
     steps: Array = field(default_factory=_no_lags)
     dither: Array = field(default_factory=_no_lags)
+    known: tuple[tuple[Key, float, float], ...] = ()
     arm: Array = field(default_factory=lambda: np.zeros(3))
     table: LeaningsAt | None = None
     joint_noise: Array = field(default_factory=lambda: np.zeros(0))
@@ -182,7 +186,7 @@ def from_priors(priors: Priors) -> Bench:
         seat=priors.seat,
         tilt=priors.nominal,
         azimuth=priors.azimuth,
-        gravity_sigma=NORMAL_GRAVITY,
+        gravity_sigma=NORMAL_SIGMA,
     )
 
 

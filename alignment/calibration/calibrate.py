@@ -1,6 +1,7 @@
 """A unit's calibration from the stretches of one recording or several."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from alignment.calibration.model import AXES
 from alignment.calibration.observe import Observed
 from alignment.calibration.result import (
     Calibration,
+    Contribution,
     Gravity,
     Nuisance,
     basis_of,
@@ -77,6 +79,7 @@ def assembled(fit: Fit, reference_temperature: float = 25.0) -> Calibration:
         gravity=_gravity(fit),
         nuisance=(*_nuisances(fit), *_of_sessions(fit)),
         enlarged=growth,
+        notes=_contradiction(fit),
         null_space=untold(design),
         left_out=fit.left_out,
         derived=derived_of(outside.keys, values, covariance),
@@ -84,11 +87,30 @@ def assembled(fit: Fit, reference_temperature: float = 25.0) -> Calibration:
     )
 
 
+def with_budget(fit: Fit, calibration: Calibration) -> Calibration:
+    """The same with what each source gives to every sigma."""
+    design = fit.design
+    outside = terms.outside(np.isin(np.arange(terms.COUNT), design.active))
+    parts = design.contributions(_rows(design, outside.matrix))
+    budget = [Contribution(name, fit.growth * sigmas) for name, sigmas in parts.items()]
+    return replace(calibration, budget=tuple(one for one in budget if one.sigmas.any()))
+
+
 def _rows(design: Design, matrix: Array) -> Array:
     """Rows (k, a) on the active unknowns of rows (k, COUNT) on those of the unit."""
     whole = np.zeros((len(matrix), design.model.count))
     whole[:, : terms.COUNT] = matrix
     return whole[:, design.active]
+
+
+def _contradiction(fit: Fit) -> tuple[str, ...]:
+    if not fit.contradicted:
+        return ()
+    return (
+        f"the readings contradict one another: chi-square {fit.chi_square:.0f} for {fit.dof}: "
+        f"every sigma is {fit.growth:.3g} times as large for it (another class of table than told, or "
+        "errors that nobody stated)",
+    )
 
 
 def _gravity(fit: Fit) -> Gravity:

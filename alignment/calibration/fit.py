@@ -24,7 +24,7 @@ from alignment.units import DEG
 STEPS = 20
 SETTLED = 1e-3  # of a posterior sigma
 CHANCE = 1e-6  # that a good test loses any stretch
-MOST = 0.25  # of all stretches, which may be left out
+MOST = 0.15  # of all stretches, which may be left out: more are no mishaps
 CONTRADICTED = 1e-3  # probability of chi-square above which sigmas are enlarged
 REFUSED = 5.0  # times that sigmas may be enlarged
 
@@ -106,7 +106,7 @@ def fitted(seen: Sequence[Observed], bench: Bench, site: Site, design: Design | 
     """
     left_out = [one for session in seen for one in session.left_out]
     current = list(seen)
-    total = sum(len(s.session.stations) for s in seen)
+    most = max(1, int(MOST * sum(len(s.session.stations) for s in seen)))
     worked = design or Design(Model([s.session for s in seen], bench, site))
     dropped = 0
     while True:
@@ -115,9 +115,15 @@ def fitted(seen: Sequence[Observed], bench: Bench, site: Site, design: Design | 
         x, off = solved(worked, y)
         found = Fit(worked, x, off, tuple(left_out))
         worst = _worst(worked, off)
-        if worst is None or dropped >= MOST * total:
+        if worst is None:
             break
         k, n, gone = worst
+        if dropped == most:
+            raise AlignmentError(
+                f"more than {most} stretches contradict the others, {gone.stretch} after "
+                f"{', '.join(one.stretch for one in left_out[-most:])}: another unit, table or "
+                "order of positions than told"
+            )
         left_out.append(gone)
         current[k] = _without(current[k], n)
         dropped += 1

@@ -54,7 +54,11 @@ class Model:
 
     def __init__(self, sessions: Sequence[Session], bench: Bench, site: Site) -> None:
         self.sessions, self.bench, self.site = tuple(sessions), bench, site
-        self.poses = [Poses(session, bench, site) for session in sessions]
+        several = len(sessions) > 1
+        self.poses = [
+            Poses(session, bench, site, f"recording {k + 1}" if several else "")
+            for k, session in enumerate(sessions)
+        ]
         self.unknowns = _unknowns(self.sessions, self.poses, bench)
         self._paths = [[_Path(move) for move in s.moves] for s in sessions]
 

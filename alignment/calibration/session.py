@@ -87,6 +87,9 @@ class Session:
 class Poses:
     """What is nominal of a session's stations and moves, and how the table's errors turn it.
 
+    `own`: where there are several sessions, the name of this one, for which the unit was mounted
+    anew.
+
     Attributes
     ----------
     w, f : (n, 3)
@@ -105,7 +108,7 @@ class Poses:
         From a station's nodes to its coefficients.
     """
 
-    def __init__(self, session: Session, bench: Bench, site: Site) -> None:
+    def __init__(self, session: Session, bench: Bench, site: Site, own: str = "") -> None:
         self.session, self.site = session, site
         seen = [sensor_inputs(s.stretch, _NORTH, site) for s in session.stations]
         self.counts = [len(w) for w, *_ in seen]
@@ -117,6 +120,8 @@ class Poses:
         self.warmth = np.repeat([s.warmth for s in session.stations], self.counts)
         self.ends = self._ends()
         self.leanings = self._leanings(bench)
+        if own:
+            self.leanings = _mounted_anew(self.leanings, own)
         self.slopes, self.carried = self._slopes()
 
     @property
@@ -175,7 +180,7 @@ class Poses:
     def _slopes(self) -> tuple[Array, Array]:
         turns = self.of_nodes()
         slopes, carried = np.zeros_like(turns), np.zeros_like(turns)
-        seat = np.array([name.startswith(SEAT) for name in self.leanings.names], bool)
+        seat = np.array([_of_seat(name) for name in self.leanings.names], bool)
         for k, station in enumerate(self.session.stations):
             stretch = station.stretch
             if stretch.rate:
@@ -186,6 +191,21 @@ class Poses:
                 steady -= np.outer(stretch.axis_b, stretch.axis_b @ steady) * ~seat
                 carried[own] = steady
         return slopes, carried
+
+
+def _of_seat(name: str) -> bool:
+    return (name.partition(": ")[2] or name).startswith(SEAT)
+
+
+def _mounted_anew(found: Leanings, own: str) -> Leanings:
+    """With the seat's own part in one of several recordings, as large as what stays."""
+    seat = [k for k, name in enumerate(found.names) if _of_seat(name)]
+    return Leanings(
+        (*found.names, *(f"{own}: {found.names[k]}" for k in seat)),
+        np.concatenate([found.sigmas, found.sigmas[seat]]),
+        np.concatenate([found.turns, found.turns[:, :, seat]], axis=2),
+        found.axes,
+    )
 
 
 def _by_angle(turns: Array) -> Array:

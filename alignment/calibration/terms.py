@@ -43,6 +43,7 @@ TERMS = {
         "temperature_scale",
     ),
 }
+TRIAD_AXES = ("misalignment", "non_orthogonality")
 NINE = ("g_sensitivity", "g2_sensitivity", "lever_arm")
 _COLUMNS = {"k2": "quadratic", "k3": "cubic"}
 
@@ -101,7 +102,27 @@ def priors(bench: Bench, turning: bool, warm: bool) -> tuple[Array, Array]:
             sigma[own] = bench.lag_sigma[k] * turning
         elif not term.name.startswith("temperature") or warm:
             sigma[own] = np.repeat(bench.sheet(term.sensor, term.name), term.size // 3)
+    _by_value(bench, value, sigma)
     return value, sigma
+
+
+def _by_value(bench: Bench, value: Array, sigma: Array) -> None:
+    """Fill in what is known by value; of misalignments, where both of a pair are."""
+    own = {key: (x, s) for key, x, s in bench.known}
+    for key, (x, s) in own.items():
+        if key.term != "misalignment":
+            at = BY_NAME[key.sensor, key.term].at
+            at += key.axis if key.toward is None else 3 * key.axis + key.toward
+            value[at], sigma[at] = x, s
+    for sensor in SENSORS:
+        for k, (i, j) in enumerate(PAIRS):
+            pair = [own.get(Key(sensor, "misalignment", *one)) for one in ((i, j), (j, i))]
+            if pair[0] is not None and pair[1] is not None:
+                (a, s), (b, t) = pair[0], pair[1]
+                spread = np.hypot(s, t)
+                turn, lean = (BY_NAME[sensor, n].at + k for n in TRIAD_AXES)
+                value[turn], sigma[turn] = (a - b) / 2, spread / 2
+                value[lean], sigma[lean] = a + b, spread
 
 
 def columns(sensor: str, name: str, x: Array, f: Array, warmth: Array) -> Array:

@@ -38,6 +38,26 @@ def calibrate(
         str | None,
         typer.Option(metavar="ID", help="Unit or TOML file: what its data sheet says beforehand."),
     ] = None,
+    table: Annotated[
+        str | None,
+        typer.Option(metavar="ID", help="Table class or TOML file; else as recorded."),
+    ] = None,
+    trust_table: Annotated[
+        bool, typer.Option(help="Take the table and the unit's seat on it for perfect.")
+    ] = False,
+    free: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TERMS",
+            help="Find these too though the sheet states none: asymmetry, k2, k3, misalignment ...",
+        ),
+    ] = None,
+    stretches: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="X.toml", help="What the stretches of a log of one's own are: see align."
+        ),
+    ] = None,
     gravity: Annotated[
         float | None, typer.Option(metavar="M/S^2", help="As measured; else normal gravity.")
     ] = None,
@@ -67,6 +87,11 @@ def calibrate(
 ) -> None:
     """Find a unit's biases, scale factors and axes, with a sigma of each and its share.
 
+    On a table: from rests, turns at constant rate and the moves between them, of one recording or
+    several of one unit; the table's own errors, the seat and gravity are estimated beside it.
+
+    Example: stand calibrate recordings/full --gravity 9.80936 --gravity-sigma 1e-6
+
     Without a table: rest the unit some seconds with each face up and on some edges, turn it by hand
     between; rests are found, and what they cannot tell is said before any number.
 
@@ -80,18 +105,28 @@ def calibrate(
         from stand.errors import StandError
         from stand.folder import refuse_files
 
-    if not by_hand:
-        raise StandError("missing --hand-held: the unit was turned by hand, without a table")
+    on_table = {"--table": table, "--trust-table": trust_table, "--stretches": stretches}
+    used = [name for name, value in (on_table | {"--free": free}).items() if value]
+    if by_hand and used:
+        raise StandError(f"{used[0]}: not with --hand-held, which has no table")
+    if published and not by_hand:
+        raise StandError("--as-published: needs --hand-held, it is the published method's form")
     target = out or (None if as_json else Path("calibration.json"))
     if target is not None:
         refuse_files([target], force=force)
     with progress("reading", as_json) as done:
-        logs = [api.read(path, form=form, topic=topic, progress=done) for path in recordings]
+        logs = [
+            api.read(path, form=form, topic=topic, stretches=stretches, progress=done)
+            for path in recordings
+        ]
     with working("estimating", as_json):
         found = api.calibrate(
             logs,
-            hand_held=True,
+            hand_held=by_hand,
             imu=imu,
+            table=table,
+            trust_table=trust_table,
+            free=[term.strip() for term in free.split(",")] if free else [],
             gravity_m_s2=gravity,
             gravity_sigma_m_s2=gravity_sigma,
             latitude_deg=latitude,

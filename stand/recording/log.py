@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from alignment import Dwell, ImuReadings, Options, Site, Turn
 from alignment.arrays import Array
 from alignment.quaternions import turned_evenly
-from alignment.readings import EDGE
+from alignment.readings import EDGE, JointAngles
 from alignment.sampling import bursts, evened, repeats
 from stand.errors import StandError, located
 from stand.evaluation.score import Refusal, Truths
@@ -32,8 +32,10 @@ from stand.recording.metadata import (
 )
 from stand.recording.named_stretches import StretchesEntry
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
+from stand.table.joints import JOINTS
 from stand.table.kinematics import C_NW
 
+SERVO = "servo"  # motion of a recording whose joints followed the plan as motors do
 NAMED = 5  # stretches that were not reached: more are counted
 
 
@@ -163,8 +165,13 @@ def _parted(
                 chosen = replace(chosen, joint=turn_joint, axis_b=axis, nominal=None)
             stretches, lost = [chosen], ()
         turning = any(stretch.joint is not None for stretch in stretches)
-        encoders = Encoders(file.joints(), origin, counted=simulated) if turning else None
+        servo = simulated and metadata[RUN].get("motion") == SERVO
+        encoders = None
+        if turning or servo:
+            encoders = Encoders(file.joints(), origin, counted=simulated)
         dwells = [_dwell(path, stretch, readings, encoders) for stretch in stretches]
+        if servo and encoders is not None:  # a plan is not where they stood
+            dwells = [replace(dwell, joints=_stood(dwell, encoders)) for dwell in dwells]
         truths = [Truths()] * len(dwells)
         if simulated:
             truths = _truths(file.truth(), origin, dwells, site)
@@ -259,8 +266,9 @@ def _dwell(
 ) -> Dwell:
     nominal = None if stretch.nominal is None else Rotation.from_quat(stretch.nominal)
     times = stretch.t_from, stretch.t_to
+    joints = _joints(stretch)
     if stretch.rate is None and (stretch.joint is None or encoders is None):
-        return Dwell(stretch.label, *times, readings=readings, nominal=nominal)
+        return Dwell(stretch.label, *times, readings=readings, nominal=nominal, joints=joints)
     part = readings.between(*times)
     with located(path):
         if len(part) < 2:
@@ -272,7 +280,30 @@ def _dwell(
             assert encoders is not None
             angle = encoders.angle(stretch.joint, part.t)
         turn = Turn(axis_of_turn(stretch, part, angle), angle)
-    return Dwell(stretch.label, *times, readings=part, nominal=nominal, turn=turn)
+    return Dwell(stretch.label, *times, readings=part, nominal=nominal, turn=turn, joints=joints)
+
+
+def _joints(stretch: LoggedStretch) -> JointAngles | None:
+    """Where the axes stood, the turning one's angle at zero; None where nobody said."""
+    if not stretch.joints:
+        return None
+    angles = np.array(stretch.joints)
+    if stretch.joint is None:
+        return JointAngles(angles)
+    axis = JOINTS.index(stretch.joint)
+    angles[axis] = 0.0
+    return JointAngles(angles, axis)
+
+
+def _stood(dwell: Dwell, encoders: Encoders) -> JointAngles | None:
+    """Where the axes stood by their encoders, on the mean."""
+    if dwell.joints is None:
+        return None
+    t = dwell.window().t
+    angles = np.array([encoders.angle(joint, t).mean() for joint in JOINTS])
+    if dwell.joints.going_round >= 0:
+        angles[dwell.joints.going_round] = 0.0
+    return JointAngles(angles, dwell.joints.going_round)
 
 
 def _true_attitude(truth: TruthLog, origin: int, t: float) -> Rotation:

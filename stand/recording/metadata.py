@@ -161,6 +161,7 @@ class LoggedStretch:
     """A time to estimate from [s]; what it is called, its nominal attitude, what turned it.
 
     A turn of which no encoder tells has its `rate` [rad/s] and its `angle` [rad] at `t_from`.
+    `joints`: angles of the table's axes [rad] in the order of `JOINTS`, where they are known.
     """
 
     label: str
@@ -171,6 +172,7 @@ class LoggedStretch:
     axis_b: tuple[float, ...] | None = None
     rate: float | None = None
     angle: float = 0.0
+    joints: tuple[float, ...] = ()
 
 
 class _Record(BaseModel):
@@ -339,6 +341,7 @@ def planned_stretches(metadata: Metadata) -> list[LoggedStretch]:
             nominal=step.C_nb_xyzw,
             joint=None if step.turning is None else step.turning.axis,
             axis_b=None if step.turning is None else step.turning.axis_b,
+            joints=tuple(angle * DEG for angle in step.joints_deg),
         )
         for step in recorded_steps(metadata)
         if step.kind == "dwell" or step.turning is not None

@@ -3,6 +3,7 @@
 The words of the file are a procedure's own: a site, what to estimate, an attitude by its angles.
 """
 
+from functools import cache
 from os import PathLike, fspath
 from typing import Annotated, Literal
 
@@ -14,24 +15,45 @@ from alignment.angles import C_nb_from_angles
 from alignment.units import DEG
 from stand import toml_files as catalogue
 from stand.bounds import Angle
-from stand.errors import StandError
+from stand.errors import StandError, unknown
 from stand.imu.priors import placement
+from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import EstimateEntry, SiteEntry
 from stand.procedure.steps import AttitudeEntry, Text
 from stand.recording.encoders import unit_vector
 from stand.recording.metadata import LoggedStretch, Seconds
+from stand.table.joints import JOINTS, StandModel
+from stand.table.kinematics import attitude
 from stand.table.table import load_table
 
 AXES_OF_B = {"X1": (1.0, 0.0, 0.0), "Y1": (0.0, 1.0, 0.0), "Z1": (0.0, 0.0, 1.0)}
 
 
 class StretchEntry(catalogue.Entry):
-    """What every stretch has: a name of its own and its times, on the log's clock."""
+    """What every stretch has: a name of its own and its times, on the log's clock.
+
+    `joints_deg`: where the encoders of the table's axes stood, of a turn but the turning one. The
+    attitude is then that of the shipped stand at these angles, if no `attitude_deg` says another.
+    """
 
     label: Text
     from_s: Seconds
     to_s: Seconds
     attitude_deg: AttitudeEntry | None = None
+    joints_deg: dict[str, Angle] | None = None
+
+    @model_validator(mode="after")
+    def _axes_of_the_table(self) -> "StretchEntry":
+        for name in self.joints_deg or {}:
+            if name not in JOINTS:
+                raise ValueError(f"joints_deg: {unknown('joint', name, JOINTS)}")
+        return self
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Angles of the table's axes [rad], those not named at zero; () where none is known."""
+        told = self.joints_deg
+        return () if told is None else tuple(told.get(name, 0.0) * DEG for name in JOINTS)
 
     @model_validator(mode="after")
     def _forward(self) -> "StretchEntry":
@@ -43,6 +65,8 @@ class StretchEntry(catalogue.Entry):
     def nominal(self) -> tuple[float, ...] | None:
         """``C_nb`` as a quaternion (x, y, z, w)."""
         told = self.attitude_deg
+        if told is None and self.joints:
+            return tuple(attitude(_stand(), self.joints).as_quat().tolist())
         if told is None:
             return None
         angles = np.radians([told.roll, told.yaw, told.pitch])
@@ -57,7 +81,13 @@ class DwellNamed(StretchEntry):
 
     def stretch(self) -> LoggedStretch:
         """The same as the schedule of a recording has it."""
-        return LoggedStretch(self.label, self.from_s, self.to_s, self.nominal)
+        return LoggedStretch(
+            label=self.label,
+            t_from=self.from_s,
+            t_to=self.to_s,
+            nominal=self.nominal,
+            joints=self.joints,
+        )
 
 
 class TurnNamed(StretchEntry):
@@ -78,6 +108,8 @@ class TurnNamed(StretchEntry):
         if (self.rate_deg_s is None) == (self.joint is None):
             has = "neither" if self.joint is None else "both"
             raise ValueError(f"rate_deg_s, joint: has {has}, must have one of them")
+        if self.joints_deg is not None and self.joint not in JOINTS:
+            raise ValueError(f"joints_deg: needs the turning joint, one of {', '.join(JOINTS)}")
         if self.rate_deg_s == 0:
             raise ValueError("rate_deg_s = 0: must not be 0; a dwell stands still")
         if self.axis == (0.0, 0.0, 0.0):
@@ -96,6 +128,7 @@ class TurnNamed(StretchEntry):
             axis_b=axis,
             rate=None if self.rate_deg_s is None else self.rate_deg_s * DEG,
             angle=self.angle_deg * DEG,
+            joints=self.joints if self.joint in JOINTS else (),
         )
 
 
@@ -139,6 +172,11 @@ class StretchesEntry(catalogue.Entry):
             priors = Priors(turn=turn, seat=seat, nominal=nominal, azimuth=azimuth)
             options = Options(options.offset_window, options.rule, priors)
         return (site if self.site is None else self.site.site()), options, methods
+
+
+@cache
+def _stand() -> StandModel:
+    return describe(load_model())
 
 
 def load_stretches(path: str | PathLike[str]) -> StretchesEntry:

@@ -7,7 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Site
 from alignment.arrays import Array, IntArray
-from alignment.calibration.bench import LAG, MEASURED_GRAVITY, NORMAL_GRAVITY, Bench, Leanings
+from alignment.calibration.bench import LAG, MEASURED_GRAVITY, SENSORS, Bench, Leanings
+from alignment.calibration.gravity import NORMAL_SIGMA
+from alignment.calibration.result import Key
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec, Temperature
 from stand.imu.filter import LAG as FILTER_LAG
@@ -84,7 +86,7 @@ def bench_of(
     temperature : Temperature, optional
         Of the unit over the recording, where it is known.
     """
-    gravity = NORMAL_GRAVITY if site.local_gravity is None else MEASURED_GRAVITY
+    gravity = NORMAL_SIGMA if site.local_gravity is None else MEASURED_GRAVITY
     more = {} if imu is None else _of_unit(imu, rate_hz, sampling)
     more |= _of_table(table, ideal) if table is not None and joints_known else {}
     if table is not None and not joints_known:
@@ -104,6 +106,11 @@ def _of_unit(imu: ImuSpec, rate_hz: float, sampling: Sampling) -> dict:
     ]
     return {
         "dither": np.array(dither),
+        "known": tuple(
+            (Key(sensor, one.term, one.axis, one.toward), one.value, one.sigma)  # pyright: ignore
+            for sensor, triad in zip(SENSORS, pair, strict=True)
+            for one in triad.known
+        ),
         "unit": unit_of(imu),
         "lag": lag,
         "lag_sigma": np.maximum(lag, LAG),
