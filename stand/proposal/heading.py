@@ -57,7 +57,9 @@ def shapes(wanted: Wanted, like: Settings) -> Iterator[Shape]:
             angles = (0.0, 180.0) * n
             yield Shape(f"{2 * n} rests, reversed each time", "multi-position", angles)
     if {0.0, 90.0, 180.0, -90.0} <= outer:
-        yield Shape("four rests, a quarter of a turn apart", "multi-position", (0.0, 90.0, 180.0, -90.0))
+        yield Shape(
+            "four rests, a quarter of a turn apart", "multi-position", (0.0, 90.0, 180.0, -90.0)
+        )
     free = isinstance(wanted.entry.allowed.positions, str)
     if free and not like.table.outside(np.radians([0, 0, 0, 120.0, 0, 0])):
         thirds = (0.0, 120.0, -120.0)

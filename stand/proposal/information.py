@@ -19,6 +19,7 @@ from alignment.calibration.model import Model
 from alignment.calibration.noise import Drifts, noise_parts
 from alignment.calibration.session import Session, Station
 from alignment.information.drift import Span
+from stand.calibration.units import name_of
 from stand.procedure.procedure import RequireEntry
 from stand.procedure.requirements import CONSTANTS
 from stand.proposal.candidates import Candidate, Clock
@@ -28,7 +29,6 @@ from stand.rehearsal.constants import derived_rows, planned_stations
 from stand.rehearsal.rehearse import prepared
 from stand.rehearsal.scene import Scene
 from stand.simulation.settings import Settings, assembled
-from stand.calibration.units import name_of
 
 DRIFTS = ("bias instability", "random walk", "ramp")
 EDGE = 1e-9  # of a stretch, so that its whole turns are whole
@@ -95,11 +95,17 @@ class Problem:
     """
 
     def __init__(
-        self, wanted: Wanted, candidates: Sequence[Candidate], like: Settings, limits: dict[str, float]
+        self,
+        wanted: Wanted,
+        candidates: Sequence[Candidate],
+        like: Settings,
+        limits: dict[str, float],
     ) -> None:
         self.candidates, self.clock = tuple(candidates), Clock(like.table)
         every = [(one, one.quantum or 1.0) for one in candidates]
-        self.settings = settings_of(procedure_of(wanted, every, (METHOD,)), like)
+        self.settings = settings_of(
+            procedure_of(wanted, every, (METHOD,), wanted.entry.require, table=like.table.id), like
+        )
         self.scene: Scene = prepared(self.settings)
         bench = self.settings.options.bench
         assert isinstance(bench, Bench)
@@ -164,7 +170,9 @@ class Problem:
     @cached_property
     def overheads(self) -> Array:
         """Seconds (n,) of each candidate's ramps."""
-        return np.array([self.clock.length(one, one.quantum) - one.quantum for one in self.candidates])
+        return np.array(
+            [self.clock.length(one, one.quantum) - one.quantum for one in self.candidates]
+        )
 
     # --- in the search
 
@@ -252,13 +260,14 @@ class Problem:
             now += length
         return spans, numbers
 
+
 def _but_drifts(model: Model) -> Array:
     """Covariance (m, m) of the readings but for what wanders in time."""
     parts = noise_parts(model)
     return np.sum([part for name, part in parts.items() if not name.endswith(DRIFTS)], axis=0)
 
 
-def _untangled(order: list[int], path) -> list[int]:  # noqa: ANN001
+def _untangled(order: list[int], path) -> list[int]:
     best, length = order, path(order)
     for i in range(len(order) - 1):
         for j in range(i + 1, len(order)):

@@ -44,9 +44,7 @@ def propose(wanted: Wanted, like: Settings, progress: Progress = lambda done: No
     if not limits:
         raise wanted.fault("require", "nothing of this unit", f"no limit is for {like.imu.id}")
     those = candidates(wanted, like.imu, like.table)
-    plain = Proposal(
-        title=wanted.entry.title, settings=like, feasible=False, considered=len(those)
-    )
+    plain = Proposal(title=wanted.entry.title, settings=like, feasible=False, considered=len(those))
     constants = {q: limit for q, limit in limits.items() if q in CONSTANTS}
     angles = {q: limit for q, limit in limits.items() if q not in CONSTANTS}
     problem = Problem(wanted, those, like, constants) if constants else None
@@ -145,7 +143,9 @@ def _check_told(
 
 def _beyond(problem: Problem, constants: Mapping[str, float], coverage: float) -> str:
     """Why no test at all keeps it: what seat, table and gravity leave."""
-    left = problem.goal.by_quantity(np.sqrt(problem.squares(np.full(len(problem.candidates), EVER))))
+    left = problem.goal.by_quantity(
+        np.sqrt(problem.squares(np.full(len(problem.candidates), EVER)))
+    )
     over = [quantity for quantity, ratio in left.items() if ratio > 1]
     if not over:
         return ""
@@ -208,9 +208,7 @@ def _of_attitude(
     return (found[0] if found else None), least
 
 
-def _no_attitude(
-    wanted: Wanted, like: Settings, angles: Mapping[str, float], least: float
-) -> str:
+def _no_attitude(wanted: Wanted, like: Settings, angles: Mapping[str, float], least: float) -> str:
     told = ", ".join(f"{name} to {np.degrees(limit):g} deg" for name, limit in angles.items())
     many = len(list(shapes(wanted, like)))
     text = f"{told}: none of {many} shapes (rests about the vertical, turning) keeps it in a day"
@@ -286,9 +284,7 @@ def _purposes(amounts: Amounts, judge: Judged) -> list[str]:
     return found
 
 
-def _on_a_true_table(
-    amounts: Amounts, judge: Judged, like: Settings
-) -> dict[str, float | None]:
+def _on_a_true_table(amounts: Amounts, judge: Judged, like: Settings) -> dict[str, float | None]:
     """Sigma [SI] of each quantity on a table and seat without errors: what a better one gains."""
     made = settings_of(judge.text(amounts), replace(like, true_table=True))
     return {j.quantity: j.sigma for j in rehearse(made).judgements}

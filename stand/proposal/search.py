@@ -76,9 +76,7 @@ def _scaled(problem: Problem, t: Array) -> Array:
 
 def kept(problem: Problem, t: Array) -> bool:
     """Whether a test keeps the requirement, with all that makes its readings err."""
-    return bool(
-        t.any() and problem.squares(t).max() <= 1 and problem.exact(t).max() <= 1 + SLACK
-    )
+    return bool(t.any() and problem.squares(t).max() <= 1 and problem.exact(t).max() <= 1 + SLACK)
 
 
 def rounded(problem: Problem, t: Array, shortest: float) -> Array:

@@ -75,5 +75,3 @@ def labels_of(those: Sequence[Candidate]) -> list[str]:
             label, n = f"{one.label()}, {n}", n + 1
         found.append(label)
     return found
-
-
