@@ -107,12 +107,8 @@ def _turns(wanted: Wanted, imu: ImuSpec, table: Table) -> Iterator[Candidate]:
 
 def _repeats(axis: str, at: Sequence[float], free: bool) -> bool:
     """Whether the axis passes through another of the positions: where it begins is no matter."""
-    outer, middle, inner = at
-    if not free:
-        return False
-    if axis == "inner":
-        return inner != 0
-    return axis == "middle" and middle != 0
+    going = {"middle": at[1], "inner": at[2]}
+    return free and bool(going.get(axis, 0.0))
 
 
 def _within(at: Sequence[float], table: Table) -> bool:
@@ -131,12 +127,12 @@ def _rates(axis: str, wanted: Wanted, imu: ImuSpec, table: Table) -> list[float]
     """Rates [deg/s] that the axis and the unit allow: the quickest."""
     limit = float(table.rate[JOINTS.index(axis)]) / DEG
     measured = RANGE_USED * float(imu.gyro.full_scale) / DEG
-    given = wanted.entry.allowed.rates_deg_s
+    given = wanted.entry.allowed.turn_rates_deg_s
     if given is not None:
         beyond = [rate for rate in given if rate > limit * (1 + EDGE)]
         if beyond:
             text = f"axis {axis} of table {table.id} turns at {limit:g} deg/s at most"
-            raise wanted.fault("allowed, rates_deg_s", f"{beyond[0]:g}", text)
+            raise wanted.fault("allowed, turn_rates_deg_s", f"{beyond[0]:g}", text)
         return sorted(rate for rate in given if rate <= measured)
     return [rate for rate in NICE if rate <= min(limit * (1 + EDGE), measured)][-KEPT_RATES:]
 

@@ -45,8 +45,13 @@ class Shape:
         return tuple((Candidate((angle, 0.0, 0.0)), each) for angle in self.angles)
 
 
-def shapes(wanted: Wanted, like: Settings) -> Iterator[Shape]:
+def shapes(wanted: Wanted, like: Settings) -> list[Shape]:
     """All that table and requirement allow."""
+    method = wanted.entry.require.method
+    return [one for one in _shapes(wanted, like) if method in (None, one.method)]
+
+
+def _shapes(wanted: Wanted, like: Settings) -> Iterator[Shape]:
     allowed = candidates(wanted, like.imu, like.table)
     outer = {one.position[0] for one in allowed if not one.axis and one.position[1:] == (0.0, 0.0)}
     if 0.0 in outer:
@@ -65,7 +70,7 @@ def shapes(wanted: Wanted, like: Settings) -> Iterator[Shape]:
         thirds = (0.0, 120.0, -120.0)
         yield Shape("three rests, a third of a turn apart", "multi-position", thirds)
     if any(one.axis == "outer" for one in allowed):
-        given = wanted.entry.allowed.rates_deg_s
+        given = wanted.entry.allowed.turn_rates_deg_s
         limit = float(like.table.rate[3]) / DEG
         for rate in given or SPIN_RATES:
             if rate <= limit:

@@ -6,6 +6,7 @@ order in time; what the moves tell comes with the rehearsal only.
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -71,6 +72,12 @@ class Goal:
     rows: Array
     limits: Array
 
+    def scaled(self, factor: float) -> "Goal":
+        """The same with every limit times a factor."""
+        other = copy(self)
+        set_owned(other, limits=(self.limits * factor, (len(self.names),), float))
+        return other
+
     def by_quantity(self, ratios: Array) -> dict[str, float]:
         """The worst row of each quantity, of ratios (k,)."""
         return {
@@ -103,8 +110,9 @@ class Problem:
     ) -> None:
         self.candidates, self.clock = tuple(candidates), Clock(like.table)
         every = [(one, one.quantum or 1.0) for one in candidates]
+        require = wanted.entry.require.model_copy(update={"method": None})
         self.settings = settings_of(
-            procedure_of(wanted, every, (METHOD,), wanted.entry.require, table=like.table.id), like
+            procedure_of(wanted, every, (METHOD,), require, table=like.table.id), like
         )
         self.scene: Scene = prepared(self.settings)
         bench = self.settings.options.bench
@@ -173,6 +181,13 @@ class Problem:
         return np.array(
             [self.clock.length(one, one.quantum) - one.quantum for one in self.candidates]
         )
+
+    def scaled(self, factor: float) -> "Problem":
+        """The same with every limit times a factor."""
+        other = copy(self)
+        other.__dict__.pop("wanted_rows", None)
+        other.goal = self.goal.scaled(factor)
+        return other
 
     # --- in the search
 

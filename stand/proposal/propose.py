@@ -47,9 +47,9 @@ def propose(wanted: Wanted, like: Settings, progress: Progress = lambda done: No
     plain = Proposal(title=wanted.entry.title, settings=like, feasible=False, considered=len(those))
     constants = {q: limit for q, limit in limits.items() if q in CONSTANTS}
     angles = {q: limit for q, limit in limits.items() if q not in CONSTANTS}
+    _check_method(wanted, constants, angles)
     problem = Problem(wanted, those, like, constants) if constants else None
     if problem is not None:
-        _check_told(wanted, problem, constants, like)
         if refused := _beyond(problem, constants, require.coverage):
             return replace(plain, reason=refused)
     dwell = wanted.entry.allowed.shortest_dwell_s
@@ -127,18 +127,21 @@ def _in_order(amounts: Amounts, problem: Problem) -> Amounts:
     return _amounts(problem, t)
 
 
-def _check_told(
-    wanted: Wanted, problem: Problem, constants: Mapping[str, float], like: Settings
+def _check_method(
+    wanted: Wanted, constants: Mapping[str, float], angles: Mapping[str, float]
 ) -> None:
-    """Each quantity is one that the unit has."""
-    for quantity, limit in constants.items():
-        if quantity not in problem.goal.names:
-            constant = CONSTANTS[quantity]
-            raise wanted.fault(
-                f"require, {constant.key}",
-                f"{limit / constant.unit[1]:g}",
-                f"the data sheet of {like.imu.id} states no {quantity}: nothing to calibrate",
-            )
+    """A method that is asked for finds all that is required."""
+    method = wanted.entry.require.method
+    if method is None:
+        return
+    if constants and (angles or method != METHOD):
+        quantity = next(iter(constants if method != METHOD else angles))
+        raise wanted.fault("require, method", f'"{method}"', f"does not find {quantity}")
+    known = ("triad", "two-position", "multi-position", "carousel")
+    if angles and method not in known:
+        raise wanted.fault(
+            "require, method", f'"{method}"', f"of an attitude must be one of {', '.join(known)}"
+        )
 
 
 def _beyond(problem: Problem, constants: Mapping[str, float], coverage: float) -> str:
@@ -194,7 +197,7 @@ def _of_attitude(
     least = 0.0
     if "heading" in angles:
         least = floor_time(like, angles["heading"] / (require.coverage * (1 + require.guard)))
-    every = list(shapes(wanted, like))
+    every = shapes(wanted, like)
     judges: dict[str, Judged] = {}
 
     def judge_of(method: str) -> Judged:
@@ -210,7 +213,7 @@ def _of_attitude(
 
 def _no_attitude(wanted: Wanted, like: Settings, angles: Mapping[str, float], least: float) -> str:
     told = ", ".join(f"{name} to {np.degrees(limit):g} deg" for name, limit in angles.items())
-    many = len(list(shapes(wanted, like)))
+    many = len(shapes(wanted, like))
     text = f"{told}: none of {many} shapes (rests about the vertical, turning) keeps it in a day"
     floor = f"; white noise alone takes {least:.0f} s" if least else ""
     return text + floor

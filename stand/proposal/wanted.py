@@ -13,6 +13,7 @@ from stand.procedure.steps import Text
 
 GIMBALS = ("outer", "middle", "inner")
 SITE = SiteEntry(latitude_deg=48.5, gravity_m_s2=9.80936)
+MOST_DEG = 180.0
 Turns = Annotated[float, Field(ge=1, le=100000)]
 Position = tuple[Angle, Angle, Angle]
 
@@ -22,7 +23,7 @@ class AllowedEntry(catalogue.Entry):
 
     `max_time_s`: the whole plan. `positions`: where it may stand, outer, middle and inner angle of
     each; or 'faces' (an axis of the unit up or down), or 'all' (edges and corners up as well).
-    `turning`: axes that may turn; `rates_deg_s`: at which rates, else some of the table's.
+    `turning`: axes that may turn; `turn_rates_deg_s`: at which rates, else some of the table's.
     `most_turns`: of one axis in one direction (cables). `shortest_dwell_s`: of a rest that counts.
     """
 
@@ -31,7 +32,7 @@ class AllowedEntry(catalogue.Entry):
         "all"
     )
     turning: tuple[Literal["outer", "middle", "inner"], ...] = GIMBALS
-    rates_deg_s: Annotated[tuple[PositiveRate, ...], Field(min_length=1)] | None = None
+    turn_rates_deg_s: Annotated[tuple[PositiveRate, ...], Field(min_length=1)] | None = None
     most_turns: Turns | None = None
     shortest_dwell_s: Annotated[float, Field(ge=1, le=3600)] = 2.0
 
@@ -88,3 +89,16 @@ def wanted_of(require: dict[str, object], allowed: dict[str, object]) -> Wanted:
     """The same from plain values, as a command line has them."""
     data = {"require": require, "allowed": allowed}
     return Wanted("", catalogue.checked("requirement", data, WantedEntry))
+
+
+def scaled(wanted: Wanted, factor: float) -> Wanted:
+    """The same with every limit times a factor."""
+    require = wanted.entry.require
+    limits = {
+        key: factor * value
+        for key, value in require.model_dump(exclude_none=True).items()
+        if isinstance(value, float) and key not in ("coverage", "guard")
+    }
+    most = {key: min(value, MOST_DEG) for key, value in limits.items() if key.endswith("_deg")}
+    entry = wanted.entry.model_copy(update={"require": require.model_copy(update=limits | most)})
+    return Wanted(wanted.name, entry)
