@@ -27,6 +27,7 @@ from stand.simulation.settings import Settings
 FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)  # of what is required
 CLASSICAL = {True: "calibration-full", False: "two-position"}
 HALVINGS = 7
+EVER = 1e7  # s: as long as anybody
 SHORTEST = 1 / 64  # of a test of one's own
 Progress = Callable[[float], None]
 
@@ -103,9 +104,10 @@ def _constants(problem: Problem, wanted: Wanted) -> float:
     dwell = wanted.entry.allowed.shortest_dwell_s
     if problem.squares(np.zeros(len(problem.candidates))).max() <= 1:
         return dwell
-    found = [search.greedy(problem, dwell)]
-    found.append(search.sparse(problem, search.convex(problem, rounds=search.FEW_ROUNDS), dwell))
-    return min((problem.total(t) for t in found if t is not None), default=inf)
+    if problem.squares(np.full(len(problem.candidates), EVER)).max() > 1:
+        return inf
+    found = search.greedy(problem, dwell)
+    return inf if found is None else problem.total(found)
 
 
 def _attitude(wanted: Wanted, like: Settings, angles: dict[str, float], factor: float) -> float:
