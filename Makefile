@@ -1,6 +1,7 @@
-.PHONY: demo test lint bench proof mutants fuzz clean
+.PHONY: demo test lint bench peers proof docs mutants fuzz clean
 
 VENV := .venv
+PEERS := .venv-peers
 PY := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
@@ -18,10 +19,23 @@ lint: $(READY)
 bench: $(READY)
 	$(PY) tests/benchmarks/bench.py
 
+peers: $(READY) $(PEERS)/.ready
+	$(PY) tests/benchmarks/peers.py $(PEERS)/bin/python
+
+$(PEERS)/.ready:
+	python3 -m venv $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check \
+		'python-ins==1.0.1' 'scipy<1.17' 'ahrs==0.4.0' 'allantools>=2024.6'
+	touch $@
+
 proof: $(READY)
 	$(PY) tests/benchmarks/proof.py
 	$(PY) tests/benchmarks/proof_allan.py
 	$(PY) tests/benchmarks/proof_nees.py
+
+docs: $(READY)
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(PY) tools/site/build.py $(ARGS)
 
 mutants: $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[mutants]'
@@ -41,4 +55,4 @@ $(READY): pyproject.toml
 	touch $@
 
 clean:
-	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(PEERS) build dist .pytest_cache .ruff_cache .hypothesis

@@ -1,6 +1,6 @@
 """Owned, checked, read-only arrays: what makes a frozen dataclass really immutable."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from mmap import mmap
 from typing import Any
 
@@ -11,6 +11,8 @@ from alignment.parts import in_parts
 
 Array = NDArray[np.floating[Any]]
 IntArray = NDArray[np.int64]
+
+SMALL = 4096  # values that are looked at in one go
 
 
 def owned(
@@ -50,11 +52,17 @@ def owned(
         wanted = tuple("any" if n is None else n for n in shape)
         raise ValueError(f"{name}: shape {array.shape}, must be {wanted}")
     good = np.isfinite if not nan else _finite_or_nan
-    if array.dtype.kind == "f" and not all(good(p).all() for p in in_parts(np.atleast_1d(array))):
+    if array.dtype.kind == "f" and not _all(good, array):
         row = np.argwhere(~good(array))[0]
         raise ValueError(f"{name}: not finite at index {tuple(int(i) for i in row)}")
     array.flags.writeable = False
     return array
+
+
+def _all(good: Callable[..., NDArray[np.bool_]], array: NDArray[Any]) -> bool:
+    if array.size <= SMALL:
+        return bool(good(array).all())
+    return all(good(part).all() for part in in_parts(np.atleast_1d(array)))
 
 
 def _finite_or_nan(array: NDArray[Any]) -> NDArray[np.bool_]:

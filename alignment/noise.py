@@ -15,6 +15,7 @@ from alignment.doubts import drift_doubt, drift_words
 from alignment.errors import NotAtRest, TooShort
 from alignment.parts import excerpts, mean, parts, release, sums_between
 from alignment.readings import Dwell, ImuReadings
+from alignment.rounding import rounding_variance
 from alignment.sampling import step_of
 
 # least Allan deviation of flicker noise over its bias instability: sqrt(2 ln 2 / pi), with the
@@ -82,10 +83,10 @@ def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     return means, np.concatenate([mean_variance(v) for v in values])
 
 
-def dwell_mean_and_variance(dwell: Dwell) -> tuple[Array, Array]:
-    """Means (6,) of a dwell and their variances, with what the record around it drifts by."""
-    means, variances = mean_and_variance(dwell.window())
-    return means, variances + around_variance(dwell)
+def dwell_mean_and_variance(dwell: Dwell, window: ImuReadings) -> tuple[Array, Array]:
+    """Means (6,) of a dwell's `window` and their variances: noise, rounding, drift around it."""
+    means, variances = mean_and_variance(window)
+    return means, variances + around_variance(dwell) + rounding_variance(window)
 
 
 def around_variance(dwell: Dwell) -> Array:

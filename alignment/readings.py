@@ -14,6 +14,15 @@ from alignment.parts import parts, release
 EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
 
 
+@dataclass(frozen=True, slots=True)
+class Grain:
+    """How coarse a sensor's numbers are: the `step` that they are rounded to, and the `noise` of
+    one sample before that, its standard deviation; both in the sensor's unit."""
+
+    step: float = 0.0
+    noise: float = 0.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuReadings:
     """Samples of one IMU.
@@ -28,6 +37,8 @@ class ImuReadings:
     ranges : (float, float)
         Full scale that the data sheet states of gyros [rad/s] and accelerometers [m/s^2]; infinite
         where nobody does.
+    grains : (Grain, Grain) or None
+        What is known of their rounding; None where nobody says.
 
     Raises
     ------
@@ -39,6 +50,7 @@ class ImuReadings:
     w_ib_b: Array
     f_b: Array
     ranges: tuple[float, float] = (inf, inf)
+    grains: tuple[Grain, Grain] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.t)
@@ -112,14 +124,19 @@ class Turn:
 class JointAngles:
     """Where the axes of a table stood: `angles` (k,) [rad], as its encoders say.
 
-    `going_round`: the one that turned, whose angle counts as zero; -1 at rest.
+    `going_round`: the one that turned, whose angle counts as zero; -1 at rest. Where they stood
+    elsewhere than they were told to: `C_nb` there, and the turning one's `axis_b` (3,).
     """
 
     angles: Array
     going_round: int = -1
+    C_nb: Rotation | None = None
+    axis_b: Array | None = None
 
     def __post_init__(self) -> None:
         set_owned(self, angles=(self.angles, (len(self.angles),), float))
+        if self.axis_b is not None:
+            set_owned(self, axis_b=(self.axis_b, (3,), float))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,6 +19,7 @@ OFTEN = 1.3  # rows that must stand so many times on average
 FEWEST_RUNS = 32  # below which repeats may be chance
 FINEST = 1e-6  # of the span of values: finer is no step, or one that matters to nobody
 CHANGES = 8  # of a value, below which there is no telling what it is rounded to
+ENOUGH = 1 << 18  # values that show a step, or their median, as well as those of a longer record
 UNEVEN = 0.02  # of a step that differences of values may be off its multiples
 
 
@@ -81,14 +82,20 @@ def repeats(values: Array) -> IntArray | None:
     return starts if share >= ALIKE else None
 
 
+def some_of(values: Array) -> Array:
+    """Values (n,), or evenly spaced ones of more than `ENOUGH`."""
+    return values[:: (len(values) // ENOUGH) | 1]  # odd: what alternates is seen
+
+
 def step_of(values: Array) -> float:
     """The step of rounded values (n,), which are multiples of it but for an offset; 0: none.
 
-    Values that hardly change show none: one change may be anything. Of more than `parts.MOST`
-    excerpts serve.
+    Values that hardly change show none: one change may be anything. Of more than `ENOUGH` values
+    evenly spaced ones are looked at (of more than `parts.MOST`, of excerpts): a step that they do
+    not show is finer than 1e-5 of the spread.
     """
     pieces = excerpts(values)
-    values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    values = some_of(pieces[0] if len(pieces) == 1 else np.concatenate(pieces))
     levels = np.unique(values)
     if len(levels) > len(values) / 2 or np.count_nonzero(np.diff(values)) < CHANGES:
         return 0.0

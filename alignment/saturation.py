@@ -7,6 +7,7 @@ moves starts from standstill, in steps of its numbers.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alignment.arrays import Array
 from alignment.errors import Saturated
@@ -71,6 +72,24 @@ def saturation_doubt(label: str, readings: ImuReadings) -> tuple[str, ...]:
                 raise Saturated(f"{label}: {told}: what it felt there is lost")
             flags.append(told)
     return tuple(flags)
+
+
+def clipped(readings: ImuReadings) -> NDArray[np.bool_]:
+    """Which samples (n, 6) of gyros and accelerometers stand at full scale."""
+    found = np.zeros((len(readings), len(CHANNELS)), bool)
+    triads = (readings.w_ib_b, readings.f_b)
+    for first, triad, stated in zip((0, 3), triads, readings.ranges, strict=True):
+        for axis in range(triad.shape[1]):
+            channel = triad[:, axis]
+            if not _at_full_scale(channel, stated):
+                continue
+            for end in (channel.max(), channel.min()):
+                near = AT_RANGE * abs(end) + step_of(channel) / 2 if np.isfinite(stated) else 0.0
+                at_end = np.abs(channel - end) <= near
+                known = np.isfinite(stated) and abs(end) >= (1 - NEAR_RANGE) * stated
+                if known or np.count_nonzero(at_end) >= LEAST:
+                    found[:, first + axis] |= at_end
+    return found
 
 
 def _at_full_scale(channel: Array, stated: float) -> int:

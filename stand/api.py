@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from stand.results.simulated import Simulated
     from stand.results.stretches import Stretches
     from stand.simulation.settings import Settings
+    from stand.simulation.work import Engine
     from stand.table.table import Table
 
 Named = str | PathLike[str]
@@ -740,7 +741,12 @@ def stretches(
 
 
 def rehearse(
-    settings: Settings, *, verify: int | None = None, progress: Progress = _quiet
+    settings: Settings,
+    *,
+    verify: int | None = None,
+    keep: Named | None = None,
+    scheduler: object = None,
+    progress: Progress = _quiet,
 ) -> Rehearsed:
     """Before the table is booked: can it run, how long, how accurate, why, what would help.
 
@@ -750,8 +756,12 @@ def rehearse(
         Of `stand.settings`.
     verify : int, optional
         Simulate so many runs and set what they come to beside the predictions.
+    keep : path, optional
+        File for those runs; those that it holds are not made again.
+    scheduler : str or object, optional
+        Of a Dask cluster that makes them, as of `stand.campaign`.
     progress : callable
-        Told the part of those runs that is done, 0 to 1.
+        Told the part done, 0 to 1: of those runs, without any of the changes that are tried.
 
     Raises
     ------
@@ -772,11 +782,13 @@ def rehearse(
 
     if verify is not None:
         whole("verify", verify, 1)
-    answer = with_advice(_checked(settings))
+    answer = with_advice(_checked(settings), _quiet if verify else progress)
     if verify is not None:
         from stand.rehearsal.verify import with_verification
 
-        answer = with_verification(answer, settings, verify, progress)
+        file = None if keep is None else Path(keep)
+        engine = _engine(scheduler)
+        answer = with_verification(answer, settings, verify, progress, engine=engine, keep=file)
     return shown(Rehearsed, answer)
 
 
@@ -786,6 +798,8 @@ def compare(
     *,
     progress: Progress = _quiet,
     workers: int | None = None,
+    keep: Named | None = None,
+    scheduler: object = None,
 ) -> Compared:
     """Methods side by side on identical data: error, sigma, floor, NEES, run time.
 
@@ -801,6 +815,10 @@ def compare(
     workers : int, optional
         Processes, which change nothing but the time. A script that lets more than one work must
         keep its own behind ``if __name__ == "__main__"``.
+    keep : path, optional
+        File for the runs; those that it holds are not made again.
+    scheduler : str or object, optional
+        Of a Dask cluster that makes them, as of `stand.campaign`.
 
     Raises
     ------
@@ -825,7 +843,18 @@ def compare(
     whole("runs", runs, 1)
     if workers is not None:
         whole("workers", workers, 1)
-    return shown(Compared, compare_methods(_checked(settings), runs, progress, workers))
+    file = None if keep is None else Path(keep)
+    found = compare_methods(_checked(settings), runs, progress, workers, _engine(scheduler), file)
+    return shown(Compared, found)
+
+
+def _engine(scheduler: object) -> Engine | None:
+    """Who makes runs at a scheduler; None: processes of this machine."""
+    if scheduler is None:
+        return None
+    from stand.simulation.cluster import engine_at
+
+    return engine_at(scheduler)
 
 
 def campaign(

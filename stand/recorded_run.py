@@ -160,9 +160,15 @@ class _Run:
         """Samples block by block into both recordings and the stretches."""
         steps = zip(self.plan.steps, self.plan.rests, strict=True)
         moving = [step.label for step, rests in steps if not rests.all()]
-        rate = self.settings.rate_hz
+        known = self.settings
         collector = DwellCollector(
-            self.plan.stretches, rate, moving, self.folder, moves=follows_moves(self.settings)
+            self.plan.stretches,
+            known.rate_hz,
+            moving,
+            self.folder,
+            moves=follows_moves(known),
+            imu=known.unit,
+            stand=self.simulation.encoders_of,
         )
         waiting: list[Future[None]] = []
         done, total, steps_over = 0, self.simulation.total, 0

@@ -43,6 +43,7 @@ from stand.folder import (
 from stand.imu import unstated
 from stand.motion.polynomial import MotionKind
 from stand.physics.mjcf import describe, load_model
+from stand.recording.attached_model import attached_model
 from stand.recording.content import MCAP, kind_of
 from stand.recording.curves import Phase
 from stand.recording.log import Log, load_log
@@ -65,7 +66,6 @@ from stand.recording.metadata import (
 )
 from stand.recording.reviewing import MISSING, open_review
 from stand.report.document import files_document, score_tables, verdict_document
-from stand.report.run_page import attached_model
 from stand.samples import CHANNELS
 from stand.table.kinematics import C_NW
 

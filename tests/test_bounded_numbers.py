@@ -11,6 +11,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, Field
 
 from stand.calibration.file import CalibrationEntry
+from stand.campaigns.sweep import SweepEntry
 from stand.errors import StandError
 from stand.imu.preset import ImuEntry, imu_from
 from stand.procedure.procedure import ProcedureEntry, procedure_from
@@ -29,7 +30,7 @@ from stand.table.table import TableEntry
 from stand.toml_files import Source, find, parse
 from stand.vehicle.scenario import DriveEntry, drive_from
 
-TOML = (ProcedureEntry, ImuEntry, TableEntry, DriveEntry)
+TOML = (ProcedureEntry, ImuEntry, TableEntry, DriveEntry, SweepEntry)
 RECORDS = (
     *(RunRecord, SiteRecord, ScheduleRecord, SettledRecord, InterruptedRecord, EstimateRecord),
     *(Sigmas, DriveRecord, CalibrationEntry),

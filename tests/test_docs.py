@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from turned_by_hand import anyhow, log_of, unit_of
 
 from stand.errors import StandError
 from stand.motion.limits import check
@@ -27,6 +28,13 @@ SHORTER = {  # runs that only say more with more of them
     "--runs 100": "--runs 3",
     "--runs 50": "--runs 2",
     "--published": "--published --only S4",  # the last --only counts
+}
+
+SMALLER = {  # sweeps likewise: four cases of two runs
+    "runs = 100": "runs = 2",
+    "count = 10": "count = 2",
+    "count = 5": "count = 2",
+    "high = 1800": "high = 120",
 }
 
 
@@ -72,6 +80,10 @@ def furnish(folder):
     for name, sign in (("up", 1.0), ("down", -1.0)):
         body = noisy(rng, len(t), 0) * np.array([sign, 1, sign, sign, 1, sign])
         np.concatenate([t, body], axis=1).astype("<f8").tofile(folder / f"{name}.ins")
+    by_hand, _, _ = log_of(unit_of("stim300", 3, 25), anyhow(14, 3), rest_s=5)
+    rows = np.column_stack([by_hand.t, np.degrees(by_hand.w_ib_b), by_hand.f_b])
+    head = "t [s],gx [deg/s],gy [deg/s],gz [deg/s],ax [m/s^2],ay [m/s^2],az [m/s^2]"
+    np.savetxt(folder / "by-hand.csv", rows, "%.9f", ",", header=head, comments="")
     rest = noisy(rng, 100 * 600, 1)
     write_imu_log(
         folder / "static.mcap",
@@ -92,6 +104,9 @@ def save_files(folder):
             if kind == "toml":
                 names = re.findall(r"`([\w-]+\.toml)`", before)
                 assert names, f"{page.name}: a TOML block without a name before it"
+                if "[[vary]]" in body:
+                    for long, short in SMALLER.items():
+                        body = body.replace(long, short)
                 (folder / names[-1]).write_text(body, encoding="utf-8")
 
 

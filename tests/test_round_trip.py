@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 
 from alignment.allan import channel
 from stand import toml_files as catalogue
@@ -90,6 +90,17 @@ def test_every_preset_comes_back():
     assert sum(invented.values()) <= 6, invented  # of some 200 tests at p = 0.001 to 0.01
 
 
+def normalised(term, truth):
+    """Square of the error over the sigma that a 95 % interval is of."""
+    return ((term.value - truth) / ((term.high - term.low) / (2 * 1.96))) ** 2
+
+
+def check_width(squares):
+    """Neither too narrow nor too wide: chi-square, once in a thousand on either side."""
+    low, high = chi2.ppf([0.0005, 0.9995], len(squares))
+    assert low < sum(squares) < high
+
+
 def synthetic(**terms):
     """A gyro with given terms and nothing else."""
     spec = load_imu("ideal")
@@ -99,14 +110,16 @@ def synthetic(**terms):
 def test_rate_random_walk_comes_back():
     """K = 10 deg/h/rt-h beside N = 0.05 deg/rt-h: they cross at sqrt3 N/K = 31 s."""
     K, N = np.radians(10.0) / HOUR / 60, np.radians(0.05) / 60
-    hits = 0
+    hits, squares = 0, []
     for seed in range(4):
         data = at_rest(synthetic(noise=N, random_walk=K), 4.0, 1, seed)["gyro"]
         for k, axis in enumerate("xyz"):
             found = channel("gyro", axis, np.ascontiguousarray(data[:, k]), 1.0).found
             (walk,) = [term for term in found if term.term == "K"]
             hits += walk.low <= K <= walk.high
+            squares.append(normalised(walk, K))
     assert hits >= binom.ppf(0.001, 12, 0.90)
+    check_width(squares)
 
 
 def test_quantisation_of_increments_comes_back():
@@ -117,14 +130,16 @@ def test_quantisation_of_increments_comes_back():
     """
     lsb, N = np.radians(0.05) / 3600, np.radians(0.005) / 60
     spec = replace(synthetic(noise=N, increment_lsb=lsb), increments=True)
-    hits = 0
+    hits, squares = 0, []
     for seed in range(3):
         data = at_rest(spec, 0.1, 100, seed)["gyro"]
         for k, axis in enumerate("xyz"):
             found = channel("gyro", axis, np.ascontiguousarray(data[:, k]), 0.01).found
             (rounding,) = [term for term in found if term.term == "Q"]
             hits += rounding.low <= lsb / np.sqrt(12) <= rounding.high
+            squares.append(normalised(rounding, lsb / np.sqrt(12)))
     assert hits >= binom.ppf(0.001, 9, 0.90)
+    check_width(squares)
 
 
 def test_a_short_record_says_how_long_it_must_be():

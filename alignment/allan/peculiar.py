@@ -9,13 +9,13 @@ from alignment.allan.covariance import stride
 from alignment.allan.deviation import largest
 from alignment.arrays import Array
 from alignment.readings import ImuReadings
+from alignment.sampling import some_of
 
 AXES = ("x", "y", "z")
 BLOCK = 64  # samples whose scatter is read about their own mean
 SHAKEN = 25.0  # times the median variance in such a block: no chance, but a knock or a vibration
 FAR = 8.0  # usual deviations from the mean of both neighbours: no chance in any record
 SILENT = 1e-13  # of the signal's size: less is rounding
-ENOUGH = 1 << 18  # values that show a median as well as more of them
 STUCK = 4  # blocks without any scatter, one after the other
 JUMP = 7.0  # usual differences of adjacent means: no chance in any record
 NORMAL = 0.6745  # median size of a normal number
@@ -63,11 +63,6 @@ def peculiar(sensor: str, parts: Sequence[ImuReadings], interval: float) -> list
     return notes
 
 
-def _median(values: Array) -> float:
-    """Of values (n,), or of evenly spaced ones of more than `ENOUGH`: to 0.3 % of a sigma."""
-    return float(np.median(values[:: (len(values) // ENOUGH) | 1]))  # odd: what alternates is seen
-
-
 def _shaken(sensor: str, t: Array, spread: Array, usual: Array) -> Iterator[str]:
     beyond = spread > SHAKEN * np.where(usual > 0, usual, np.inf)
     if beyond.any():
@@ -97,7 +92,7 @@ def _outliers(name: str, t: Array, values: Array) -> Iterator[str]:
     off = values[2:] + values[:-2]
     off /= 2
     np.abs(np.subtract(values[1:-1], off, out=off), out=off)
-    usual = _median(off)
+    usual = float(np.median(some_of(off)))
     far = np.flatnonzero(off > FAR / NORMAL * usual) if usual > 0 else []
     if 0 < len(far) <= len(values) // BLOCK:
         highest = [
@@ -123,7 +118,7 @@ def _steps(name: str, t: Array, values: Array) -> Iterator[str]:
         apart = _apart(total, m, step)
         best = int(np.argmax(apart))
         k = best * step
-        usual = _median(apart) / NORMAL
+        usual = float(np.median(some_of(apart))) / NORMAL
         at, wide = k + m, min(4 * m, k + m, len(values) - k - m)
         after, before = total[at + wide] - total[at], total[at] - total[at - wide]
         if apart[best] > JUMP * usual and abs(after - before) / wide > apart[best] / 2:

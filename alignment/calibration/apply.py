@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from alignment.arrays import Array
 from alignment.calibration.constants import TriadConstants, columns, constants_of, reported, slope
@@ -153,6 +152,8 @@ def _in_time(t: Array, values: Array, lag: Array) -> Array:
 
 def _later(edges: Array, means: Array, lag: float) -> Array:
     """Means (n,) a `lag` after those between `edges` (n + 1,); the last as they are."""
+    from scipy.interpolate import CubicSpline  # takes its time to import
+
     width = np.diff(edges)
     integral = CubicSpline(edges, np.concatenate([[0.0], np.cumsum(means * width)]))
     later = edges + lag

@@ -108,8 +108,8 @@ def _contradiction(fit: Fit) -> tuple[str, ...]:
         return ()
     return (
         f"the readings contradict one another: chi-square {fit.chi_square:.0f} for {fit.dof}: "
-        f"every sigma is {fit.growth:.3g} times as large for it (another class of table than told, or "
-        "errors that nobody stated)",
+        f"every sigma is {fit.growth:.3g} times as large for it (another class of table than told, "
+        "or errors that nobody stated)",
     )
 
 

@@ -67,13 +67,13 @@ class Design:
     @cached_property
     def gain(self) -> Array:
         """(a, m): from the readings' errors to those of the active unknowns."""
-        back = solve_triangular(self._L, self._Q, lower=True, trans="T") / self._scale[:, None]
+        back = solve_triangular(self._L, self._Q, lower=True, trans=1) / self._scale[:, None]
         return self.sigmas[:, None] * solve_triangular(self._U, back.T)
 
     @cached_property
     def weight(self) -> Array:
         """Inverse covariance (m, m) of the readings about what is expected, priors included."""
-        half = solve_triangular(self._L, self._Q, lower=True, trans="T") / self._scale[:, None]
+        half = solve_triangular(self._L, self._Q, lower=True, trans=1) / self._scale[:, None]
         inverse = solve_triangular(self._L, np.diag(1 / self._scale), lower=True)
         return inverse.T @ inverse - half @ half.T
 
@@ -117,7 +117,7 @@ _WORDS = {
     "temperature_bias": "bias by temperature",
     "temperature_scale": "scale factor by temperature",
 }
-_SENSOR_WORDS = dict(zip(SENSORS, ("gyro", "accelerometer"), strict=True))
+_SENSOR_WORDS: dict[str, str] = dict(zip(SENSORS, ("gyro", "accelerometer"), strict=True))
 
 
 def term_source(sensor: str, name: str) -> str:

@@ -87,7 +87,14 @@ def solved(design: Design, y: Array) -> tuple[Array, Array]:
     raise AlignmentError("the readings cannot be those of such a unit: the fit does not settle")
 
 
-def fitted(seen: Sequence[Observed], bench: Bench, site: Site, design: Design | None = None) -> Fit:
+def fitted(
+    seen: Sequence[Observed],
+    bench: Bench,
+    site: Site,
+    design: Design | None = None,
+    *,
+    all_of_them: bool = False,
+) -> Fit:
     """The fit without the stretches that contradict all others.
 
     Parameters
@@ -98,6 +105,8 @@ def fitted(seen: Sequence[Observed], bench: Bench, site: Site, design: Design | 
     site : Site
     design : Design, optional
         Of just these stretches, where it is known already.
+    all_of_them : bool
+        Leave none out, whatever it contradicts.
 
     Raises
     ------
@@ -114,7 +123,7 @@ def fitted(seen: Sequence[Observed], bench: Bench, site: Site, design: Design | 
         _check_moves(worked.model, y)
         x, off = solved(worked, y)
         found = Fit(worked, x, off, tuple(left_out))
-        worst = _worst(worked, off)
+        worst = None if all_of_them else _worst(worked, off)
         if worst is None:
             break
         k, n, gone = worst

@@ -12,18 +12,20 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, permutations, product
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from alignment.arrays import Array
 from alignment.calibration.hand_held_fit import (
     GROUPS,
     Fit,
     Problem,
+    State,
     by_item,
     fitted,
     mean_ratio,
     median_ratio,
     places,
+    rows_of,
     start,
     turned_by,
 )
@@ -36,18 +38,20 @@ from alignment.calibration.result import (
     Gravity,
     LeftOut,
     Nuisance,
+    Residual,
     basis_of,
     derived_of,
     parameters_of,
     share_of_prior,
 )
 from alignment.calibration.unknowns import Unknowns, unknowns_of
-from alignment.earth import Site
+from alignment.earth import Site, normal_gravity
 from alignment.errors import AlignmentError, TooShort
 from alignment.noise import GAP
 from alignment.options import Priors
 from alignment.readings import ImuReadings
 from alignment.rests import find_stretches
+from alignment.saturation import CHANNELS, clipped
 from alignment.units import STANDARD_GRAVITY
 
 SHORTEST = 1.0  # s, of a rest
@@ -59,6 +63,8 @@ ASTRAY = 0.35  # rad rms, by which gyros miss the next vertical: no scale factor
 EXPLAINED = 0.3  # of that miss, which other axes must leave to be believed
 LEAST_TURNING = 0.02  # of the largest singular value: turning about two axes alone
 HIGHEST_CONDITION = 50.0
+MOST_ENLARGED = 100.0  # of sigmas, by what rests and moves differ beyond their noise
+ODD_GRAVITY = 0.01  # m/s^2 from normal gravity: anomalies and 3 km of height come to less
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,15 +124,18 @@ def hand_held(
     rests = [(one.t_from, one.t_to) for one in found if one.kind == "rest"]
     _check_rests(readings, rests)
     _check_unit(rest_means(readings, rests), gravity)
-    told = _accelerometers_tell(readings, rests, priors)
+    told = _accelerometers_tell(readings, rests, priors) + _odd_gravity(gravity, site)
     unknowns = unknowns_of(priors, not choices.as_published)
     log = _Log(readings, rests, unknowns, gravity, site=site, priors=priors, choices=choices)
-    problem = log.problem()
+    left = _without_clipped(log)
+    problem = log.problem(left)
     _check_axes(problem)
-    left = _Left() if choices.as_published else _without_wild(log)
+    _gyros_tell(problem, start(problem), priors)  # before the fit, which could not settle
+    left = left if choices.as_published else _without_wild(log, left)
     problem = log.problem(left)
     fit = fitted(problem, mean_ratio)
-    turning = _gyros_tell(problem, fit, priors)
+    _check_contradiction(fit)
+    turning = _gyros_tell(problem, fit.state, priors)
     return _calibration(log, problem, fit, left, (*told, *turning), priors)
 
 
@@ -262,11 +271,21 @@ def _accelerometers_tell(
     return (f"accelerometers by gravity's norm: {text}",)
 
 
+def _odd_gravity(gravity: Gravity, site: Site) -> tuple[str, ...]:
+    """What is odd of a measured gravity, where the site is known."""
+    if site.latitude is None:
+        return ()
+    off = gravity.value - normal_gravity(site.latitude, site.height)
+    if abs(off) <= ODD_GRAVITY + 3 * gravity.sigma:
+        return ()
+    return (f"gravity {gravity.value:g} m/s^2 is {off:+.3g} off normal gravity of the site",)
+
+
 def _check_axes(problem: Problem) -> None:
     """`AlignmentError` where the gyros turn otherwise than the accelerometers' vertical does."""
-    whole = _miss(problem)
     if not len(problem.moves.spans):
-        raise AlignmentError("no move between rests without a gap: nothing tells the gyros")
+        raise AlignmentError("no move between rests that is whole: nothing tells the gyros")
+    whole = _miss(problem)
     if whole < ASTRAY:
         return
     found = f"gyros miss the accelerometers' vertical by {np.degrees(whole):.0f} deg after a move"
@@ -320,9 +339,34 @@ def _written(C: Array) -> str:
 # --- what is wild --------------------------------------------------------------------------------
 
 
-def _without_wild(log: _Log) -> _Left:
+def _without_clipped(log: _Log) -> _Left:
+    """Moves in which a sensor stood at full scale: what it felt there is lost."""
+    at_scale, t = clipped(log.readings), log.readings.t
+    moves, reasons = set(), []
+    for k, (one, other) in enumerate(pairwise(log.rests)):
+        inside = at_scale[(t > one[1]) & (t <= other[0])]
+        if inside.any():
+            channel = CHANNELS[int(np.argmax(inside.sum(axis=0)))]
+            name = f"move from {log.named(k)} to {log.named(k + 1)}"
+            reasons.append(LeftOut(name, f"{channel} at full scale"))
+            moves.add((k, k + 1))
+    return _Left(frozenset(), frozenset(moves), tuple(reasons))
+
+
+def _check_contradiction(fit: Fit) -> None:
+    """`AlignmentError` where no enlarging of sigmas makes sense."""
+    ratio = float(np.sqrt(fit.chi_square / fit.dof)) if fit.dof else 1.0
+    if ratio > MOST_ENLARGED:
+        extra = "; ".join(_beyond_noise(fit)) or "all of them"
+        raise AlignmentError(
+            f"rests and moves contradict one another by {ratio:.0f} times their noise: {extra}: "
+            "moves too quick for the samples, a sensor at full scale, or rests that were none"
+        )
+
+
+def _without_wild(log: _Log, left: _Left) -> _Left:
     """Rests and moves that the others contradict, one after the other, worst first."""
-    left = _Left()
+    before = len(left.reasons)
     while True:
         problem = log.problem(left)
         fit = fitted(problem, median_ratio)
@@ -330,10 +374,11 @@ def _without_wild(log: _Log) -> _Left:
         if worst is None:
             return left
         left = _with(log, problem, left, *worst)
-        if len(left.reasons) > MOST_LEFT_OUT * len(log.rests):
+        wild = left.reasons[before:]
+        if len(wild) > MOST_LEFT_OUT * len(log.rests):
             raise AlignmentError(
                 f"more than {MOST_LEFT_OUT:.0%} of rests and moves contradict the others, first "
-                f"{left.reasons[0].stretch}: {left.reasons[0].reason}"
+                f"{wild[0].stretch}: {wild[0].reason}"
             )
 
 
@@ -346,7 +391,7 @@ def _worst(fit: Fit) -> tuple[str, int, float] | None:
         for n in there:
             size = chi_square[n] / worth[n]
             dof = max(1.0, round(worth[n]))
-            if chi2.sf(size * dof, dof) < FAR:
+            if chdtrc(dof, size * dof) < FAR:
                 found.append((float(np.sqrt(size)), group, int(n)))
     if not found:
         return None
@@ -372,8 +417,8 @@ def _with(log: _Log, problem: Problem, left: _Left, group: str, number: int, siz
 # --- what comes of it ----------------------------------------------------------------------------
 
 
-def _gyros_tell(problem: Problem, fit: Fit, priors: Priors | None) -> tuple[str, ...]:
-    """Rank and condition of scale and axes by the moves.
+def _gyros_tell(problem: Problem, state: State, priors: Priors | None) -> tuple[str, ...]:
+    """Rank and condition of scale and axes by the moves, as the unit is believed to be.
 
     Raises
     ------
@@ -381,7 +426,9 @@ def _gyros_tell(problem: Problem, fit: Fit, priors: Priors | None) -> tuple[str,
         Turns do not tell all, and nothing else says it.
     """
     first = 3  # of the unknowns: biases come first, then scale, rotation, leaning
-    J = fit.J[fit.group == "move", first : first + 9]
+    rows = rows_of(problem, state)
+    J, _ = rows.whitened(state.extra)
+    J = J[rows.group == "move", first : first + 9]
     rank, condition, lost = rank_of(J, LEAST_TURNING)
     text = f"gyros by {len(problem.moves.spans)} moves: rank {rank} of 9"
     if rank == 9:
@@ -390,7 +437,7 @@ def _gyros_tell(problem: Problem, fit: Fit, priors: Priors | None) -> tuple[str,
     if priors is None:
         raise AlignmentError(
             f"{text}: {'; '.join(words)}: add moves that turn by 90 deg and more about "
-            f"{' and '.join(_unturned(problem, fit))}"
+            f"{' and '.join(_unturned(problem, state))}"
         )
     return (text, *words)
 
@@ -402,9 +449,9 @@ _GYRO_NAMES = (
 )
 
 
-def _unturned(problem: Problem, fit: Fit) -> list[str]:
+def _unturned(problem: Problem, state: State) -> list[str]:
     """Axes about which moves turn least."""
-    moved = turned_by(problem, fit.state)
+    moved = turned_by(problem, state)
     turns = np.abs(np.array([_rotation_vector(C) for C in moved.C])).sum(axis=0)
     least = [n for n in range(3) if turns[n] < 0.5 * turns.max()] or [int(np.argmin(turns))]
     return [("X1", "Y1", "Z1")[n] for n in least]
@@ -445,8 +492,33 @@ def _calibration(
         notes=(*told, *_beyond_noise(fit)),
         left_out=left.reasons,
         derived=derived_of(unknowns.keys, values, covariance),
+        residuals=_residuals(log, problem, fit, left),
         budget=_budget(fit, basis, {"rotation of the case": case, "drift of biases": drift}),
     )
+
+
+def _residuals(log: _Log, problem: Problem, fit: Fit, left: _Left) -> tuple[Residual, ...]:
+    """Of rests along the vertical and of rates, of moves across it, in sigmas of each."""
+    kept = [n for n in range(len(log.rests)) if n not in left.rests]
+    scale = np.sqrt(np.maximum(fit.worth(), 1e-3))
+    found = []
+    for n, rest in enumerate(kept):
+        own = (fit.group == "accel") & (fit.item == n)
+        # two of three are the vertical's own: one is left, along it
+        along = float(np.sign(fit.r[own] @ fit.state.up[n]))
+        worth = float(fit.worth()[own].sum())
+        size = along * float(np.sqrt(np.sum(fit.r[own] ** 2) / max(worth, 1e-3)))
+        found.append(Residual(f"rest {rest + 1}", "norm of force at rest", (size,)))
+        rates = (fit.group == "gyro") & (fit.item == n)
+        if rates.any():
+            values = tuple((fit.r[rates] / scale[rates]).tolist())
+            found.append(Residual(f"rest {rest + 1}", "rate at rest", values))
+    for n, (a, b) in enumerate(problem.moves.rests):
+        own = (fit.group == "move") & (fit.item == n)
+        values = tuple((fit.r[own] / scale[own]).tolist())
+        name = f"rest {kept[a] + 1} to {kept[b] + 1}"
+        found.append(Residual(name, "vertical after a move", values))
+    return tuple(found)
 
 
 def _of_biases(unknowns: Unknowns, variances: Array) -> Array:

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from alignment.arrays import Array, set_owned
+from alignment.arrays import Array, IntArray, set_owned
 from alignment.calibration import terms
 from alignment.calibration.apply import inverse
 from alignment.calibration.bench import SENSORS, Bench
@@ -67,9 +67,10 @@ class Model:
         """How many unknowns."""
         return len(self.unknowns.sigmas)
 
-    def rows(self) -> list[list[Array]]:
+    def rows(self) -> list[list[IntArray]]:
         """Of each session, the rows of every station, then of every move."""
-        found, at = [], 0
+        found: list[list[IntArray]] = []
+        at = 0
         for poses in self.poses:
             edges = 3 * np.cumsum([0, *poses.orders])
             total, moves = int(edges[-1]), 3 * len(poses.session.moves)

@@ -58,10 +58,10 @@ def _of_session(model: Model, k: int) -> Parts:
     rows = np.concatenate([np.tile(np.eye(3), (len(weights), 1, 1)), paths])
     for index, (sensor, own) in enumerate(zip(SENSORS, (gyro, accel), strict=True)):
         triad: TriadErrors = getattr(bench.unit, sensor)
-        label = NAMES[sensor]
-        white = np.repeat(weights, 3) * np.tile(triad.noise**2, len(weights))
+        label, noise = NAMES[sensor], np.asarray(triad.noise)
+        white = np.repeat(weights, 3) * np.tile(noise**2, len(weights))
         if sensor == "gyro":
-            turned = [path_noise(m.length, triad.noise) for m in poses.session.moves]
+            turned = [path_noise(m.length, noise) for m in poses.session.moves]
             white = np.concatenate([white, *turned]) if turned else white
         add(f"{label} white noise", own, np.diag(white))
         first = slice(own.start, own.start + 3 * len(weights))
@@ -106,9 +106,10 @@ class Drifts:
             found["bias instability"] = found.get("bias instability", 0.0) + part
         if triad.random_walk:
             found["random walk"] = triad.random_walk**2 * random_walk(self._spans)
-        if triad.ramp.any():
+        ramp = np.asarray(triad.ramp)
+        if ramp.any():
             times = np.concatenate([ramp_coefficients(span) for span in self._spans])
-            found["ramp"] = float(np.mean(triad.ramp**2)) * np.outer(times, times)
+            found["ramp"] = float(np.mean(ramp**2)) * np.outer(times, times)
         return found
 
 

@@ -27,6 +27,7 @@ WRONG_RATE = 0.5  # part of a rate, likewise
 WRONG_MOVE = 20 * DEG  # of a move by the gyros from the encoders' rotation
 DEGREES = 180 / np.pi
 ALIKE = 0.2  # relative, within which a ratio is 57.3 or 1/57.3
+ENDS = 20  # parts of a turn, of which the first and the last tell where it began and ended
 AXES = ("X1", "Y1", "Z1")
 
 
@@ -120,7 +121,7 @@ def _seen(dwell: Dwell, warmth: Warmth | None) -> _Seen:
     joints = np.zeros(0) if dwell.joints is None else dwell.joints.angles
     if dwell.turn is None:
         check_at_rest(dwell)
-        stretch = Stretch(dwell.label, dwell.t_from, dwell.t_to - dwell.t_from, dwell.nominal)
+        stretch = Stretch(dwell.label, dwell.t_from, dwell.t_to - dwell.t_from, _stood(dwell))
         values = np.concatenate([window.w_ib_b.mean(axis=0), window.f_b.mean(axis=0)])[None]
         return _Seen(dwell, Station(stretch, joints, warmth=warm), values)
     stretch, values = _turn(dwell, window)
@@ -128,33 +129,50 @@ def _seen(dwell: Dwell, warmth: Warmth | None) -> _Seen:
     return _Seen(dwell, Station(stretch, joints, round_, warm), values)
 
 
+def _stood(dwell: Dwell) -> Rotation:
+    """``C_nb`` where the encoders say that the table stood, else where it was told to."""
+    there = None if dwell.joints is None else dwell.joints.C_nb
+    assert dwell.nominal is not None
+    return dwell.nominal if there is None else there
+
+
 def _turn(dwell: Dwell, window: ImuReadings) -> tuple[Stretch, Array]:
     """A turn's whole turns, and constant, cosine and sine (3, 6) against the encoder."""
     assert dwell.turn is not None
-    assert dwell.nominal is not None
     first = int(np.searchsorted(dwell.readings.t, window.t[0]))
     angle = dwell.turn.angle[first : first + len(window)]
-    rate = float(np.polyfit(window.t - window.t[0], angle, 1)[0])
+    rate = _rate(window.t, angle)
     if rate == 0.0:
         raise AlignmentError(f"{dwell.label}: the encoder does not turn")
     _check_rate(dwell, window, rate)
-    start = float(window.t[0]) - window.interval
-    begin = float(angle[0]) - rate * window.interval
+    joints, start = dwell.joints, float(window.t[0])
     stretch = Stretch(
         dwell.label,
         start,
         float(window.t[-1]) - start,
-        dwell.nominal,
+        _stood(dwell),
         rate=rate,
-        axis_b=dwell.turn.axis_b,
-        angle=begin,
+        axis_b=dwell.turn.axis_b if joints is None or joints.axis_b is None else joints.axis_b,
+        angle=float(angle[0]),
     )
-    whole = window.t <= start + stretch.span.length + EDGE
+    whole = (window.t > start) & (window.t <= start + stretch.span.length + EDGE)
     turned = angle[whole]
     A = np.stack([np.ones(len(turned)), np.cos(turned), np.sin(turned)], axis=1)
     values = np.concatenate([window.w_ib_b, window.f_b], axis=1)[whole]
     found, *_ = np.linalg.lstsq(A, values, rcond=None)
     return stretch, found
+
+
+def _rate(t: Array, angle: Array) -> float:
+    """Mean rate from the first stamp to the last, which gyros' means are set against.
+
+    However uneven the turning: by the line through all and what its ends are off, each a mean over
+    some samples, which a rounded encoder needs.
+    """
+    slope, offset = np.polyfit(t - t[0], angle, 1)
+    off = angle - offset - slope * (t - t[0])
+    few = max(1, len(t) // ENDS)
+    return float(slope + (off[-few:].mean() - off[:few].mean()) / (t[-1] - t[0]))
 
 
 def _move(one: _Seen, other: _Seen, first: int, last: int) -> Move | LeftOut | None:

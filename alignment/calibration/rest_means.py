@@ -11,6 +11,9 @@ from alignment.noise import mean_variance
 from alignment.readings import ImuReadings
 from alignment.sampling import step_of
 
+# Sigmas of means that no unit reaches: they keep a simulated one without noise from none at all.
+LEAST_RATE, LEAST_FORCE = 1e-9, 1e-6  # rad/s, m/s^2
+LEAST_WALK = 1e-8  # rad/sqrt(s)
 TREMBLING = 4.0  # times the variance that all rests have, from which a rest's own counts
 
 
@@ -47,14 +50,16 @@ def rest_means(readings: ImuReadings, rests: Sequence[tuple[float, float]]) -> R
     parts = [readings.between(*rest) for rest in rests]
     spans = np.array([len(part) for part in parts]) * readings.interval
     found = {}
-    for name in ("w_ib_b", "f_b"):
+    for name, least in (("w_ib_b", LEAST_RATE), ("f_b", LEAST_FORCE)):
         values = [getattr(part, name) for part in parts]
         own = np.array([mean_variance(v) for v in values])
         pooled = np.average(own * spans[:, None], axis=0, weights=spans) / spans[:, None]
         variance = np.where(own > TREMBLING * pooled, own, pooled)
         means = np.array([v.mean(axis=0) for v in values])
-        found[name] = means, variance + np.array([rounding_variance(v) for v in values])
+        rounding = np.array([rounding_variance(v) for v in values])
+        found[name] = means, np.maximum(variance + rounding, least**2)
     density = float((found["w_ib_b"][1] * spans[:, None]).mean(axis=0).max())
+    density = max(density, LEAST_WALK**2)
     gyro, accel = found["w_ib_b"], found["f_b"]
     return RestMeans(gyro[0], accel[0], gyro[1], accel[1], spans=spans, walk=density)
 

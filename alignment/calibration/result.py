@@ -142,6 +142,18 @@ class LeftOut:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """What a fit leaves of one stretch's observations, each in its own sigmas.
+
+    `of`: what was observed ('force at rest', 'rate at rest', 'vertical after a move', ...).
+    """
+
+    stretch: str
+    of: str
+    sigmas: tuple[float, ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Contribution:
     """What one source, by name, gives to the sigma of each parameter (n,), SI.
@@ -179,6 +191,8 @@ class Calibration:
     derived : tuple of Derived
     budget : tuple of Contribution
         Where the sigmas of the parameters come from; empty where nobody worked it out.
+    residuals : tuple of Residual
+        Of every stretch in its order; empty where nobody kept them.
     reference_temperature : float
         Of terms of temperature [deg C].
     """
@@ -195,6 +209,7 @@ class Calibration:
     left_out: tuple[LeftOut, ...] = ()
     derived: tuple[Derived, ...] = ()
     budget: tuple[Contribution, ...] = ()
+    residuals: tuple[Residual, ...] = ()
     reference_temperature: float = 25.0
 
     def __post_init__(self) -> None:

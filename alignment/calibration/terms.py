@@ -13,6 +13,7 @@ from alignment.arrays import Array, set_owned
 from alignment.calibration.bench import SENSORS, Bench
 from alignment.calibration.result import PAIRS, Key, Sensor
 from alignment.constant_errors import BY_AXIS
+from alignment.readings import BoolArray
 
 TERMS = {
     "gyro": (
@@ -153,7 +154,7 @@ class Outside:
         set_owned(self, matrix=(self.matrix, (len(self.keys), COUNT), float))
 
 
-def outside(present: Sequence[bool] | Array) -> Outside:
+def outside(present: Sequence[bool] | BoolArray) -> Outside:
     """Parameters of the unknowns that are `present` (COUNT,)."""
     keys, rows = [], []
 

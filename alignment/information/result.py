@@ -9,6 +9,7 @@ First order: it holds while sigmas of angles stay below some degrees (`DETERMINE
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -44,9 +45,11 @@ _NULL = 1e-12  # singular value, of columns of length one, that is nothing
 _SEEN = 1e-6  # part of a quantity within what nothing tells, above which it is undetermined
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # without slots: it is solved when somebody asks
 class Information:
     """What a procedure tells of attitude and errors; m coefficients, p parameters.
+
+    Whoever needs the sensitivities and the noises alone pays for no decomposition.
 
     Attributes
     ----------
@@ -84,14 +87,6 @@ class Information:
     noise_names: tuple[str, ...]
     noises: Array
     used: NDArray[np.bool_]
-    root: Array
-    weights: Array
-    scale: Array
-    unknown: Array
-    rank: int
-    sought: int
-    condition: float
-    unseen: tuple[Combination, ...]
 
     def __post_init__(self) -> None:
         m, p = self.J.shape
@@ -100,11 +95,61 @@ class Information:
             J=(self.J, (m, p), float),
             noises=(self.noises, (len(self.noise_names), m, m), float),
             used=(self.used, (m,), bool),
-            root=(self.root, (p, None), float),
-            weights=(self.weights, (m, None), float),
-            scale=(self.scale, (p,), float),
-            unknown=(self.unknown, (p, None), float),
         )
+
+    @cached_property
+    def _white(self) -> tuple[Array, Array]:
+        """What makes the readings white (u, m), and their sensitivities (u, p) then."""
+        whitening = _whitening(self.noises, self.used)
+        return whitening, whitening @ self.J
+
+    @cached_property
+    def _solved(self) -> tuple[Array, Array, Array, Array]:
+        whitening, W = self._white
+        root, by_white, scale, unknown = _solved(W, self.prior)
+        solved = root, whitening.T @ by_white, scale, unknown
+        for part in solved:
+            part.flags.writeable = False
+        return solved
+
+    @cached_property
+    def _observed(self) -> tuple[int, int, float, tuple[Combination, ...]]:
+        sought = _sought(self.parameters, any(s.rate for s in self.stretches))
+        rank, condition, vectors = _observed(self._white[1], self.parameters, sought)
+        unseen = combinations(vectors, self.parameters, self.stretches, self.C_np)
+        return rank, len(sought), condition, unseen
+
+    @property
+    def root(self) -> Array:
+        return self._solved[0]
+
+    @property
+    def weights(self) -> Array:
+        return self._solved[1]
+
+    @property
+    def scale(self) -> Array:
+        return self._solved[2]
+
+    @property
+    def unknown(self) -> Array:
+        return self._solved[3]
+
+    @property
+    def rank(self) -> int:
+        return self._observed[0]
+
+    @property
+    def sought(self) -> int:
+        return self._observed[1]
+
+    @property
+    def condition(self) -> float:
+        return self._observed[2]
+
+    @property
+    def unseen(self) -> tuple[Combination, ...]:
+        return self._observed[3]
 
     @property
     def prior(self) -> Array:
@@ -308,18 +353,7 @@ def information(
         ]
     )
     names, noises, used = _noises(stretches, unit)
-    whitening = _whitening(noises, used)
-    W = whitening @ J
-    root, by_white, scale, unknown = _solved(W, np.array([p.prior for p in found]))
-    weights = whitening.T @ by_white
-    sought = _sought(found, any(s.rate for s in stretches))
-    rank, condition, vectors = _observed(W, found, sought)
-    unseen = combinations(vectors, found, stretches, C_np)
-    return Information(
-        stretches, C_np, found, J,
-        noise_names=names, noises=noises, used=used, root=root, weights=weights, scale=scale,
-        unknown=unknown, rank=rank, sought=len(sought), condition=condition, unseen=unseen,
-    )  # fmt: skip
+    return Information(stretches, C_np, found, J, noise_names=names, noises=noises, used=used)
 
 
 def _noises(

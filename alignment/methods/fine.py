@@ -42,18 +42,20 @@ from alignment.noise import around_doubt
 from alignment.nominal import TRACK_STEP
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
 from alignment.strapdown import Carried, carry, matrices
 
 METHOD = "fine"
 UPDATE = 0.1  # s between zero-displacement updates
+_MOST_UPDATES = 2**16  # they are further apart in a record beyond 1.8 h: bounds memory and time
 STILL = 1e-6  # m: least noise of an update
 START = np.repeat([0.3, 10.0, 1.0, 1.0], [2, 1, 3, 3])  # rad N, E; D; m/s; m: as good as unknown
 _GRAVITY = 0.01  # part by which gravity's size is free where no accelerometer constant has a prior
 _ERRORS = len(START) + 1  # attitude, velocity, displacement, size of gravity
 _SETTLED = 0.01  # rad: a correction of the reference above it calls for another pass
 _PASSES = 8
-_COARSE = 0.5  # s between the updates of passes that only look for the reference
+_COARSE = 5.0  # times as far apart in passes that only look for the reference
 _ROUNDS = 3  # of them and the filter itself, after the first
 _SYMMETRIC = 8  # updates after which rounding's asymmetry is taken out
 _CAREFUL = 32  # updates by roots of the covariance: the first take a metre to a micrometre
@@ -137,6 +139,11 @@ class Model:
     priors: Priors
     names: tuple[str, ...]
 
+    @property
+    def update(self) -> float:
+        """Seconds between updates."""
+        return update_of(self.readings)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reference:
@@ -205,8 +212,9 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
     Leading errors: heading ``ARW/(W cos lat sqrt T)``, and ``b_E/(W cos lat)`` until a turn tells
     the bias; tilt b/g; an accelerometer's drift as for `inertial`. First order about the
     reference, which is corrected while the correction exceeds 0.01 rad, by passes of five updates
-    in one. Where the innovations contradict their sigmas the noise of the updates is raised to all
-    of the displacement that is not drift, and that is flagged.
+    in one. Updates are 0.1 s apart, in a record beyond 1.8 h as far as makes 65 536 of them. Where
+    the innovations contradict their sigmas the noise of the updates is raised to all of the
+    displacement that is not drift, and that is flagged.
     """
     return [_fine(dwell, site, options) for dwell in dwells]
 
@@ -233,8 +241,8 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     """The filter over one stretch; parameters and errors as for `fine`."""
     site.horizontal_rate()
     readings = checked_readings(dwell)
-    carried = carry(readings, UPDATE)
-    priors = states_of(options.priors, carried, site)
+    carried = carry(readings, update_of(readings))
+    priors = states_of(with_rounding(options.priors, readings), carried, site)
     matched, noise, arm = laid(readings, carried, site, priors)
     coarse, wander = covariances(carried, matched, noise, priors, arm)
     rest = rest_of(dwell, readings, priors)
@@ -245,7 +253,8 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
     model = Model(readings, site, noise, priors, names)
     reference = _Reference(carried, matched.C_ni, np.zeros(3))
-    variance = _update_variance(reference.carried, noise, priors)
+    # as much information a second, however far apart the updates are
+    variance = _update_variance(carried, noise, priors) * (UPDATE / model.update)
     far = float(np.trace(coarse)) > (_SETTLED / 2) ** 2
     reference, run = _settle(model, reference, variance, far)
     if run.inconsistent:
@@ -277,6 +286,11 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     own = {name: getattr(priors, name) for name in _ASTRAY}
     folded = in_one_attitude(replace(priors, **dict.fromkeys(_ASTRAY, 0.0)), site.gravity)
     return replace(folded, **own)
+
+
+def update_of(readings: ImuReadings) -> float:
+    """Seconds between updates: a tenth, and more in a record beyond 1.8 h."""
+    return max(UPDATE, readings.interval * len(readings) / _MOST_UPDATES)
 
 
 def _fine(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
@@ -345,7 +359,7 @@ def _settle(
     for _ in range(_ROUNDS):
         if not found or _is_settled(model, reference, run):
             break
-        reference = _corrected(model, reference, run, UPDATE)
+        reference = _corrected(model, reference, run, model.update)
         if not looked:
             reference, found = _found(model, reference, variance)
             looked = True
@@ -355,13 +369,14 @@ def _settle(
 
 def _found(model: Model, reference: _Reference, variance: float) -> tuple[_Reference, bool]:
     """The reference that passes of fewer updates settle about, and whether they do."""
-    coarse = _about(model, _at_end(reference), reference.offset, _COARSE)
+    apart = _COARSE * model.update
+    coarse = _about(model, _at_end(reference), reference.offset, apart)
     for _ in range(_PASSES):
-        run = _filter(model, coarse, variance * UPDATE / _COARSE)
+        run = _filter(model, coarse, variance * model.update / apart)
         if _is_settled(model, coarse, run):
-            return _corrected(model, coarse, run, UPDATE), True
-        coarse = _corrected(model, coarse, run, _COARSE)
-    return _about(model, _at_end(coarse), coarse.offset, UPDATE), False
+            return _corrected(model, coarse, run, model.update), True
+        coarse = _corrected(model, coarse, run, apart)
+    return _about(model, _at_end(coarse), coarse.offset, model.update), False
 
 
 def _is_settled(model: Model, reference: _Reference, run: _Pass) -> bool:

@@ -32,6 +32,7 @@ from alignment.noise import (
 )
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
 from alignment.strapdown import Carried, carry, matrices
 
@@ -53,6 +54,7 @@ _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from no
 _WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarked
 _WANDER_LIMIT = 10.0  # sigmas that are refused, where the instrument also moves by this:
 _WANDER_SPEED = 0.1  # m/s
+_CHUNK = 8192  # blocks at once
 _TRACK_POINTS = 200  # of a track: each is a match of the record so far
 
 
@@ -324,10 +326,8 @@ def functional_covariance(
         if sigma > 0:
             J = sigma * (part @ turned).sum(axis=0)
             covariance = covariance + J @ J.T
-    spans = carried.spans[:, None]
-    columns = constant_columns(carried.dtheta / spans, carried.dv / spans, priors)
-    if columns.shape[-1]:
-        J = (gyro @ turned @ columns[:, :3] + accel @ turned @ columns[:, 3:]).sum(axis=0)
+    J = _per_constant(gyro, accel, turned, carried, priors)
+    if J.shape[-1]:
         covariance = covariance + J @ J.T
     drift = _drift(carried)
     for part, sigma in ((gyro, priors.gyro_instability), (accel, priors.accel_instability)):
@@ -335,6 +335,23 @@ def functional_covariance(
             J = sigma * (drift * (part @ turned)).sum(axis=0)
             covariance = covariance + J @ J.T
     return np.asarray(covariance)
+
+
+def _per_constant(
+    gyro: Array, accel: Array, turned: Array, carried: Carried, priors: Priors
+) -> Array:
+    """Functionals (k, c) per constant error of one sigma, other than biases."""
+    spans = carried.spans[:, None]
+    total: Array | None = None
+    for first in range(0, len(spans), _CHUNK):  # a column is as long as the record
+        own = slice(first, first + _CHUNK)
+        w, f = carried.dtheta[own] / spans[own], carried.dv[own] / spans[own]
+        columns = constant_columns(w, f, priors)
+        felt = gyro[own] @ turned[own] @ columns[:, :3] + accel[own] @ turned[own] @ columns[:, 3:]
+        before = [] if total is None else [total[None]]
+        total = np.add.reduce(np.concatenate([*before, felt]))
+    assert total is not None
+    return np.asarray(total)
 
 
 def _drift(carried: Carried) -> Array:
@@ -462,7 +479,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     """The attitude at the end of the record so far, as it grows: the last of them `inertial`'s."""
     site.horizontal_rate()
     readings = checked_readings(dwell)
-    priors = options.priors
+    priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
     _, noise, _ = laid(readings, carried, site, priors)
     rest = rest_of(dwell, readings, priors)
@@ -507,10 +524,11 @@ def block_of(readings: ImuReadings) -> float:
 
 def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     readings = checked_readings(dwell)
+    priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
-    matched, noise, arm = laid(readings, carried, site, options.priors)
-    covariance, wander = covariances(carried, matched, noise, options.priors, arm)
-    rest = rest_of(dwell, readings, options.priors)
+    matched, noise, arm = laid(readings, carried, site, priors)
+    covariance, wander = covariances(carried, matched, noise, priors, arm)
+    rest = rest_of(dwell, readings, priors)
     covariance = covariance + rest_covariance(carried, matched, rest)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)

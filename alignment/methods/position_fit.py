@@ -170,7 +170,7 @@ def _problem(
     by_channel = np.zeros((n, 6, n, 6))
     if drift is not None:
         for channel in range(6):
-            by_channel[:, channel, :, channel] = drift[channel // 3]
+            by_channel[:, channel, :, channel] = drift[channel * len(drift) // 6]
     return _Problem(
         relative,
         latitude,
@@ -227,8 +227,9 @@ def fit_positions(
         means that nobody knows it, not that there is none; any other 0 that there is none.
     gravity_sigma : float
         Of a gravity that is given [m/s^2].
-    drift : (2, n, n) or None
-        Covariance of the means by drift of gyro and accelerometer biases (`drift_covariance`).
+    drift : (2, n, n), (6, n, n) or None
+        Covariance of the means, by triad or by channel, of what differs from position to position
+        (`drift_covariance`, `rounding_covariance`).
 
     Raises
     ------
@@ -779,6 +780,24 @@ def drift_covariance(priors: Priors, spans: Ordered[Span]) -> Array:
     times = np.concatenate([ramp_coefficients(span) for span in spans])
     parts = np.array([unit, random_walk(spans), np.outer(times, times)])
     return about @ np.einsum("sp,pij->sij", sizes**2, parts) @ about.T
+
+
+def rounding_covariance(left: Array, means: Array, steps: Array) -> Array:
+    """Covariance (6, n, n) of means (n, 6) by what rounding leaves of them, `left` (n, 6) each.
+
+    Positions that read alike, by less than a part of their `steps` (6,), may share all of it or
+    nothing: nobody knows how near they truly are. So it is counted once as common to them, for the
+    biases' sake, and once as each one's own.
+    """
+    apart = means.T[:, :, None] - means.T[:, None, :]
+    scale = np.where(steps > 0, 2 * np.pi / np.where(steps > 0, steps, 1.0), 0.0)
+    alike = np.exp(-0.5 * (apart * scale[:, None, None]) ** 2)
+    root = np.sqrt(left.T)
+    common = root[:, :, None] * alike * root[:, None, :]
+    n = len(means)
+    nearest = np.where(np.eye(n, dtype=bool), 0.0, alike).max(axis=2)
+    common[:, np.arange(n), np.arange(n)] += nearest * left.T
+    return np.asarray(common)
 
 
 def equal_spans(n: int, seconds: float) -> list[Span]:

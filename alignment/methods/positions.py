@@ -27,10 +27,12 @@ from alignment.methods.position_fit import (
     local_vectors,
     pooled_variances,
     predicted_covariance,
+    rounding_covariance,
 )
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from alignment.options import Options, Priors
 from alignment.readings import Dwell
+from alignment.rounding import rounding_variance, steps_of
 from alignment.saturation import CHANNELS, saturation_doubt
 from alignment.units import DEG
 
@@ -153,6 +155,14 @@ def _summaries(dwells: Ordered[Dwell]) -> list[tuple[Array, Array]]:
     return [mean_and_variance(dwell.window()) for dwell in dwells]
 
 
+def _rounding(dwells: Ordered[Dwell], means: Array) -> Array:
+    """Covariance (6, n, n) of the means by the rounding of the samples."""
+    windows = [dwell.window() for dwell in dwells]
+    steps = [steps_of(readings) for readings in windows]
+    left = [rounding_variance(r, own) for r, own in zip(windows, steps, strict=True)]
+    return rounding_covariance(np.array(left), means, np.max(steps, axis=0))
+
+
 def _nominal_of(dwell: Dwell) -> Rotation:
     if dwell.nominal is None:
         raise AlignmentError(f"{dwell.label}: nobody said the attitude that the table was told")
@@ -183,7 +193,8 @@ def _estimates(
         site.horizontal_rate()  # refuses at a pole
     anomaly = ANOMALY if site.local_gravity is None else 0.0
     times = [Span(dwell.t_from, span) for dwell, span in zip(dwells, spans.tolist(), strict=True)]
-    drift = drift_covariance(options.priors, times)
+    drift = np.repeat(drift_covariance(options.priors, times), 3, axis=0)
+    drift = drift + _rounding(dwells, means)
     fit = fit_positions(
         means, variances, relative, latitude, gravity, options.priors, anomaly, drift
     )

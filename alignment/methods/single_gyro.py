@@ -180,7 +180,7 @@ def single_gyro_gains(stretches: Ordered[Stretch], site: Site, options: Options)
 
 
 def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
-    means, variances = dwell_mean_and_variance(dwell)
+    means, variances = dwell_mean_and_variance(dwell, dwell.window())
     try:
         C_nb, G, latitude, latitude_row = _solved(means, site)
     except AlignmentError as error:

@@ -19,10 +19,9 @@ from alignment.information import Stretch
 from alignment.levelling import attitude_covariance, attitude_sensitivity
 from alignment.noise import (
     around_doubt,
-    around_variance,
     check_rest,
+    dwell_mean_and_variance,
     gap_doubt,
-    mean_and_variance,
     rest_doubt,
 )
 from alignment.options import Options, Priors
@@ -117,8 +116,7 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
         window = dwell.window()
         check_rest(window, dwell.label)
         windows.append(window)
-        means, variances = mean_and_variance(window)
-        summaries.append((means, variances + around_variance(dwell)))
+        summaries.append(dwell_mean_and_variance(dwell, window))
     singles = [
         _single(dwell, window, summary, site, options)
         for dwell, window, summary in zip(dwells, windows, summaries, strict=True)

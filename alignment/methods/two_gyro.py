@@ -32,6 +32,7 @@ from alignment.noise import (
 )
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.rounding import rounding_variance
 from alignment.saturation import saturation_doubt
 from alignment.skew import correlated
 from alignment.strapdown import carry
@@ -363,7 +364,8 @@ def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
             quiet_density(readings.f_b, readings.interval) / T + drift_of(readings.f_b) ** 2,
         ]
     )
-    noise = np.diag(variances + ROUNDING**2) + _between_axes(readings, options.priors) / T
+    variances += ROUNDING**2 + rounding_variance(readings)
+    noise = np.diag(variances) + _between_axes(readings, options.priors) / T
     return noise + constant_covariance(means, options.priors)
 
 

@@ -87,7 +87,8 @@ def by_hand(
             "topic": log.topic,
         },
         axes=axes,
-        hashes={Path(log.path).name: sha256_of_file(log_file(log.path))},
+        # a run in memory has no file
+        hashes={p.name: sha256_of_file(log_file(p)) for p in [Path(log.path)] if p.exists()},
         versions=versions(),
         errors=errors_of(found.keys, found.values, log.imu.metadata),
     )

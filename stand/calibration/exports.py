@@ -1,6 +1,7 @@
 """A calibration in the forms that others use: each says in which direction it goes."""
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
@@ -13,7 +14,7 @@ from alignment.units import DEG_PER_HOUR, MICRO_G
 from stand.calibration.file import CalibrationRecord
 from stand.calibration.snippets import c_text, python_text
 from stand.calibration.units import AXES, unit_of
-from stand.errors import unknown
+from stand.errors import StandError, unknown
 from stand.folder import refuse_files, write_files
 from stand.imu.known import FIELDS
 from stand.imu.preset import imu_from
@@ -173,7 +174,7 @@ def preset_files(record: CalibrationRecord, out: Path) -> dict[Path, str]:
     StandError
         The data sheet that the calibration carries is not right.
     """
-    sheet = record.unit.get("toml") or _sheet(record)
+    sheet = _without_known(record.unit.get("toml") or _sheet(record))
     known, left = [], []
     has_range = {s: _has_range(sheet, s) for s in ("gyro", "accel")}
     for p in record.calibration.parameters:
@@ -197,6 +198,22 @@ def preset_files(record: CalibrationRecord, out: Path) -> dict[Path, str]:
     )
     imu_from(Source(out.stem, str(out), text))  # its faults are told before it is written
     return {out: text}
+
+
+def _without_known(sheet: str) -> str:
+    """The sheet without constants by value, as this module writes them: new ones take their place.
+
+    Raises
+    ------
+    StandError
+        They stand there otherwise.
+    """
+    text = re.sub(r"^known = \[\n(?:  \{.*\},\n)*\]\n", "", sheet, flags=re.MULTILINE)
+    if imu_from(Source("sheet", "data sheet of the calibration", text)).entry.known:
+        raise StandError(
+            "data sheet of the calibration: known: must not be there, a calibration takes its place"
+        )
+    return text
 
 
 def _has_range(sheet: str, sensor: str) -> bool:

@@ -21,6 +21,7 @@ from alignment.calibration import (
     LeftOut,
     Nuisance,
     Parameter,
+    Residual,
 )
 from alignment.calibration.result import BASES, QUANTITIES, SENSORS, TERMS
 from alignment.units import ARC_SECOND
@@ -97,6 +98,10 @@ def record_to_json(record: CalibrationRecord) -> dict[str, Any]:
             {"source": one.name, "sigma": (one.sigmas / sizes).tolist()} for one in c.budget
         ],
         "nuisance": [_nuisance(n) for n in c.nuisance],
+        "residuals": [
+            {"stretch": one.stretch, "of": one.of, "sigmas": list(one.sigmas)}
+            for one in c.residuals
+        ],
         "axes": record.axes,
         "source": dict(record.source),
         "versions": dict(record.versions),
@@ -280,6 +285,14 @@ class ContributionEntry(_Read):
     sigma: tuple[_Sigma, ...]
 
 
+class ResidualEntry(_Read):
+    """What the fit leaves of one stretch, in sigmas."""
+
+    stretch: _Text
+    of: _Text
+    sigmas: tuple[Annotated[float, Field(ge=-1e9, le=1e9)], ...]
+
+
 class CalibrationEntry(_Read):
     """What `record_to_json` writes."""
 
@@ -297,6 +310,7 @@ class CalibrationEntry(_Read):
     left_out: tuple[LeftOutEntry, ...] = ()
     nuisance: tuple[NuisanceEntry, ...] = ()
     budget: tuple[ContributionEntry, ...] = ()
+    residuals: tuple[ResidualEntry, ...] = ()
     axes: _Text = ""
     source: dict[str, str] = {}
     versions: dict[str, str] = {}
@@ -335,6 +349,7 @@ class CalibrationEntry(_Read):
             left_out=tuple(LeftOut(one.stretch, one.reason) for one in self.left_out),
             nuisance=tuple(n.nuisance() for n in self.nuisance),
             derived=tuple(d.derived() for d in self.derived),
+            residuals=tuple(Residual(r.stretch, r.of, r.sigmas) for r in self.residuals),
             budget=tuple(Contribution(b.source, np.array(b.sigma) * sizes) for b in self.budget),
         )
         known = [e * size for e, size in zip(errors, sizes, strict=True) if e is not None]

@@ -83,11 +83,11 @@ def on_table(
         on = _table(table, first)
         site = _site(first, gravity, gravity_sigma, latitude_deg, height_m)
         bench = _bench(first, sheet, on, site)
-        bench = freed(bench, free) if free else bench
+        bench = _freed(bench, free)
     sigma = _gravity_sigma(site, bench, gravity, gravity_sigma)
     bench = replace(bench, gravity_sigma=sigma)
     bench = trusting(bench) if trust_table else bench
-    calibration = _calibrated(logs, bench, site, sheet)
+    calibration = _calibrated(logs, bench, site, sheet, trust_table)
     notes = () if sheet is None else unstated(sheet)
     if trust_table:
         notes += ("the table and the seat were taken for perfect: no sigma knows their errors",)
@@ -102,17 +102,24 @@ def on_table(
     )
 
 
+def _freed(bench: Bench, free: Sequence[str]) -> Bench:
+    try:
+        return freed(bench, free) if free else bench
+    except AlignmentError as error:
+        raise StandError(str(error)) from error
+
+
 def _files(logs: Sequence[Log]) -> list[Log]:
     """Those that lie in a file: a run in memory has none."""
     return [log for log in logs if Path(log.path).exists()]
 
 
 def _calibrated(
-    logs: Sequence[Log], bench: Bench, site: Site, sheet: ImuSpec | None
+    logs: Sequence[Log], bench: Bench, site: Site, sheet: ImuSpec | None, trusted: bool
 ) -> Calibration:
     seen = [_observed(log, site, sheet) for log in logs]
     try:
-        fit = fitted(seen, bench, site)
+        fit = fitted(seen, bench, site, all_of_them=trusted)
     except AlignmentError as error:
         raise StandError(f"{', '.join(log.path for log in logs)}: {error}") from error
     reference = 25.0 if sheet is None else sheet.reference_temperature

@@ -76,7 +76,7 @@ def _written(folder: Path, sweep: Sweep) -> Iterator[tuple[Path, str]]:
                 "name": name,
                 "id": source.id,
                 "file": file,
-                "from": source.name,
+                "from": _lasting(source.name),
                 "sha256": sha256(source.text.encode()),
             }
         )
@@ -93,6 +93,12 @@ def _written(folder: Path, sweep: Sweep) -> Iterator[tuple[Path, str]]:
         "identity": identity(sweep, versions()),
     }
     yield folder / MANIFEST, json.dumps(told, indent=1) + "\n"
+
+
+def _lasting(name: str) -> str:
+    """A file's name wherever it is read from: what lies beside it is found by that."""
+    path = Path(name)
+    return str(path.resolve()) if path.is_file() else name
 
 
 def is_campaign(folder: Path) -> bool:

@@ -19,7 +19,7 @@ from alignment.units import DEG, DEG_PER_HOUR, MILLI_G
 from stand.campaigns.campaign import PREDICTIONS
 from stand.campaigns.folder import read_sweep, results_of
 from stand.campaigns.results import Columns
-from stand.campaigns.sweep import Sweep
+from stand.campaigns.sweep import Sweep, VaryEntry
 from stand.campaigns.sweep import shown as spelled
 from stand.campaigns.trial import NEES
 from stand.errors import StandError
@@ -174,10 +174,11 @@ def summarised(folder: Path) -> Summary:
     limits = {n: limits_of(sweep.case(n).settings) for n in np.unique(rows["case"]).tolist()}
     grouped = _Grouped(rows)
     cells = tuple(_cells(grouped, _predictions(folder)))
-    shown = tuple(_shown(cells))
+    yields = tuple(_yields(sweep, rows, limits))
+    judged = {(y.method, y.window) for y in yields}  # what units are judged by comes first
+    shown = tuple(sorted(_shown(cells), key=lambda one: (one.method, one.window) not in judged))
     quantity = shown[0].quantity if shown else ""
     of_it = {n: one[_limited(quantity)] for n, one in limits.items() if _limited(quantity) in one}
-    yields = tuple(_yields(sweep, rows, limits))
     return Summary(
         sweep=sweep,
         folder=folder,
@@ -410,7 +411,11 @@ def _worst(
 
 
 class Sensitivity(NamedTuple):
-    """What one parameter does to a series: pooled rms [SI] by its value, others as they come."""
+    """What one parameter does to a series: rms error [SI] at some of its values.
+
+    Of every value with every other: pooled over all values of the others. Of samples: by a fit of
+    the logarithm, quadratic in each parameter, with the others in their middle.
+    """
 
     label: str
     values: tuple[str, ...]
@@ -422,37 +427,58 @@ class Sensitivity(NamedTuple):
         return min(self.rms), max(self.rms)
 
 
-MOST_VALUES = 12  # of a parameter: of more, neighbours are pooled
-BINS = 5
+STEPS = 11  # of a fitted parameter
 
 
 def sensitivities(summary: Summary, series: Series) -> list[Sensitivity]:
-    """Of every parameter, the greatest span first."""
-    cells = summary.of(series)
-    found = []
-    for k, label in enumerate(summary.sweep.labels):
-        own = [summary.sweep.values[cell.case - 1][k] for cell in cells]
-        groups = _binned(own)
-        squares: dict[str, list[float]] = {}
-        for name, cell in sorted(zip(groups, cells, strict=True), key=lambda pair: pair[0]):
-            squares.setdefault(name[1], []).append(cell.rms**2)
-        rms = tuple(float(np.sqrt(np.mean(one))) for one in squares.values())
+    """Of every parameter, the greatest ratio first; none where all are varied together."""
+    combine = summary.sweep.entry.combine
+    cells = [cell for cell in summary.of(series) if cell.rms > 0]
+    if combine == "product":
+        found = list(_pooled(summary, cells))
+    else:
+        found = list(_fitted(summary, cells)) if combine == "latin-hypercube" else []
+    return sorted(found, key=lambda s: -s.span[1] / s.span[0])
+
+
+def _pooled(summary: Summary, cells: Sequence[Cell]) -> Iterator[Sensitivity]:
+    for k, one in enumerate(summary.sweep.entry.vary):
+        squares: dict[str, list[float]] = {spelled(value): [] for value in one.listed()}
+        for cell in cells:
+            squares[spelled(summary.sweep.values[cell.case - 1][k])].append(cell.rms**2)
+        rms = {value: float(np.sqrt(np.mean(own))) for value, own in squares.items() if own}
         if len(rms) > 1:
-            found.append(Sensitivity(label, tuple(squares), rms))
-    return sorted(found, key=lambda s: -(s.span[1] / s.span[0] if s.span[0] > 0 else 0.0))
+            yield Sensitivity(one.label, tuple(rms), tuple(rms.values()))
 
 
-def _binned(values: Sequence[Any]) -> list[tuple[int, str]]:
-    """For each value the place in order of its group, and the group's name."""
-
-    distinct = (
-        sorted(set(values)) if not isinstance(values[0], str) else list(dict.fromkeys(values))
+def _fitted(summary: Summary, cells: Sequence[Cell]) -> Iterator[Sensitivity]:
+    """Where there are cases enough, of the parameters that are drawn from a range."""
+    ranges = [(k, one) for k, one in enumerate(summary.sweep.entry.vary) if one.range is not None]
+    terms = 1 + 2 * len(ranges)
+    if len(cells) < 2 * terms:
+        return
+    parts = np.array(
+        [[_part(one, summary.sweep.values[c.case - 1][k]) for k, one in ranges] for c in cells]
     )
-    if len(distinct) <= MOST_VALUES:
-        return [(distinct.index(v), spelled(v)) for v in values]
-    edges = np.quantile(np.array(values, float), np.linspace(0, 1, BINS + 1))
-    at = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, BINS - 1)
-    return [(int(k), f"{edges[k]:.4g} to {edges[k + 1]:.4g}") for k in at]
+    design = np.hstack([np.ones((len(cells), 1)), parts, parts**2])
+    logs = np.log([cell.rms for cell in cells])
+    fit = np.linalg.lstsq(design, logs, rcond=None)[0]
+    steps = np.linspace(-1, 1, STEPS)
+    for i, (_, one) in enumerate(ranges):
+        assert one.range is not None
+        curve = fit[0] + fit[1 + i] * steps + fit[1 + len(ranges) + i] * steps**2
+        values = one.range.at((steps + 1) / 2)
+        names = tuple(f"{value:.3g}" for value in values)
+        yield Sensitivity(one.label, names, tuple(np.exp(curve).tolist()))
+
+
+def _part(one: VaryEntry, value: Any) -> float:
+    """Where a value stands in its range, -1 to 1, by factors on a logarithmic one."""
+    assert one.range is not None
+    low, high = one.range.low, one.range.high
+    if one.range.scale == "log":
+        low, high, value = np.log([low, high, value]).tolist()
+    return 2 * (value - low) / (high - low) - 1
 
 
 # --- for machines ---

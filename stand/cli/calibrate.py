@@ -82,6 +82,14 @@ def calibrate(
         Path | None,
         typer.Option(metavar="X.json", help="The calibration; else calibration.json here."),
     ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="The certificate, a page, with calibration.json there."),
+    ] = None,
+    limits: Annotated[
+        Path | None,
+        typer.Option(metavar="X.toml", help="Of the page's verdicts; else the data sheet's."),
+    ] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -97,13 +105,17 @@ def calibrate(
 
     Example: stand calibrate log.csv --hand-held --latitude 48.5 --out calibration.json
 
-    With --json it prints the calibration, and writes it only if --out is given.
+    A certificate for the file: --report certificate --limits limits.toml
+
+    With --json it prints the calibration, and writes it only if --out or --report is given.
     """
     with quick_imports():
         from stand import api
         from stand.calibration.file import record_to_json
+        from stand.calibration.limits import load_limits
         from stand.errors import StandError
         from stand.folder import refuse_files
+        from stand.report.certificate import FILE, PAGE, PICTURE, write_certificate
 
     on_table = {"--table": table, "--trust-table": trust_table, "--stretches": stretches}
     used = [name for name, value in (on_table | {"--free": free}).items() if value]
@@ -111,9 +123,13 @@ def calibrate(
         raise StandError(f"{used[0]}: not with --hand-held, which has no table")
     if published and not by_hand:
         raise StandError("--as-published: needs --hand-held, it is the published method's form")
-    target = out or (None if as_json else Path("calibration.json"))
-    if target is not None:
-        refuse_files([target], force=force)
+    if limits is not None and report is None:
+        raise StandError("--limits: must have --report DIR with it, the page that judges by them")
+    bounds = None if limits is None else load_limits(limits)
+    target = out or (None if as_json or report is not None else Path("calibration.json"))
+    pages = [] if report is None else [report / name for name in (PAGE, FILE, PICTURE)]
+    refuse_files(pages, "--report", force=force)
+    refuse_files([] if target is None else [target], force=force)
     with progress("reading", as_json) as done:
         logs = [
             api.read(path, form=form, topic=topic, stretches=stretches, progress=done)
@@ -136,6 +152,9 @@ def calibrate(
             axes=form.axes or "",
             serial=serial,
         )
+    if report is not None:
+        with working("drawing", as_json):
+            pages = write_certificate(found, report, bounds, force=force)
     if target is not None:
         found.save(target, force=force)
     if as_json:
@@ -147,7 +166,8 @@ def calibrate(
     for line in found.remarks():
         console().print(line, style="dim", markup=False)
     show(console(), found.tables())
-    print(target)
+    for path in (*pages, *([] if target is None else [target])):
+        print(path)
 
 
 @takes_log_form

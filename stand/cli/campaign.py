@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stand.cli.options import ForceOption, JsonOption, quick_imports
+from stand.cli.options import ForceOption, JsonOption, SchedulerOption, quick_imports
 from stand.cli.progress import Stopped, print_json, progress, working
 from stand.cli.run import show_run
 
@@ -33,13 +33,7 @@ def campaign(
     workers: Annotated[
         int | None, typer.Option(metavar="N", help="Processes; else as many as there are cores.")
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Of a Dask cluster, as tcp://127.0.0.1:8786; local: one that is started here.",
-        ),
-    ] = None,
+    scheduler: SchedulerOption = None,
     plan: Annotated[
         bool, typer.Option("--plan", help="Cases, runs, time and size that are expected; no run.")
     ] = False,

@@ -6,6 +6,7 @@ import gc
 from contextlib import contextmanager
 from enum import StrEnum
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -62,6 +63,17 @@ HeightOption = Annotated[
     float | None, typer.Option(metavar="M", help="Height above the ellipsoid; else the file's own.")
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Of a Dask cluster, as tcp://127.0.0.1:8786; local: one that is started here.",
+    ),
+]
+KeepOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="For the runs: those that it holds are not made again."),
+]
 RuleOption = Annotated[
     RuleChoice | None,
     typer.Option(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stand.cli.log_options import takes_log_form
 from stand.cli.options import ForceOption, JsonOption, LatitudeOption, quick_imports
-from stand.cli.progress import print_json, working
+from stand.cli.progress import print_json, progress, working
 
 if TYPE_CHECKING:
     from stand.recording.log import Log
@@ -41,6 +41,12 @@ def report(
         Path | None,
         typer.Option(metavar="X.toml", help="Of a log: its stretches, see stand stretches."),
     ] = None,
+    film: Annotated[
+        bool,
+        typer.Option(
+            "--film", help="Of a run: a film of 15 s on the first screen; see stand film."
+        ),
+    ] = False,
     force: ForceOption = False,
 ) -> None:
     """One page of a recorded run, or of any log. Needs no network.
@@ -52,16 +58,26 @@ def report(
     """
     with quick_imports():
         from stand import api
+        from stand.errors import StandError
         from stand.report.log_page import write_log_page
         from stand.report.run_page import write_run_page
 
-    with working("drawing", False):
+    options: dict[str, Any] = {"latitude_deg": latitude, "force": force}
+    with working("reading", False):
         log = api.read(recording, topic=topic, stretches=stretches, form=form)
-        if log.simulated and stretches is None:
-            page = write_run_page(recording, out, log=log, latitude_deg=latitude, force=force)
-        else:
-            options = {"imu": imu, "latitude_deg": latitude, "force": force}
-            page = write_log_page(log, out, **options)
+    of_run = log.simulated and stretches is None
+    if film and not of_run:
+        raise StandError("--film: of a recorded run; stand film shows a log with joints")
+    if film:
+        with progress("filming", False) as done:
+            page = write_run_page(recording, out, log=log, film=True, progress=done, **options)
+    else:
+        with working("drawing", False):
+            page = (
+                write_run_page(recording, out, log=log, **options)
+                if of_run
+                else write_log_page(log, out, imu=imu, **options)
+            )
     print(page)
 
 

@@ -11,8 +11,10 @@ from stand.cli.options import (
     ForceOption,
     HeightOption,
     JsonOption,
+    KeepOption,
     LatitudeOption,
     MotionChoice,
+    SchedulerOption,
     quick_imports,
     words,
 )
@@ -65,6 +67,8 @@ def compare(
     height: HeightOption = None,
     rate: Annotated[int, typer.Option(metavar="HZ", help="Sample rate, 1 to 10000 Hz.")] = 20,
     seed: Annotated[int, typer.Option(metavar="N", help="Of the first run.")] = 0,
+    keep: KeepOption = None,
+    scheduler: SchedulerOption = None,
     published: Annotated[
         bool,
         typer.Option("--published", help="Print published figures beside ours, with verdicts."),
@@ -125,7 +129,7 @@ def compare(
         methods=words(methods) or None,
     )
     with progress(f"{settings.procedure.id}, {settings.imu.id}, {runs} runs", as_json) as report:
-        result = stand.compare(settings, runs, progress=report)
+        result = stand.compare(settings, runs, progress=report, keep=keep, scheduler=scheduler)
     if not as_json:  # before the picture: a folder that cannot be written costs no runs
         from stand.report.console import console, show
 
@@ -197,10 +201,6 @@ def _compare_published(only: str, out: Path | None, as_json: bool) -> None:
                 print(path)
 
 
-def _unseen(done: float) -> None:
-    """Progress of no runs."""
-
-
 def rehearse(
     procedure: Annotated[
         str, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
@@ -235,6 +235,8 @@ def rehearse(
         MotionChoice,
         typer.Option(help="Of --verify: joints as planned, or as simulated motors make them."),
     ] = MotionChoice.ideal,
+    keep: KeepOption = None,
+    scheduler: SchedulerOption = None,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write a page, JSON and JUnit XML there.")
     ] = None,
@@ -271,10 +273,11 @@ def rehearse(
         from stand.report.rehearsal import refuse_report
 
         refuse_report(report, force)
-    title = f"{settings.procedure.id}, {settings.imu.id}, {verify} runs"
-    watching = working("rehearsing", as_json) if verify is None else progress(title, as_json)
-    with watching as done:
-        result = stand.rehearse(settings, verify=verify, progress=done if verify else _unseen)
+    runs_told = "what would help" if verify is None else f"{verify} runs"
+    with progress(f"{settings.procedure.id}, {settings.imu.id}, {runs_told}", as_json) as done:
+        result = stand.rehearse(
+            settings, verify=verify, keep=keep, scheduler=scheduler, progress=done
+        )
     runs = result.verification
     if as_json:
         print_json(rehearsal_json(result))

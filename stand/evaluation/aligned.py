@@ -24,6 +24,7 @@ from stand.evaluation.score import (
 )
 from stand.evaluation.windows import Scatter, scatter_to_json, scatters
 from stand.imu import ImuSpec, load_imu, unstated
+from stand.imu.grains import known_readings
 from stand.imu.priors import priors_of
 from stand.recording.log import Log
 from stand.recording.metadata import recorded_imu
@@ -155,10 +156,11 @@ def align(
 
 
 def _of_unit(dwell: Dwell, imu: ImuSpec | None) -> Dwell:
-    """The dwell, its readings with the unit's full scale."""
+    """The dwell, its readings with the unit's full scale and rounding."""
     if imu is None:
         return dwell
-    return replace(dwell, readings=replace(dwell.readings, ranges=imu.ranges))
+    rate = 1 / dwell.readings.interval
+    return replace(dwell, readings=known_readings(dwell.readings, imu, rate))
 
 
 def _doubts(

@@ -6,10 +6,11 @@ the sigma each method predicts and against the floor that white noise puts under
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
 from math import nan, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,9 +26,11 @@ from stand.evaluation.score import circular, suited
 from stand.evaluation.statistics import EstimateErrors, Outcome, Tally, tally
 from stand.imu import ImuSpec, unstated
 from stand.motion.plan import Plan
+from stand.simulation.journal import Journal
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
+from stand.simulation.work import Engine
 
 Progress = Callable[[float], None]
 
@@ -56,6 +59,8 @@ def compare(
     runs: int,
     progress: Progress = lambda done: None,
     workers: int | None = None,
+    engine: Engine | None = None,
+    keep: Path | None = None,
 ) -> Comparison:
     """Simulate `runs` runs from the settings' seed on, and estimate by every method.
 
@@ -70,6 +75,10 @@ def compare(
     workers : int, optional
         Processes, which change nothing but the time; if not given, as many as there are cores
         and as pay.
+    engine : callable, optional
+        Who makes the runs, instead of processes of this machine.
+    keep : Path, optional
+        File for the runs; those that it holds are not made again.
 
     Raises
     ------
@@ -79,14 +88,30 @@ def compare(
     if runs < 1:
         raise StandError(f"runs = {runs}: must be 1 or more")
     bench = _Bench(settings)  # refuses what is impossible, before any process
-    ready, seeds = partial(_ready, settings), range(settings.seed, settings.seed + runs)
     outcomes: list[list[Outcome]] = []
-    with closing(campaign(ready, seeds, workers, bench.trial)) as trials:
-        for found in trials:
+    with ExitStack() as stack:
+        journal = None
+        if keep is not None:
+            what = f"compare {', '.join(bench.methods)}"
+            journal = stack.enter_context(Journal(keep, what, settings).adding())
+            outcomes += [[_from_json(one) for one in run] for run in journal.runs[:runs]]
+        ready, last = partial(_ready, settings), settings.seed + runs
+        seeds = range(settings.seed + len(outcomes), last)
+        made = campaign(ready, seeds, workers, bench.trial, engine)
+        for found in stack.enter_context(closing(made)):
             outcomes.append(found)
+            if journal is not None:
+                journal.add(found)
             progress(len(outcomes) / runs)
     by_method = zip(bench.methods, zip(*outcomes, strict=True), strict=True)
     return Comparison(settings, runs, tuple(tally(m, runs, own) for m, own in by_method))
+
+
+def _from_json(one: list[Any]) -> Outcome:
+    """An outcome as a journal has it: named tuples are lists there."""
+    method, seed, found, seconds, refusal = one
+    errors = tuple(EstimateErrors(*numbers) for numbers in found)
+    return Outcome(method=method, seed=seed, found=errors, seconds=seconds, refusal=refusal)
 
 
 def _ready(settings: Settings) -> Callable[[int], list[Outcome]]:

@@ -12,7 +12,7 @@ from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeTrack
 from alignment.quaternions import turned_evenly
 from stand.errors import unknown
-from stand.evaluation.review_curves import curves
+from stand.evaluation.review_curves import curves, singular
 from stand.evaluation.score import Truths, circular, suited
 from stand.recording.curves import AngleCurves
 from stand.recording.entrance import open_log
@@ -60,6 +60,25 @@ def growing(log: Log, method: str | None = None) -> list[AngleCurves]:
         if tracks:
             return _curves(log, tracks)
     return []
+
+
+def tracked(log: Log, methods: Sequence[str]) -> list[AngleCurves]:
+    """Every track of the methods, which have all answered, against the truth of a recorded run.
+
+    The truth is that of each time: a base that rocks is not where it will be in the end.
+    """
+    at_end = {d.label: truth.C_nb for d, truth in zip(log.dwells, log.truths, strict=True)}
+    tracks = [
+        track
+        for method in methods
+        if (make := ESTIMATORS[method].tracks) is not None
+        for dwell in suited(method, log.dwells)
+        for track in make(dwell, log.site, log.options)
+    ]
+    return _curves(
+        log,
+        [t for t in tracks if (C := at_end[t.label]) is not None and not singular(t, C)],
+    )
 
 
 def _curves(log: Log, tracks: Sequence[AttitudeTrack]) -> list[AngleCurves]:

@@ -14,13 +14,14 @@ import numpy as np
 from numpy.polynomial import chebyshev, polynomial
 from numpy.typing import ArrayLike, NDArray
 
-from alignment.arrays import Array, owned
+from alignment.arrays import Array, IntArray, owned
 from alignment.fixed_order import product, recursion
 
 FIT_DEGREE = 9
 FIT_PER_PERIOD = 10  # pieces of a sine: then fitted to 1e-10 of its acceleration
 BLOCK = 4096  # pieces worked out at once: temporary arrays stay small
 _SETTLED = 48  # rows of the splines' equations until their factors change no more
+JOINED, FEWER = 20, 5  # pieces of a spline that may become one
 SAME_KNOT = 1e-9  # s: knots of several motions nearer than this are one
 
 
@@ -265,6 +266,70 @@ def _cardinal() -> Array:
             shifted = polynomial.polypow([float(5 - i - j), 1.0], 5)
             rows[:, i] += (-1) ** j * comb(6, j) * shifted[::-1] / 120
     return rows
+
+
+def hermite(t: Array, angle: Array, rate: Array, acceleration: Array) -> Array:
+    """Quintics (6, n - 1, joints) through angle, rate and acceleration (n, joints) at both ends.
+
+    `t` (n,) [s]; their coefficients are as those of `Motion`.
+    """
+    h = np.diff(t)[:, None]
+    p, v, a = angle[:-1], rate[:-1], acceleration[:-1]
+    # what angle, rate (h) and acceleration (h^2) at the end have beyond the parabola's
+    d = angle[1:] - p - h * v - h**2 * a / 2
+    e = h * (rate[1:] - v - h * a)
+    f = h**2 * (acceleration[1:] - a)
+    coefficients = np.stack(
+        [
+            (6 * d - 3 * e + f / 2) / h**5,
+            (-15 * d + 7 * e - f) / h**4,
+            (10 * d - 4 * e + f / 2) / h**3,
+            a / 2,
+            v,
+            p,
+        ]
+    )
+    coefficients.flags.writeable = False
+    return coefficients
+
+
+def smoothed(coefficients: Array, step: float, tolerance: float) -> tuple[Array, IntArray]:
+    """Pieces of a quintic spline at even steps [s], joined where one says the same as several.
+
+    Parameters
+    ----------
+    coefficients : (6, n + 1, joints)
+        Of the pieces, n a whole number of `JOINED` pieces; the last only tells where they end.
+    step : float
+    tolerance : float
+        Of the acceleration at the steps [rad/s^2].
+
+    Returns
+    -------
+    coefficients : (6, m, joints)
+    numbers : (m,)
+        Of the steps with which they begin.
+
+    Notes
+    -----
+    `JOINED` or `FEWER` pieces become the quintic through angle, rate and acceleration at both
+    ends: the motion is as smooth as it was. Which become one is told by their own place alone.
+    """
+    made, begins = coefficients[:, :-1].copy(), np.ones(coefficients.shape[1] - 1, bool)
+    states = coefficients[[5, 4, 3]] * np.array([1, 1, 2])[:, None, None]
+    for size in (FEWER, JOINED):
+        times = step * np.arange(0, len(begins) + 1, size)
+        whole = hermite(times, *states[:, ::size])
+        seen = states[2, :-1].reshape(-1, size, states.shape[2])
+        inside = (step * np.arange(1, size))[:, None, None]
+        c = whole[:4] * np.array([20, 12, 6, 2])[:, None, None]
+        said = ((c[0] * inside + c[1]) * inside + c[2]) * inside + c[3]
+        off = np.abs(said - seen[:, 1:].swapaxes(0, 1)).max(axis=(0, 2))
+        same = off <= tolerance
+        made[:, ::size][:, same] = whole[:, same]
+        begins.reshape(-1, size)[same, 1:] = False
+    numbers = np.flatnonzero(begins)
+    return made[:, numbers], numbers
 
 
 def summed(motions: Sequence[Motion]) -> Motion:

@@ -14,7 +14,7 @@ from alignment.units import DEG
 from stand.bounds import LONGEST_S
 from stand.columns import Columns, read_columns
 from stand.errors import StandError, unknown
-from stand.motion.polynomial import Motion
+from stand.motion.polynomial import Motion, hermite
 from stand.table.joints import JOINTS
 
 TIME = "time_s"
@@ -68,7 +68,7 @@ def profile(path: Path, start: Array, name: str) -> Motion:
     states[0] = start
     for axis, places in axes.items():
         states[:, :, axis] = _state(columns, t, axis, places, start[axis])
-    return Motion(t, _hermite(t, *states))
+    return Motion(t, hermite(t, *states))
 
 
 def _axes(columns: Columns) -> dict[int, list[int]]:
@@ -220,25 +220,3 @@ def _splined(t: Array, angles: Array) -> Array:
     state = np.stack([angles, spline(t, 1), spline(t, 2)])
     state[1:, [0, -1]] = 0.0
     return state
-
-
-def _hermite(t: Array, angle: Array, rate: Array, acceleration: Array) -> Array:
-    """Quintics (6, n - 1, joints) through angle, rate and acceleration (n, joints) at both ends."""
-    h = np.diff(t)[:, None]
-    p, v, a = angle[:-1], rate[:-1], acceleration[:-1]
-    # what angle, rate (h) and acceleration (h^2) at the end have beyond the parabola's
-    d = angle[1:] - p - h * v - h**2 * a / 2
-    e = h * (rate[1:] - v - h * a)
-    f = h**2 * (acceleration[1:] - a)
-    coefficients = np.stack(
-        [
-            (6 * d - 3 * e + f / 2) / h**5,
-            (-15 * d + 7 * e - f) / h**4,
-            (10 * d - 4 * e + f / 2) / h**3,
-            a / 2,
-            v,
-            p,
-        ]
-    )
-    coefficients.flags.writeable = False
-    return coefficients

@@ -27,10 +27,10 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from alignment.arrays import Array
+from alignment.arrays import Array, IntArray
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.motion.polynomial import Motion, splined
+from stand.motion.polynomial import Motion, smoothed, splined
 from stand.physics.dynamics import (
     INPUTS,
     NO_PAYLOAD,
@@ -49,6 +49,7 @@ STEP = 1e-3  # s
 BLOCK = 4000  # steps simulated at once
 OVERLAP = 48  # knots: the spline forgets at 0.43 per knot, so one 48 away counts 3e-18
 KEPT_S = 15.0  # s of realised motion kept before the last span asked for
+SMOOTH = 1e-7  # rad/s^2: what the spline's accelerations round by, and 1 ng on an arm of 0.1 m
 RUNAWAY = 30 * DEG  # following error of a servo that has lost its axis
 BALANCING = 50  # rounds that find where a servo without integrator balances a load
 
@@ -145,6 +146,13 @@ class MotorDrive:
         return np.clip(torque, -self.limit, self.limit, out=torque)
 
 
+class _Pieces(NamedTuple):
+    """Pieces of a block: coefficients (6, m, 6), and the steps (m,) with which they begin."""
+
+    coefficients: Array
+    begins: IntArray
+
+
 class _Controls(NamedTuple):
     """Demanded angles (BLOCK + 2, 6), a step before and after included; inputs of the motors."""
 
@@ -153,13 +161,18 @@ class _Controls(NamedTuple):
 
 
 class _Stepped(NamedTuple):
-    """Angles, rates and activations (BLOCK, ...) before each step; angles `after` each."""
+    """Angles, rates and activations (BLOCK, ...) before each step; angles `after` each.
+
+    MuJoCo's `warnings` (kinds, 2) so far, and the time `until` which it came [s].
+    """
 
     controls: _Controls
     angles: Array
     rates: Array
     act: Array
     after: Array
+    warnings: IntArray
+    until: float
 
 
 class Servo:
@@ -206,12 +219,12 @@ class Servo:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="servo")
         self._ahead: Future[_Stepped] | None = None
         self._first = 0  # step with which the next block to take begins
-        self._pieces: deque[Array] = deque()  # of the blocks taken last
+        self._pieces: deque[_Pieces] = deque()  # of the blocks taken last
         self._spans = spans
         self._account = Account(table, self._start, step, spans, len(self._names))
 
     def covering(self, t_from: float, t_to: float) -> Motion:
-        """The realised motion over [t_from, t_to] s or more; its knots are the steps.
+        """The realised motion over [t_from, t_to] s or more; its knots are at steps.
 
         Raises
         ------
@@ -228,18 +241,19 @@ class Servo:
         while earliest + BLOCK < low - KEPT_S / self.step:
             self._pieces.popleft()
             earliest += BLOCK
-        # a piece more at either end: rounding of a time must not fall beside
-        return self._motion(earliest, max(low - 1, earliest), min(high + 1, self._first - OVERLAP))
+        # a step more at either end: rounding of a time must not fall beside
+        return self._motion(max(low - 1, earliest), min(high + 1, self._first - OVERLAP))
 
-    def _motion(self, earliest: int, low: int, high: int) -> Motion:
-        """Pieces `low` to `high` - 1 of the kept ones, which begin with `earliest`."""
-        parts = []
-        for number, pieces in enumerate(self._pieces):
-            first = earliest + number * BLOCK
-            cut = slice(max(low - first, 0), max(min(high - first, BLOCK), 0))
-            parts.append(pieces[:, cut])
-        coefficients = np.concatenate(parts, axis=1)
-        knots = self._start + self.step * np.arange(low, high + 1)
+    def _motion(self, low: int, high: int) -> Motion:
+        """The kept pieces from step `low` to step `high`, or somewhat beyond."""
+        begins = np.concatenate([pieces.begins for pieces in self._pieces])
+        cut = slice(
+            int(np.searchsorted(begins, low, side="right")) - 1, int(np.searchsorted(begins, high))
+        )
+        coefficients = np.concatenate([pieces.coefficients for pieces in self._pieces], axis=1)
+        coefficients = np.ascontiguousarray(coefficients[:, cut])
+        ends = np.append(begins, self._first - OVERLAP)[cut.start : cut.stop + 1]
+        knots = self._start + self.step * ends
         knots.flags.writeable = coefficients.flags.writeable = False
         return Motion(knots, coefficients)
 
@@ -263,10 +277,15 @@ class Servo:
         following = self._first + BLOCK
         more = self._time(following) < self._demand.duration
         coming = self._controls(following) if more else None
-        stepped = self._ahead.result()  # a run that failed fails again
-        error = stepped.controls.demand[1:-1] - stepped.angles
-        self._check(self._first, error)
+        done = self._ahead
+        stepped = done.result()
         self._ahead = None if coming is None else self._thread.submit(self._stepped, coming)
+        error = stepped.controls.demand[1:-1] - stepped.angles
+        try:
+            self._check(self._first, stepped, error)
+        except StandError:
+            self._ahead = done  # a run that failed fails again
+            raise
         self._account.add(self._first, self._rows(stepped, error))
         samples = np.concatenate([self._tail, stepped.after])
         self._tail = samples[BLOCK:]
@@ -288,22 +307,32 @@ class Servo:
             np.concatenate([b, out[name][0, :-1]])
             for b, name in zip(before, ("qpos", "qvel", "act"), strict=True)
         )
-        return _Stepped(controls, angles, rates, act, after=out["qpos"][0])
+        return _Stepped(
+            controls,
+            angles,
+            rates,
+            act,
+            after=out["qpos"][0],
+            warnings=self._batch.warning[0].copy(),
+            until=float(self._batch.time[0]),
+        )
 
     def _rows(self, stepped: _Stepped, error: Array) -> ServoSteps:
         inputs, limit = stepped.controls.inputs, self.drive.limit
         torque = self.drive.torques(inputs, stepped.angles, stepped.rates, stepped.act)
         return ServoSteps(stepped.controls.demand[1:-1], error, torque, limit)
 
-    def _splined(self, samples: Array) -> Array:
-        """A block's pieces (6, n, 6); the samples reach `OVERLAP` knots farther on either side."""
-        inner = slice(OVERLAP, OVERLAP + BLOCK)
-        return np.ascontiguousarray(splined(samples, self.step).coefficients[:, inner])
+    def _splined(self, samples: Array) -> _Pieces:
+        """A block's pieces; the samples reach `OVERLAP` knots farther on either side."""
+        inner = slice(OVERLAP, OVERLAP + BLOCK + 1)
+        coefficients = splined(samples, self.step).coefficients[:, inner]
+        joined, begins = smoothed(coefficients, self.step, SMOOTH)
+        return _Pieces(joined, begins + self._first - OVERLAP)
 
-    def _check(self, first: int, error: Array) -> None:
+    def _check(self, first: int, stepped: _Stepped, error: Array) -> None:
         """Raise what went wrong first in a block: an axis lost, or MuJoCo at a loss."""
-        number, count = self._batch.warning[0].T
-        stopped = self._start + float(self._batch.time[0])
+        number, count = stepped.warnings.T
+        stopped = self._start + stepped.until
         lost = np.logical_not(np.abs(error) <= RUNAWAY)  # not a number is lost as well
         row, axis = np.argwhere(lost)[0] if lost.any() else (len(error), 0)
         if count.any() and self._time(first + int(row)) > stopped - 2 * self.step:

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from alignment.arrays import Array, set_owned
+from alignment.arrays import Array, BoolArray, set_owned
 from alignment.calibration import terms
 from alignment.calibration.bench import SENSORS, Bench
 from alignment.calibration.model import Model
@@ -49,7 +49,7 @@ class Goal:
         Greatest sigma [SI]: the requirement over coverage, less the guard band.
     """
 
-    def __init__(self, require: RequireEntry, limits: Mapping[str, float], present: Array) -> None:
+    def __init__(self, require: RequireEntry, limits: Mapping[str, float], present: BoolArray) -> None:
         outside = terms.outside(present)
         told = [name_of(key) for key in outside.keys]
         names, angles = derived_rows(present)

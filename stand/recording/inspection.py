@@ -115,14 +115,13 @@ def _text(path: Path) -> Inspection:
         layout = layout_of(path)
     except OSError as error:
         raise StandError(f"{path}: cannot read: {error.strerror}") from error
-    names = layout.names + ("",) * (layout.filled - len(layout.names)) if layout.names else ()
-    guesses = guessed_columns(names, layout.filled)
+    guesses = guessed_columns(layout.names, layout.filled)
     rows = layout.rows[:SHOWN]
     skipped = [SKIP] * (layout.width - layout.filled)
     return Inspection(
         path=str(path),
         form=_form(layout),
-        names=names,
+        names=layout.names,
         rows=rows,
         guesses=tuple(guesses),
         command=_command(

@@ -10,11 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Options, Site, Turn
 from alignment.arrays import Array
+from alignment.parts import PART, in_parts
 from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE, JointAngles
 from alignment.sampling import bursts, evened, repeats
 from stand.errors import StandError, located
 from stand.evaluation.score import Refusal, Truths
+from stand.physics.mjcf import describe, load_model
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
 from stand.recording.entrance import OpenLog, Progress, open_log, unseen
 from stand.recording.log_form import LogForm
@@ -32,8 +34,10 @@ from stand.recording.metadata import (
 )
 from stand.recording.named_stretches import StretchesEntry
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
+from stand.room import seconds
 from stand.table.joints import JOINTS
 from stand.table.kinematics import C_NW
+from stand.table.leanings import joints_read
 
 SERVO = "servo"  # motion of a recording whose joints followed the plan as motors do
 NAMED = 5  # stretches that were not reached: more are counted
@@ -143,7 +147,7 @@ def _parted(
         stretches, lost = named.stretches(), ()
         site, options, methods = named.settings(site, options, methods)
     vehicle = vehicle or (None if drive is None else Vehicle())
-    t = np.asarray((imu.t_ns - origin) * 1e-9, dtype=np.float64)
+    t = seconds(imu.t_ns, origin)
     t, doubts = (t, ()) if simulated or drive is not None else _as_sampled(t, imu)
     t.flags.writeable = False
     readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
@@ -301,9 +305,7 @@ def _stood(dwell: Dwell, encoders: Encoders) -> JointAngles | None:
         return None
     t = dwell.window().t
     angles = np.array([encoders.angle(joint, t).mean() for joint in JOINTS])
-    if dwell.joints.going_round >= 0:
-        angles[dwell.joints.going_round] = 0.0
-    return JointAngles(angles, dwell.joints.going_round)
+    return joints_read(describe(load_model()), angles, dwell.joints.going_round)
 
 
 def _true_attitude(truth: TruthLog, origin: int, t: float) -> Rotation:
@@ -315,7 +317,7 @@ def _true_attitude(truth: TruthLog, origin: int, t: float) -> Rotation:
 
 
 def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -> list[Truths]:
-    t = (truth.t_ns - origin) * 1e-9
+    t = seconds(truth.t_ns, origin)
     last = np.searchsorted(t, [dwell.t_to + 1e-6 for dwell in dwells]) - 1
     for k, dwell in zip(last, dwells, strict=True):
         if k < 0:
@@ -333,10 +335,14 @@ def _truths(truth: TruthLog, origin: int, dwells: Sequence[Dwell], site: Site) -
 
 def mean_attitude(t: Array, q_wb: Array, dwell: Dwell) -> Rotation | None:
     """True mean ``C_nb`` of a dwell from samples (n,), (n, 4); None of one that turns."""
-    own = (t > dwell.t_from + EDGE) & (t <= dwell.t_to + EDGE)
-    if dwell.turn is not None or not own.any():
+    first, last = np.searchsorted(t, [dwell.t_from + EDGE, dwell.t_to + EDGE], "right")
+    if dwell.turn is not None or last <= first:
         return None
-    return C_NW * Rotation.from_quat(q_wb[own]).mean()
+    own = q_wb[first:last]
+    if len(own) <= PART:
+        return C_NW * Rotation.from_quat(own).mean()
+    _, vectors = np.linalg.eigh(np.sum([q.T @ q for q in in_parts(own)], axis=0))
+    return C_NW * Rotation.from_quat(vectors[:, -1])  # as it is found of all at once
 
 
 def _untrue(truth: TruthLog, stamps: Array, t: float) -> StandError:

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from alignment import ImuReadings
 from alignment.errors import Fault
 from alignment.readings import EDGE
@@ -42,8 +44,9 @@ def _between(log: Log, t_from: float | None, t_to: float | None) -> ImuReadings:
     r = log.readings
     a = float(r.t[0]) if t_from is None else t_from
     b = float(r.t[-1]) if t_to is None else t_to
-    inside = (r.t >= a - EDGE) & (r.t <= b + EDGE)
-    if not inside.any():
+    first, last = np.searchsorted(r.t, a - EDGE), np.searchsorted(r.t, b + EDGE, "right")
+    inside = slice(int(first), int(last))
+    if last <= first:
         raise StandError(
             f"{log.path}: from {a:g} to {b:g} s: must hold samples of the recording's "
             f"{r.t[0]:.3f} to {r.t[-1]:.3f} s"

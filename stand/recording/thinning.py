@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from alignment.arrays import Array, IntArray
+from alignment.parts import PART, release
 
 Rows = tuple[IntArray, Array]
 
@@ -42,6 +43,19 @@ def min_max_bins(t_ns: IntArray, values: Array, m: int) -> Rows:
     last = _whole_bins(t_ns[whole:], values[whole:], rest) if rest > 2 else None
     tail_t, tail = last or (t_ns[whole:], values[whole:])
     return np.concatenate([times, tail_t]), np.concatenate([rows, tail])
+
+
+def extremes_in(t: Array, values: Array, unit: float, m: int) -> Rows:
+    """Of readings (n, k) at t (n,) [s], in a unit: the rows of `min_max_bins`, part by part."""
+    many = max(1, PART // m) * m
+    found = []
+    for first in range(0, len(t), many):
+        own = slice(first, first + many)
+        t_ns = np.round(t[own] * 1e9).astype(np.int64)
+        found.append(min_max_bins(t_ns, np.ascontiguousarray(values[own] / unit), m))
+        release(t, values)
+    stamps, extremes = zip(*found, strict=True)
+    return np.concatenate(stamps), np.concatenate(extremes)
 
 
 def _whole_bins(t_ns: IntArray, values: Array, m: int) -> Rows:

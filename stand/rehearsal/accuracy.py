@@ -23,6 +23,7 @@ from stand.rehearsal.refusals import (
     check_quiet,
     check_vertical,
     coarse,
+    coarse_tilt,
     rival_of,
     rivalled,
 )
@@ -35,15 +36,15 @@ Predicted = tuple[list[Prediction], list[Observability]]
 FOLLOWS = 0.19  # part of a bias's variance: without it the sigma is 10 % smaller
 
 
-def predict(scene: Scene, methods: Sequence[str]) -> Predicted:
-    """All methods' predictions, and what their readings can tell."""
+def predict(scene: Scene, methods: Sequence[str], observe: bool = True) -> Predicted:
+    """All methods' predictions, and, to `observe`, what their readings can tell."""
     predictions: list[Prediction] = []
     observed: list[Observability] = []
     unit = unit_of(scene.imu)
     for method in methods:
         try:
             _check_square(scene)
-            found, seen = _method(method, scene, unit)
+            found, seen = _method(method, scene, unit, observe)
         except AlignmentError as error:
             found, seen = [_refused(method, str(error))], []
         predictions += found
@@ -67,19 +68,21 @@ def _refused(method: str, reason: str) -> Prediction:
     )
 
 
-def _method(name: str, scene: Scene, unit: InstrumentErrors) -> Predicted:
+def _method(name: str, scene: Scene, unit: InstrumentErrors, observe: bool) -> Predicted:
     method = ESTIMATORS[name]
     if method.gains is not None:
-        return _by_gains(name, method.gains, scene, unit)
+        return _by_gains(name, method.gains, scene, unit, observe)
     if method.functional is not None:
-        return _over_time(name, method, scene, unit)
+        return _over_time(name, method, scene, unit, observe)
     if method.design is not None:
         found, seen = constants_by(name, method, scene)
         return found, [seen]
     raise AlignmentError(f"no prediction is made: {method.no_prediction}; see --verify")
 
 
-def _by_gains(name: str, gains: Gains, scene: Scene, unit: InstrumentErrors) -> Predicted:
+def _by_gains(
+    name: str, gains: Gains, scene: Scene, unit: InstrumentErrors, observe: bool
+) -> Predicted:
     """Of a method for rests or steady turns."""
     method = ESTIMATORS[name]
     steps = [s for s in scene.plan.stretches if method.for_motion(turning=s.turning is not None)]
@@ -111,10 +114,12 @@ def _by_gains(name: str, gains: Gains, scene: Scene, unit: InstrumentErrors) -> 
         why_not, parts = rivalled(other), response.attitude()
         parts = parts if why_not else rounder(parts, other)
         told = angles(name, answer.window, answer.label, C_nb, parts, why, response.bias())
-        found += withheld(told, ("heading", "yaw"), doubt or why_not)
+        told = withheld(told, ("heading", "yaw"), doubt or why_not)
+        later = answer.window == "fresh" and not method.carries_nominal
+        found += withheld(told, ("pitch", "roll"), coarse_tilt(scene) if later else "")
         if answer is answers[0]:
             found += withheld(response.biases(name), *_with_heading(response, parts, why_not))
-    return found, [_observed(name, known(answers[0]))]
+    return found, [_observed(name, known(answers[0]))] if observe else []
 
 
 def _with_heading(response: Response, parts: Parts, why: str) -> tuple[list[str], str]:
@@ -156,7 +161,9 @@ def _observed(method: str, known: Information) -> Observability:
     )
 
 
-def _over_time(name: str, method: Method, scene: Scene, unit: InstrumentErrors) -> Predicted:
+def _over_time(
+    name: str, method: Method, scene: Scene, unit: InstrumentErrors, observe: bool
+) -> Predicted:
     """Of a method for any motion."""
     assert method.functional is not None
     truth = scene.truth()
@@ -170,5 +177,7 @@ def _over_time(name: str, method: Method, scene: Scene, unit: InstrumentErrors) 
         check_carried(step.label, over_time(run.checked_by or run, unit, scene))
         parts = turned_by_heading(over_time(run, unit, scene))
         found += angles(name, "", step.label, run.C_nb, parts, str)
+    if not observe:
+        return found, []
     known = known_to([planned_stretch(steps[0])], scene.site, scene.options)
     return found, [_observed(name, known)]

@@ -2,15 +2,17 @@
 
 Variants (both directions, a slower or second turn, an added position, a longer offset window,
 another start azimuth, or none) are tried at their own length and then with longer stretches: the
-least that passes, by steps of `_GROWTH` and halving between them. Of all that pass within every
+least that passes of lengths an eighth of an octave apart; those that are out of reach are passed
+over. Of all that pass within every
 limit the shortest comes first; where none does, the best that was tried says what stands in the
 way.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from math import ceil
+from math import ceil, exp, inf, log
 from typing import Any
 
 from alignment import ESTIMATORS
@@ -23,11 +25,12 @@ from stand.rehearsal.result import Advice, Change, Judgement, Rehearsal, Verdict
 from stand.rehearsal.wording import toml_of
 from stand.simulation.settings import Settings, with_procedure
 
-_GROWTH = 2.0
+_GROWTH = 2.0  # of a length that fails, at least
+_WHOLE = 0.95  # of a length that whole seconds make of it
 _MOST = 64.0  # times the length
+_FACTORS = (1.0, *(2.0**k * (1 + n / 8) for k in range(6) for n in range(1, 9)))
 _LONGEST = 7 * 86400.0  # s: no advice is longer than that
 _DEARER = 3.0  # times the shortest found: no longer ones are looked for
-_HALVINGS = 3
 _NO_GAIN = 0.99  # of sigma: a stretch twice as long that does not gain that is limited otherwise
 _KEPT = 3  # pieces of advice per quantity
 _AXIS = "outer"  # turns about the vertical
@@ -45,8 +48,10 @@ class _Trial:
     result: Rehearsal
 
 
-def with_advice(settings: Settings) -> Rehearsal:
-    """A rehearsal, with advice for every quantity that fails."""
+def with_advice(
+    settings: Settings, progress: Callable[[float], None] = lambda done: None
+) -> Rehearsal:
+    """A rehearsal, with advice for every quantity that fails; `progress` is told of variants."""
     result = rehearse(settings)
     failing = [j.quantity for j in result.judgements if j.verdict is Verdict.FAIL and not j.refused]
     if not failing or not result.feasibility:
@@ -54,12 +59,12 @@ def with_advice(settings: Settings) -> Rehearsal:
     data = settings.procedure.entry.model_dump(exclude_unset=True, mode="json")
     tried: list[_Trial] = []
     wanted = _wanted(result)
-    whole = _remedies(settings, data, wanted, tried)
+    whole = _remedies(settings, data, wanted, tried, progress)
     advice: list[Advice] = []
     for quantity in failing:
         found = whole
         if not whole and wanted != (quantity,):
-            found = _remedies(settings, data, (quantity,), tried)
+            found = _remedies(settings, data, (quantity,), tried, progress)
         advice += [_advice_of(quantity, data, trial) for trial in found[:_KEPT]]
         if not found:
             advice.append(_nothing(quantity, data, tried))
@@ -71,15 +76,22 @@ def _wanted(result: Rehearsal) -> tuple[str, ...]:
 
 
 def _remedies(
-    settings: Settings, data: Data, wanted: Sequence[str], tried: list[_Trial]
+    settings: Settings,
+    data: Data,
+    wanted: Sequence[str],
+    tried: list[_Trial],
+    progress: Callable[[float], None],
 ) -> list[_Trial]:
     """Changes that make all the `wanted` pass, the shortest first; all goes into `tried`."""
     found: list[_Trial] = []
-    for variant in _variants(data, settings):
+    variants = list(_variants(data, settings))
+    for number, variant in enumerate(variants):
+        progress(number / len(variants))
         cheapest = min((t.result.duration.total for t in found), default=_LONGEST / _DEARER)
         trial = _longer(settings, variant, wanted, _DEARER * cheapest, tried)
         if trial is not None:
             found.append(trial)
+    progress(1.0)
     return sorted(found, key=lambda trial: trial.result.duration.total)
 
 
@@ -87,26 +99,55 @@ def _longer(
     settings: Settings, data: Data, wanted: Sequence[str], longest: float, tried: list[_Trial]
 ) -> _Trial | None:
     """The shortest lengthening of a variant that passes within `longest` s; None: none does."""
-    factor, before, sigma = 1.0, 0.0, float("inf")
+    before, off, k, least = 0.0, inf, 0, 0.0
     while True:
-        trial = _tried(settings, _stretched(data, factor))
+        trial = _tried(settings, _stretched(data, _FACTORS[k]))
         if trial is None or trial.result.duration.total > longest:
             return None
         tried.append(trial)
         if _passes(trial.result, wanted):
             break
-        now = _worst(trial.result, wanted)
-        if factor >= _MOST or (now > _NO_GAIN * sigma and now < float("inf")):
+        factor, now = _FACTORS[k], _worst(trial.result, wanted)
+        if factor == _FACTORS[-1] or (now > _NO_GAIN * off and now < inf):
             return None
-        before, factor, sigma = factor, factor * _GROWTH, now
-    best = trial
-    for _ in range(_HALVINGS if before else 0):
-        middle = (before + factor) / 2
-        trial = _tried(settings, _stretched(data, middle))
+        least = _reach(before, off, factor, now) if _smooth(data) else factor
+        before, off = factor, now
+        k = bisect_left(_FACTORS, max(least, _GROWTH * factor))
+        k = min(k, len(_FACTORS) - 1)
+    least = max(_WHOLE * least, before)  # whole seconds lengthen a little more than was asked
+    failed = bisect_left(_FACTORS, least) - (before < least)
+    return _shortest(settings, data, wanted, (failed, k), trial) if k else trial
+
+
+def _reach(before: float, off: float, factor: float, now: float) -> float:
+    """The least length at which what is off by `now` at `factor` can pass.
+
+    `off` was at `before`. What is off falls ever more slowly: noise averages out, and what does
+    not average remains. So no length passes that the slope between these two does not reach.
+    """
+    if not (before and off < inf and now > 1.0):
+        return factor
+    slope = log(off / now) / log(factor / before)
+    return factor * exp(log(now) / slope)
+
+
+def _smooth(data: Data) -> bool:
+    """Whether all lengths go with the factor: turns are whole, and go in steps."""
+    return not any("turns" in step for step in data["step"])
+
+
+def _shortest(
+    settings: Settings, data: Data, wanted: Sequence[str], ends: tuple[int, int], best: _Trial
+) -> _Trial:
+    """The shortest that passes between factors of which the first fails and the last passes."""
+    failed, passed = ends
+    while passed - failed > 1:
+        middle = (failed + passed) // 2
+        trial = _tried(settings, _stretched(data, _FACTORS[middle]))
         if trial is not None and _passes(trial.result, wanted):
-            best, factor = trial, middle
+            best, passed = trial, middle
         else:
-            before = middle
+            failed = middle
     return best
 
 
@@ -118,7 +159,7 @@ def _tried(settings: Settings, data: Data) -> _Trial | None:
         procedure = procedure_from(source)
     except StandError:
         return None
-    result = rehearse(with_procedure(settings, procedure))
+    result = rehearse(with_procedure(settings, procedure), judged_only=True)
     return _Trial(data, text, result) if result.feasible else None
 
 
@@ -127,12 +168,12 @@ def _passes(result: Rehearsal, wanted: Sequence[str]) -> bool:
 
 
 def _worst(result: Rehearsal, wanted: Sequence[str]) -> float:
-    """How far the worst of what is wanted is off, as a part of what is required."""
+    """How far the worst of what is wanted is off, as a part of what would pass."""
     open_ones = [
         j for j in result.judgements if j.quantity in wanted and j.verdict is not Verdict.PASS
     ]
     return max(
-        (float("inf") if j.expanded is None else j.expanded / j.required for j in open_ones),
+        (inf if j.expanded is None else j.expanded * (1 + j.guard) / j.required for j in open_ones),
         default=0.0,
     )
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from alignment import Method, Options
-from alignment.arrays import Array
+from alignment.arrays import Array, IntArray
 from alignment.calibration import terms
 from alignment.calibration.bench import SENSORS, USUAL, Bench, Leanings, freed
 from alignment.calibration.design import Design
@@ -16,7 +16,7 @@ from alignment.calibration.session import Move, Session, Station
 from alignment.calibration.words import UNSEEN, untold
 from alignment.errors import AlignmentError
 from alignment.information import InstrumentErrors, TriadErrors
-from alignment.readings import ImuReadings
+from alignment.readings import BoolArray, ImuReadings
 from alignment.units import ARC_SECOND
 from stand.calibration.units import AXES, name_of, unit_of
 from stand.motion.plan import PlannedStep
@@ -60,15 +60,19 @@ def _steady(scene: Scene, step: PlannedStep) -> bool:
 
 
 def planned_session(scene: Scene) -> Session:
-    """Stations and moves as the method will get them, with perfect readings of the moves."""
+    """Stations and moves as the method will get them, with perfect readings of the moves.
+
+    Moves that are too quick for the gyros are left out, as the method does.
+    """
     steps = sorted(scene.plan.stretches, key=lambda step: step.steady_from)
     stations = planned_stations(scene)
-    moves = tuple(
+    moves = [
         _planned_move(k, one, other, scene)
         for k, (one, other) in enumerate(pairwise(steps))
         if one.turning is None or other.turning is None
-    )
-    return Session(stations, moves, 1 / scene.rate_hz)
+    ]
+    within = tuple(m for m in moves if np.abs(m.readings.w_ib_b).max() <= scene.imu.gyro.range)
+    return Session(stations, within, 1 / scene.rate_hz)
 
 
 def planned_stations(scene: Scene) -> tuple[Station, ...]:
@@ -129,7 +133,7 @@ def _predictions(name: str, design: Design, scene: Scene) -> list[Prediction]:
     return found
 
 
-def derived_rows(present: Array) -> tuple[list[str], Array]:
+def derived_rows(present: BoolArray) -> tuple[list[str], Array]:
     """Names and rows (k, COUNT) of the angles that the misalignments come to."""
     names, rows = [], []
     for sensor in SENSORS:
@@ -157,7 +161,7 @@ def _by_known_errors(design: Design, scene: Scene) -> Array:
     if not any(one.known for one in leanings(stated, scene.model, pose)):
         return np.zeros(len(design.J))
 
-    def known(joints: Array, going_round: Array) -> Leanings:
+    def known(joints: Array, going_round: IntArray) -> Leanings:
         own = [one for one in leanings(stated, scene.model, joints, going_round) if one.known]
         turns = np.array([one.turns * one.known for one in own])
         names = tuple(one.name for one in own)

@@ -29,8 +29,11 @@ from stand.simulation.settings import Settings, methods_of, payload_of, temperat
 from stand.versions import versions
 
 
-def rehearse(settings: Settings) -> Rehearsal:
+def rehearse(settings: Settings, judged_only: bool = False) -> Rehearsal:
     """The whole answer but for advice, which `stand.rehearsal.advice` adds.
+
+    With `judged_only` what a change is judged by alone: feasibility, duration, predictions,
+    judgements and whatever forbids the run.
 
     A plan that cannot be made at all (an attitude out of reach, a profile with a jump) is an
     error among the findings, and there is nothing else.
@@ -40,7 +43,7 @@ def rehearse(settings: Settings) -> Rehearsal:
     except StandError as error:
         fault = Finding(Severity.ERROR, "plan", "", str(error))
         return Rehearsal(
-            inputs=_inputs(settings),
+            inputs=_inputs(settings, describe(load_model(settings.table.model)).sha256),
             feasibility=(),
             duration=Duration(()),
             predictions=(),
@@ -51,24 +54,27 @@ def rehearse(settings: Settings) -> Rehearsal:
         )
     steps = feasibility(scene)
     methods = methods_of(settings)
-    predictions, observed = predict(scene, methods)
+    predictions, observed = predict(scene, methods, observe=not judged_only)
     required = settings.procedure.entry.require
     floors = {m: partial(floors_of, ESTIMATORS[m], scene) for m in methods}
     judgements = judge(required, limits_of(settings), methods, predictions, floors)
     heading = limits_of(settings).get("heading")
     rocking = []
-    if required is not None and heading is not None:
+    if required is not None and heading is not None and not judged_only:
         rocking = admissible(scene, methods, predictions, heading / required.coverage)
     findings = [
         *(Finding(Severity.WARNING, "rocking", r.label, r.text) for r in rocking),
         *from_margins(steps),
-        *from_sheet(settings.unit),
-        *from_servos(scene),
         *allan_lengths(scene.plan, scene.imu, settings.allan_terms),
-        *_heading_doubts(scene, methods, judgements),
     ]
+    if not judged_only:
+        findings += [
+            *from_sheet(settings.unit),
+            *from_servos(scene),
+            *_heading_doubts(scene, methods, judgements),
+        ]
     return Rehearsal(
-        inputs=_inputs(settings),
+        inputs=_inputs(settings, scene.model.sha256),
         feasibility=tuple(steps),
         duration=durations(scene.plan, steps),
         predictions=tuple(predictions),
@@ -116,7 +122,7 @@ def limits_of(settings: Settings) -> dict[str, float]:
     return require.limits_for(settings.imu.id, settings.imu.entry.grade, settings.revision)
 
 
-def _inputs(settings: Settings) -> Inputs:
+def _inputs(settings: Settings, model_sha256: str) -> Inputs:
     procedure, imu, table = settings.procedure, settings.imu, settings.table
     texts = {"procedure": procedure.text, "imu": imu.text, "table": table.text}
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
@@ -134,7 +140,7 @@ def _inputs(settings: Settings) -> Inputs:
         height_m=settings.site.height,
         rate_hz=settings.rate_hz,
         revision=settings.revision,
-        sha256=hashes | {"model": describe(load_model(table.model)).sha256},
+        sha256=hashes | {"model": model_sha256},
         versions=versions(),
         model=table.model,
     )

@@ -7,12 +7,11 @@ import numpy as np
 from scipy.special import ndtr
 
 from alignment.arrays import Array, set_owned
+from alignment.rounding import waves
 from stand.imu import ImuSpec
-from stand.imu.filter import noise_variance
-from stand.imu.preset import TriadSpec
+from stand.imu.grains import grains_of
 
 _NOTHING = 1e-15  # of a step squared: waves below it are none
-_WAVES = 200  # harmonics of a staircase: those beyond hold 0.3 % of what rounding does
 _ANYWHERE = 0.6  # steps that a place is known to, from which it may be any: the slope is 1 +- 0.002
 _BLURRED = 2.0  # steps of noise that leave nothing: exp(-79)
 _ORDERS = 100  # of Hermite functions: those beyond hold a tenth of a bare edge's variance at most
@@ -69,9 +68,7 @@ class Rounding:
 
     def _waves(self) -> tuple[Array, Array]:
         """Wave numbers (n,) per unit of a reading, and mean squares of each wave that is left."""
-        n = np.arange(1, _WAVES + 1)
-        turns = 2 * np.pi * n / self.step
-        return turns, 2 / turns**2 * np.exp(-((turns * self.dither) ** 2))
+        return waves(self.step, self.dither)
 
     @property
     def noise(self) -> float:
@@ -145,13 +142,5 @@ class Rounding:
 
 def roundings_of(imu: ImuSpec, rate_hz: int) -> tuple[Rounding, Rounding]:
     """Of gyros and of accelerometers; increments carry their remainders on, and lose nothing."""
-    gyro, accel = (
-        Rounding(0.0 if imu.increments else spec.resolution, _sample_noise(spec, rate_hz))
-        for spec in (imu.gyro, imu.accel)
-    )
+    gyro, accel = (Rounding(one.step, one.noise) for one in grains_of(imu, rate_hz))
     return gyro, accel
-
-
-def _sample_noise(spec: TriadSpec, rate_hz: int) -> float:
-    """Standard deviation of one sample's white noise behind the low-pass."""
-    return spec.noise * sqrt(rate_hz * noise_variance(spec.bandwidth, rate_hz))

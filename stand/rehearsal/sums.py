@@ -25,6 +25,20 @@ class RunErrors(NamedTuple):
     untold: frozenset[Key] = frozenset()
 
 
+def run_to_json(run: RunErrors) -> dict[str, Any]:
+    """A run for a file, for `run_from_json`."""
+    errors = [[*key, error] for key, error in run.errors.items()]
+    untold = sorted(map(list, run.untold))
+    return {"errors": errors, "refusals": run.refusals, "untold": untold}
+
+
+def run_from_json(data: dict[str, Any]) -> RunErrors:
+    """What `run_to_json` made."""
+    errors: dict[Key, float] = {(m, w, label, q): error for m, w, label, q, error in data["errors"]}
+    untold: frozenset[Key] = frozenset((m, w, label, q) for m, w, label, q in data["untold"])
+    return RunErrors(errors, data["refusals"], untold)
+
+
 class Sums:
     """What is kept of all runs: of each error how many, the sums of its first, second and fourth
     powers, and how many runs told that number."""

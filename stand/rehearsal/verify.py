@@ -4,12 +4,12 @@ Nothing is shared with the predictions: each run draws its unit, its table and i
 readings, and the estimators are set against the truth of that run.
 """
 
-import hashlib
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -28,12 +28,14 @@ from stand.calibration.units import name_of
 from stand.errors import StandError
 from stand.evaluation.score import ANGLES, Truths, suited
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
-from stand.rehearsal.sums import Key, RunErrors, Sums
+from stand.rehearsal.sums import Key, RunErrors, Sums, run_from_json, run_to_json
 from stand.rehearsal.verification import Achieved, Verification
 from stand.samples import AXES
+from stand.simulation.journal import Journal, case_digest
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
+from stand.simulation.work import Engine
 
 Progress = Callable[[float], None]
 _RUNS_BITS = 20
@@ -48,6 +50,8 @@ def with_verification(
     runs: int,
     progress: Progress = lambda done: None,
     workers: int | None = None,
+    engine: Engine | None = None,
+    keep: Path | None = None,
 ) -> Rehearsal:
     """The rehearsal with `runs` runs of the stand beside its predictions.
 
@@ -62,6 +66,10 @@ def with_verification(
         Told the part done, 0 to 1.
     workers : int, optional
         Processes; if not given, as many as there are cores and as pay.
+    engine : callable, optional
+        Who makes the runs, instead of processes of this machine.
+    keep : Path, optional
+        File for the runs; those that it holds are not made again.
 
     Returns
     -------
@@ -80,7 +88,8 @@ def with_verification(
         return _warned(result, "verify", "not verified: it cannot run as it is")
     if not result.predictions:
         return _warned(result, "verify", "not verified: no method is named in [estimate]")
-    verification = _verified(result, settings, runs, progress, workers)
+    made = partial(errors_of_runs, result, settings, workers=workers, engine=engine)
+    verification = _verified(result, settings, runs, progress, made, keep)
     result = replace(result, verification=verification)
     for a in verification.disagreeing:
         result = _warned(result, "prediction", _contradicted(a), a.label)
@@ -98,16 +107,7 @@ def first_seed(settings: Settings) -> int:
     20 bits of a million runs are left free below 32 of a hash. Of ten thousand cases two meet with
     a chance of one in a hundred.
     """
-    site, made = settings.site, settings
-    case = (
-        made.procedure.text,
-        made.imu.text,
-        made.table.text,
-        repr((site.latitude, site.height, site.local_gravity)),
-        repr((made.rate_hz, made.motion.value, made.sampling.value, made.seed)),
-        repr((made.without, made.true_table)),
-    )
-    digest = hashlib.sha256("\0".join(case).encode()).digest()
+    digest = case_digest(settings)
     return int.from_bytes(digest[:4], "big") << _RUNS_BITS
 
 
@@ -127,14 +127,28 @@ def _contradicted(a: Achieved) -> str:
 
 
 def _verified(
-    result: Rehearsal, settings: Settings, runs: int, progress: Progress, workers: int | None
+    result: Rehearsal,
+    settings: Settings,
+    runs: int,
+    progress: Progress,
+    made: Callable[[range], Generator[RunErrors]],
+    keep: Path | None,
 ) -> Verification:
     sums = Sums()
     begin = time.perf_counter()
-    with closing(errors_of_runs(result, settings, range(runs), workers)) as trials:
+    with ExitStack() as stack:
+        journal = None
+        if keep is not None:
+            methods = ", ".join(_methods(result))
+            journal = stack.enter_context(Journal(keep, f"verify {methods}", settings).adding())
+            for run in journal.runs[:runs]:
+                sums.add(run_from_json(run))
+        trials = stack.enter_context(closing(made(range(sums.runs, runs))))
         try:
             for found in trials:
                 sums.add(found)
+                if journal is not None:
+                    journal.add(run_to_json(found))
                 progress(sums.runs / runs)
         except KeyboardInterrupt:
             if not sums.runs:
@@ -143,16 +157,24 @@ def _verified(
     return verification_of(result, sums, runs, first_seed(settings), seconds)
 
 
+def _methods(result: Rehearsal) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(p.method for p in result.predictions))
+
+
 def errors_of_runs(
-    result: Rehearsal, settings: Settings, numbers: range, workers: int | None = None
+    result: Rehearsal,
+    settings: Settings,
+    numbers: range,
+    workers: int | None = None,
+    engine: Engine | None = None,
 ) -> Generator[RunErrors]:
     """The runs of these `numbers`, counted from `first_seed`; close it to end early."""
-    methods = tuple(dict.fromkeys(p.method for p in result.predictions))
+    methods = _methods(result)
     options = replace(settings.options, rule=SequenceRule.REGULAR)  # as predictions read angles
     first = first_seed(settings)
     made = replace(settings, options=options, seed=first)
     seeds = range(first + numbers.start, first + numbers.stop)
-    return campaign(partial(_ready, made, methods), seeds, workers)
+    return campaign(partial(_ready, made, methods), seeds, workers, engine=engine)
 
 
 def verification_of(

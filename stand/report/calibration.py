@@ -8,7 +8,7 @@ from stand.calibration.file import CalibrationRecord
 from stand.calibration.units import AXES, OF_NUISANCE, unit_of
 from stand.report.tables import TableData
 
-COVERAGE = 2.0  # of an expanded uncertainty: 95 % of a normal error
+LEAST_PART = 0.01  # of a sigma, below which a contribution is left blank
 BASES = {"data": "readings", "prior": "before", "both": "both"}
 QUANTITIES = {
     "rotation": "rotation of the triad about",
@@ -26,13 +26,26 @@ def number(value: float, sigma: float) -> str:
     return f"{value:.{min(digits, 12)}f}"
 
 
+def size(sigma: float) -> str:
+    """An uncertainty to its second digit, written out."""
+    return number(sigma, sigma)
+
+
+def name_of(record: CalibrationRecord) -> str:
+    """The unit by what is known of it: title, id, or the recording."""
+    return (
+        record.unit.get("title")
+        or record.unit.get("id")
+        or record.source.get("recording", "a unit")
+    )
+
+
 def headline(record: CalibrationRecord) -> str:
     """What it is, in one line."""
     c = record.calibration
-    named = record.unit.get("title") or record.unit.get("id") or "unit"
     serial = f", serial {record.unit['serial']}" if record.unit.get("serial") else ""
     return (
-        f"Calibration of {named}{serial}: {len(c.parameters)} parameters, "
+        f"Calibration of {name_of(record)}{serial}: {len(c.parameters)} parameters, "
         f"chi-square {c.chi_square:.0f} of {c.dof}"
     )
 
@@ -75,17 +88,17 @@ def parameter_table(record: CalibrationRecord, sensor: str, title: str) -> Table
 
 
 def _row(p: Parameter, error: float | None) -> tuple[str, ...]:
-    unit, size = unit_of(p.key)
-    sigma = p.sigma / size
+    unit, si = unit_of(p.key)
+    sigma = p.sigma / si
     cells = (
         named(p),
-        number(p.value / size, sigma),
-        f"{sigma:.2g}",
+        number(p.value / si, sigma),
+        size(sigma),
         unit,
-        f"{p.prior_sigma / size:.3g}" if p.prior_sigma < float("inf") else "nothing",
+        f"{p.prior_sigma / si:.3g}" if p.prior_sigma < float("inf") else "nothing",
         BASES[p.basis],
     )
-    return cells if error is None else (*cells, number(error / size, sigma))
+    return cells if error is None else (*cells, number(error / si, sigma))
 
 
 def named(p: Parameter) -> str:
@@ -101,7 +114,7 @@ def derived_table(record: CalibrationRecord) -> TableData:
         (
             f"{d.sensor}: {QUANTITIES[d.quantity]} {AXES[d.axis]}",
             number(d.value / ARC_SECOND, d.sigma / ARC_SECOND),
-            f"{d.sigma / ARC_SECOND:.2g}",
+            size(d.sigma / ARC_SECOND),
         )
         for d in record.calibration.derived
     ]
@@ -112,11 +125,11 @@ def nuisance_table(record: CalibrationRecord) -> TableData:
     """What had to be estimated beside the unit."""
     rows = []
     for n in record.calibration.nuisance:
-        unit, size = OF_NUISANCE[n.unit]
-        sigma = n.sigma / size
-        before = f"{n.prior_sigma / size:.3g}" if n.prior_sigma < float("inf") else "nothing"
+        unit, si = OF_NUISANCE[n.unit]
+        sigma = n.sigma / si
+        before = f"{n.prior_sigma / si:.3g}" if n.prior_sigma < float("inf") else "nothing"
         rows.append(
-            (n.name, number(n.value / size, sigma), f"{sigma:.2g}", unit, before, BASES[n.basis])
+            (n.name, number(n.value / si, sigma), size(sigma), unit, before, BASES[n.basis])
         )
     columns = ("what else", "value", "sigma", "unit", "known before", "told by")
     return TableData("estimated beside the unit", columns, tuple(rows))
@@ -127,11 +140,15 @@ def budget_table(record: CalibrationRecord) -> TableData:
     c = record.calibration
     rows = []
     for n, p in enumerate(c.parameters):
-        unit, size = unit_of(p.key)
-        parts = [f"{one.sigmas[n] / size:.2g}" if one.sigmas[n] else "" for one in c.budget]
-        rows.append((f"{p.key.sensor} {named(p)}", *parts, f"{p.sigma / size:.2g}", unit))
+        unit, si = unit_of(p.key)
+        parts = [
+            size(one.sigmas[n] / si) if one.sigmas[n] > LEAST_PART * p.sigma else ""
+            for one in c.budget
+        ]
+        rows.append((f"{p.key.sensor} {named(p)}", *parts, size(p.sigma / si), unit))
     columns = ("parameter", *(one.name for one in c.budget), "sigma", "unit")
-    return TableData("where each sigma comes from", columns, tuple(rows))
+    notes = ("Their squares add up; what gives less than a hundredth of a sigma is left blank.",)
+    return TableData("where each sigma comes from", columns, tuple(rows), notes=notes)
 
 
 def all_tables(record: CalibrationRecord) -> Sequence[TableData]:

@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 
 from stand.campaigns.campaign import Size
-from stand.campaigns.summary import Refused, Series, Summary, Worst, Yield, sensitivities
+from stand.campaigns.summary import Refused, Series, Summary, Worst, Yield
 from stand.campaigns.sweep import shown
 from stand.folder import write_file
 from stand.recording.hashes import sha256_of_text
@@ -51,7 +51,7 @@ def page(summary: Summary) -> str:
         "facts": _facts(summary),
         "curves": [one for one in charts if one is not None],
         "maps": [one for one in maps if one is not None],
-        "tornado": None if first is None else tornado(sensitivities(summary, first), first),
+        "tornado": None if first is None else tornado(summary, first),
         "distribution": None if first is None else distribution(summary, first),
         "honesty": honesty(summary.honesty),
         "yield_chart": yields(summary.yields),

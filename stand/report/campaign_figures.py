@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from alignment.units import ARC_SECOND, DEG
-from stand.campaigns.summary import PARTS, Cell, Honesty, Sensitivity, Series, Summary, Yield
+from stand.campaigns.summary import (
+    PARTS,
+    Cell,
+    Honesty,
+    Series,
+    Summary,
+    Yield,
+    sensitivities,
+)
 from stand.campaigns.sweep import VaryEntry, shown
 from stand.report.document import method_text
 from stand.report.page import HUES, INK, PAPER, SOFT, Drawing, drawing, frame, logarithmic
@@ -25,6 +33,7 @@ MOST_LINES = len(HUES)  # curves of a figure: a colour each
 MOST_CELLS = 400  # of a heat map, with their numbers
 MOST_ROWS = 40  # of a distribution
 MARKERS = "osD^vP*X"
+MOST_NEES = 30.0  # that is drawn as it is
 WIDE = 10.0  # of a span: from here on logarithmic
 _SMALL = 0.01 * DEG
 
@@ -251,8 +260,14 @@ def _part(value: float, low: float, high: float) -> float:
     return log10(value / low) / log10(high / low)
 
 
-def tornado(found: Sequence[Sensitivity], series: Series) -> Drawing | None:
-    """From the least to the greatest pooled error, parameter by parameter."""
+def _of_others(summary: Summary) -> str:
+    drawn = summary.sweep.entry.combine == "latin-hypercube"
+    return "the others in their middle, by a fit" if drawn else "over all values of the others"
+
+
+def tornado(summary: Summary, series: Series) -> Drawing | None:
+    """From the least to the greatest error, parameter by parameter."""
+    found = sensitivities(summary, series)
     if len(found) < 2:
         return None
     unit, per = unit_of(series, max(s.span[1] for s in found))
@@ -263,17 +278,17 @@ def tornado(found: Sequence[Sensitivity], series: Series) -> Drawing | None:
             low, high = (x / per for x in s.span)
             axes.barh(row, high - low, left=low, height=0.55, color=HUES[0], linewidth=0)
             for end, edge, side in ((low, s.span[0], "right"), (high, s.span[1], "left")):
-                name = s.values[s.rms.index(edge)]
                 axes.annotate(
-                    name, (end, row), xytext=(4 if side == "left" else -4, 0), ha=side,
-                    textcoords="offset points", va="center", fontsize=8.5, color=SOFT,
+                    s.values[s.rms.index(edge)], (end, row), ha=side, va="center", fontsize=8.5,
+                    xytext=(4 if side == "left" else -4, 0), textcoords="offset points", color=SOFT,
                 )  # fmt: skip
         axes.set_yticks(range(len(found)), [s.label for s in found])
         axes.set_ylim(len(found) - 0.5, -0.5)
         least, most = min(s.span[0] for s in found) / per, max(s.span[1] for s in found) / per
-        room = 0.12 * (most - least)
+        room = (0.02 + 0.014 * max(len(v) for s in found for v in s.values)) * (most - least)
         axes.set_xlim(least - room, most + room)
-        axes.set_xlabel(f"rms error [{unit}], over all values of the others")
+        axes.set_xticks([t for t in axes.get_xticks() if 0 <= t <= most + room])
+        axes.set_xlabel(f"rms error [{unit}], {_of_others(summary)}")
         frame(axes, grid="x")
         axes.tick_params(axis="y", colors=INK)
 
@@ -324,27 +339,25 @@ def honesty(found: Sequence[Honesty]) -> Drawing | None:
     if not found:
         return None
     ways = list(dict.fromkeys((h.method, h.window) for h in found))[: len(HUES)]
-    top = max(min(h.mean, 30.0) for h in found)
+    cases = max(h.case for h in found)
+    top = max(min(h.mean, MOST_NEES) for h in found)
+    wide = max(1.5, min(9.0, 300 / (cases * len(ways))))
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         for n, way in enumerate(ways):
             own = sorted((h for h in found if (h.method, h.window) == way), key=lambda h: h.case)
-            at = [h.case + 0.12 * (n - (len(ways) - 1) / 2) for h in own]
-            if n == 0:
-                axes.vlines(
-                    at, [h.low for h in own], [h.high for h in own], color=HUES[2], alpha=0.3,
-                    linewidth=max(2.0, min(9.0, 300 / len(own))),
-                )  # fmt: skip
+            at = [h.case + (n - (len(ways) - 1) / 2) * min(0.5 / len(ways), 0.12) for h in own]
+            low, high = [h.low for h in own], [min(h.high, 2 * MOST_NEES) for h in own]
+            axes.vlines(at, low, high, color=HUES[2], alpha=0.3, linewidth=wide)
             axes.plot(
-                at, [min(h.mean, 30.0) for h in own], MARKERS[n], color=HUES[n], markersize=4.5,
-                label=method_text(*way),
+                at, [min(h.mean, MOST_NEES) for h in own], MARKERS[n], color=HUES[n],
+                markersize=4.5, label=method_text(*way),
             )  # fmt: skip
         axes.axhline(3, color=INK, linewidth=0.8)
         axes.set_ylim(0, max(6.0, 1.1 * top))
-        axes.set_xlabel("case")
+        _case_axis(axes, cases)
         axes.set_ylabel("mean NEES")
-        axes.locator_params(axis="x", integer=True)
         frame(axes)
         if len(ways) > 1:
             axes.legend(frameon=False, fontsize=8.5, labelcolor=INK)
@@ -355,6 +368,12 @@ def honesty(found: Sequence[Honesty]) -> Drawing | None:
         "its mean is to lie in 95 of 100 cases."
     )
     return drawing("nees", (WIDTH, 3.2), f"Mean NEES by case. {words}", draw, caption)
+
+
+def _case_axis(axes: Axes, cases: int) -> None:
+    axes.set_xlabel("case")
+    axes.set_xlim(0.5, cases + 0.5)
+    axes.set_xticks(sorted({round(x) for x in np.linspace(1, cases, min(cases, 11))}))
 
 
 def yields(found: Sequence[Yield]) -> Drawing | None:
@@ -378,9 +397,8 @@ def yields(found: Sequence[Yield]) -> Drawing | None:
                 label=method_text(method, window),
             )  # fmt: skip
         axes.set_ylim(-3, 103)
-        axes.set_xlabel("case")
+        _case_axis(axes, max(y.case for y in own))
         axes.set_ylabel("units that pass [%]")
-        axes.locator_params(axis="x", integer=True)
         frame(axes)
         if len(ways) > 1:
             axes.legend(frameon=False, fontsize=8.5, labelcolor=INK)

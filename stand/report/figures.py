@@ -12,7 +12,7 @@ import numpy as np
 from alignment import ImuReadings
 from alignment.units import ARC_SECOND, DEG
 from stand.recording.curves import ANGLES, AngleCurves
-from stand.recording.thinning import bin_length, min_max_bins
+from stand.recording.thinning import bin_length, extremes_in
 from stand.report.page import HUES, INK, ON_HUE, PAPER, SOFT, Drawing, drawing, frame, span_text
 from stand.samples import AXES
 
@@ -382,10 +382,9 @@ CHANNEL_ROWS = 1200  # of each curve
 
 def channels(readings: ImuReadings, shaded: Sequence[tuple[float, float]] = ()) -> Drawing:
     """Rates and specific forces over time, extremes kept; `shaded`: stretches [s]."""
-    t_ns = np.round(readings.t * 1e9).astype(np.int64)
-    m = bin_length(len(t_ns), CHANNEL_ROWS)
-    panels = (("rate [deg/s]", readings.w_ib_b / DEG), ("specific force [m/s²]", readings.f_b))
-    rows = [(name, min_max_bins(t_ns, np.ascontiguousarray(v), m)) for name, v in panels]
+    m = bin_length(len(readings), CHANNEL_ROWS)
+    panels = (("rate [deg/s]", readings.w_ib_b, DEG), ("specific force [m/s²]", readings.f_b, 1.0))
+    rows = [(name, extremes_in(readings.t, values, unit, m)) for name, values, unit in panels]
     t_from, t_to = float(readings.t[0]), float(readings.t[-1])
 
     def draw(figure: Figure) -> None:

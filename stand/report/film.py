@@ -65,6 +65,7 @@ def write_film(
     t_from: float | None = None,
     t_to: float | None = None,
     speed: float | None = None,
+    longest_s: float = USUAL_S,
     camera: str = CAMERA,
     size: tuple[int, int] = SIZE,
     method: str | None = None,
@@ -83,7 +84,9 @@ def write_film(
     t_from, t_to : float, optional
         What is shown [s]; else all.
     speed : float, optional
-        So many times faster than it was; else as it was, or so that it takes `USUAL_S`.
+        So many times faster than it was; else as it was, or so that it takes `longest_s`.
+    longest_s : float
+        Of a film whose speed is not chosen [s].
     camera : str
         Of the model, or 'azimuth,elevation,distance'; see `stand.physics.picture.pictures`.
     size : (2,)
@@ -109,7 +112,7 @@ def write_film(
     require_encoder()
     with scene_of(log, method, joints) as scene:
         a, b = stretch_of(scene, t_from, t_to)
-        speed = _speed(speed, b - a)
+        speed = _speed(speed, b - a, longest_s)
         times = frame_times(a, b, speed, float(kind.rate))
         frames = _frames(scene, (a, b), times, camera, size)
         with file_beside(out) as beside:
@@ -162,9 +165,9 @@ def frame_times(t_from: float, t_to: float, speed: float, rate: float) -> Array:
     return t_from + (t_to - t_from) * np.arange(1, count + 1) / count
 
 
-def _speed(speed: float | None, span: float) -> float:
+def _speed(speed: float | None, span: float, longest: float) -> float:
     if speed is None:
-        return max(1.0, span / USUAL_S)
+        return max(1.0, span / longest)
     if not span / LONGEST_S <= speed <= 1e4:  # also of what is no number
         raise StandError(f"--speed {speed:g}: must be {span / LONGEST_S:.3g} to 10000 times")
     return speed

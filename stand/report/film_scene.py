@@ -17,13 +17,13 @@ from stand.errors import StandError, located, unknown
 from stand.evaluation.growth import growing
 from stand.imu.preset import ImuEntry
 from stand.procedure.procedure import ProcedureEntry
+from stand.recording.attached_model import attached_model
 from stand.recording.content import COMPRESSED, MESSAGES, kind_of
 from stand.recording.curves import AngleCurves
 from stand.recording.entrance import log_file, open_log, origin_of
 from stand.recording.log import Log
 from stand.recording.mcap.reader import JointLog
 from stand.recording.metadata import MODEL_FOLDER, RUN, recorded_steps
-from stand.report.run_page import attached_model
 from stand.table.joints import JOINTS
 from stand.toml_files import Entry, Source, parse
 

@@ -12,7 +12,7 @@ from base64 import b64encode
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from io import StringIO
+from io import BytesIO, StringIO
 from typing import TYPE_CHECKING, Any
 
 from stand.report.tables import TableData
@@ -68,9 +68,9 @@ def photo(png: bytes, alt: str, caption: str = "") -> Photo:
     return Photo(data_uri(png), alt, caption)
 
 
-def data_uri(png: bytes) -> str:
-    """A PNG as an address that holds it."""
-    return f"data:image/png;base64,{b64encode(png).decode()}"
+def data_uri(image: bytes, kind: str = "png") -> str:
+    """A PNG, or an image of another kind, as an address that holds it."""
+    return f"data:image/{kind};base64,{b64encode(image).decode()}"
 
 
 def drawing(
@@ -114,6 +114,22 @@ def drawing(
         buffer = StringIO()
         figure.savefig(buffer, format="svg", transparent=True)
     return Drawing(_inline(buffer.getvalue(), name), alt, caption)
+
+
+def picture(size: tuple[float, float], draw: Callable[[Figure], None]) -> bytes:
+    """The same figure as a PNG of its own, by day."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with rc_context({"text.parse_math": False}), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # letters that matplotlib's font lacks
+        figure = Figure(figsize=size, dpi=120, facecolor=PAPER, layout="constrained")
+        FigureCanvasAgg(figure)
+        draw(figure)
+        buffer = BytesIO()
+        figure.savefig(buffer, format="png", facecolor=PAPER, metadata={"Software": None})
+    return buffer.getvalue()
 
 
 def _inline(svg: str, name: str) -> str:

@@ -6,7 +6,7 @@ the recording holds, not what was once written beside it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,19 +16,18 @@ from typing import Any
 import numpy as np
 
 from alignment import ESTIMATORS
-from alignment.angles import angles_from_C_nb, near_singular
 from alignment.units import DEG
 from stand.arguments import site_with
 from stand.errors import StandError, located
 from stand.evaluation.aligned import sheet_beside
-from stand.evaluation.score import evaluate_each, suited
+from stand.evaluation.growth import tracked
+from stand.evaluation.score import evaluate_each
 from stand.folder import refuse_files, write_file
 from stand.imu.preset import ImuEntry
 from stand.procedure.procedure import ProcedureEntry, RequireEntry
-from stand.recording.curves import AngleCurves
+from stand.recording.attached_model import attached_model
 from stand.recording.hashes import sha256_of_file, sha256_of_text
 from stand.recording.log import Log, load_log
-from stand.recording.mcap.reader import read_attachments
 from stand.recording.metadata import DRIVE, MODEL_FOLDER, RUN, recorded_steps
 from stand.report.document import (
     ANGLE_NOTE,
@@ -37,9 +36,10 @@ from stand.report.document import (
     score_tables,
 )
 from stand.report.figures import Bar, channels, errors, timeline
+from stand.report.film import write_film
 from stand.report.gallery import Gallery, Position, gallery
 from stand.report.judged import judged
-from stand.report.page import render, span_text
+from stand.report.page import Photo, data_uri, render, span_text
 from stand.report.provenance import provenance
 from stand.report.tables import TableData
 from stand.simulation.step_record import StepRecord, records_from_json
@@ -47,6 +47,7 @@ from stand.table.table import TableEntry
 from stand.toml_files import Source, parse
 
 PAGE = "report.html"
+FILM_S, FILM_SIZE = 15.0, (800, 450)  # of a film in a page
 _MOVING = ("move", "profile")
 _ENTRIES = {"procedure": ProcedureEntry, "imu": ImuEntry, "table": TableEntry}
 
@@ -57,7 +58,9 @@ def write_run_page(
     *,
     log: Log | None = None,
     latitude_deg: float | None = None,
+    film: bool = False,
     force: bool = False,
+    progress: Callable[[float], None] = lambda done: None,
 ) -> Path:
     """Write the page of a recorded run.
 
@@ -71,8 +74,12 @@ def write_run_page(
         The recording, where it has been read.
     latitude_deg : float, optional
         Of the site; else as recorded.
+    film : bool
+        Show the run as a film of `FILM_S` at most on the first screen.
     force : bool
         Replace a page that is there.
+    progress : callable
+        Told the part of the film that is drawn, 0 to 1.
 
     Raises
     ------
@@ -84,11 +91,18 @@ def write_run_page(
     if target.is_dir():
         raise StandError(f"--out {target}: must be a file")
     refuse_files([target], force=force)
-    return write_file(target, page(file, latitude_deg, log))
+    log = log or load_log(file, None, None, None)
+    moving = _film(log, progress) if film else None
+    return write_file(target, page(file, latitude_deg, log, moving))
 
 
-def page(file: Path, latitude_deg: float | None = None, log: Log | None = None) -> str:
-    """The page of a recording: HTML that needs nothing else."""
+def page(
+    file: Path,
+    latitude_deg: float | None = None,
+    log: Log | None = None,
+    moving: Photo | None = None,
+) -> str:
+    """The page of a recording: HTML that needs nothing else; `moving` is its film."""
     recorded = _read(file, log)
     log, steps, run = recorded.log, recorded.steps, recorded.metadata[RUN]
     site = site_with(log.site, latitude_deg, None)
@@ -118,6 +132,7 @@ def page(file: Path, latitude_deg: float | None = None, log: Log | None = None) 
         if steps
         else None,
         "gallery": _gallery(recorded, file) if steps else None,
+        "film": moving,
         "settings": _settings(run, log),
         "provenance": provenance(texts, recorded.sha256, _versions(run)),
         "path": str(file),
@@ -210,28 +225,11 @@ def _facts(run: Mapping[str, str], log: Log, total: float) -> list[tuple[str, st
 
 def _errors(log: Log, refused: set[str], total: float) -> list[Any]:
     """A figure per method that has tracks, where the truth is known."""
-    from stand.evaluation.review_curves import curves
-
-    found = []
-    for method in log.methods:
-        known = ESTIMATORS.get(method)
-        if known is None or known.tracks is None or method in refused or not log.simulated:
-            continue
-        wanted = {dwell.label for dwell in suited(method, log.dwells)}
-        tracks: list[AngleCurves] = []
-        for dwell, truth in zip(log.dwells, log.truths, strict=True):
-            if dwell.label not in wanted or truth.C_nb is None:
-                continue
-            tracks += [
-                curves(track, truth.C_nb)
-                for track in known.tracks(dwell, log.site, log.options)
-                if not near_singular(track.sequence, angles_from_C_nb(track.sequence, truth.C_nb))
-            ]
-        for name in dict.fromkeys(track.method for track in tracks):
-            own = [track for track in tracks if track.method == name and len(track.t_ns)]
-            if own:
-                found.append(errors(name, len(found), own, total))
-    return found
+    answered = [m for m in log.methods if m in ESTIMATORS and m not in refused]
+    tracks = tracked(log, answered) if log.simulated else []
+    names = dict.fromkeys(track.method for track in tracks)
+    groups = [[t for t in tracks if t.method == name and len(t.t_ns)] for name in names]
+    return [errors(own[0].method, k, own, total) for k, own in enumerate(filter(None, groups))]
 
 
 def _bar(number: int, step: Mapping[str, Any]) -> Bar:
@@ -264,18 +262,15 @@ def _gallery(recorded: _Recorded, file: Path) -> Gallery:
         return gallery(positions, attached_model(file, MODEL_FOLDER + main, Path(folder)))
 
 
-def attached_model(file: Path, main: str, folder: Path) -> Path:
-    """The MJCF `main` that is attached to a recording, written into a folder with its files."""
-    attached = read_attachments(file)
-    if main not in attached:
-        raise StandError(f"run: model: {main!r} is not attached")
-    for name, data in attached.items():
-        if not name.startswith(MODEL_FOLDER):
-            continue
-        if ".." in Path(name).parts or "\0" in name:
-            raise StandError(f"attached file {name!r} would leave its folder")
-        write_file(folder / name, data)
-    return folder / main
+def _film(log: Log, progress: Callable[[float], None]) -> Photo:
+    """The run as a moving picture that a page holds."""
+    with TemporaryDirectory() as folder:
+        made = write_film(
+            log, Path(folder) / "run.webp", longest_s=FILM_S, size=FILM_SIZE, progress=progress
+        )
+        image = made.path.read_bytes()
+    alt = f"The stand from {made.t_from:.1f} to {made.t_to:.1f} s, beside readings and estimate"
+    return Photo(data_uri(image, "webp"), alt, f"{alt}; {made.speed:.3g} times its speed.")
 
 
 def _date(file: Path) -> str:

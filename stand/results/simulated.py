@@ -191,7 +191,11 @@ def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulate
     """A run in memory, by `stand.simulation.simulation` block after block."""
     simulation = Simulation(settings)
     collector = DwellCollector(
-        simulation.plan.stretches, settings.rate_hz, moves=follows_moves(settings)
+        simulation.plan.stretches,
+        settings.rate_hz,
+        moves=follows_moves(settings),
+        imu=settings.unit,
+        stand=simulation.encoders_of,
     )
     blocks, done = [], 0
     for block in simulation.blocks():

@@ -10,10 +10,14 @@ from alignment import Dwell, ImuReadings, Turn
 from alignment.arrays import Array
 from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE, JointAngles
+from stand.imu import ImuSpec
+from stand.imu.grains import stated_of
 from stand.motion.plan import PlannedStep
 from stand.room import Room
 from stand.samples import ImuBlock, TruthBlock
+from stand.table.joints import JOINTS, StandModel
 from stand.table.kinematics import C_NW
+from stand.table.leanings import joints_read
 
 NS = 1e-9  # s
 INTO = 0.5  # s: how far the readings of a move reach into the stretches beside it
@@ -36,7 +40,9 @@ class DwellCollector:
 
     Of the stretches labelled in `moving` the true attitude is kept for every sample. What is too
     much for memory lies in a file in `folder`, see `Room`. `moves`: whether stretches at rest keep
-    the readings of the moves beside them too.
+    the readings of the moves beside them too. The readings know what the sheet of the unit `imu`
+    states of them. `stand`: where joints do not follow the plan, which makes of their encoders'
+    means where they stood.
     """
 
     def __init__(
@@ -46,8 +52,11 @@ class DwellCollector:
         moving: Collection[str] = (),
         folder: Path | None = None,
         moves: bool = False,
+        imu: ImuSpec | None = None,
+        stand: StandModel | None = None,
     ) -> None:
-        self._steps, self._rate = stretches, rate_hz
+        self._steps, self._rate, self._imu, self._stand = stretches, rate_hz, imu, stand
+        self._encoders = np.zeros((len(stretches), len(JOINTS)))
         self._ranges = [ticks_of(step, rate_hz) for step in stretches]
         self._held = self._with_moves() if moves else self._ranges
         moving = set(moving)
@@ -113,10 +122,22 @@ class DwellCollector:
                 self._all_q_wb[label][there] = truth.q_wb[here]
             q = truth.q_wb[here]
             self._squares[k] += q.T @ q
+            if self._stand is not None:
+                self._encoders[k] += truth.encoders[here].sum(axis=0) / (last - first)
             if b == last:
                 self._q_wb[k] = truth.q_wb[b - 1 - start]
         self._tick = stop
         self._room.written()
+
+    def _joints(self, step: PlannedStep, encoders: Array) -> JointAngles:
+        """Where the plan has the axes, or the encoders' means (6,) of a servo."""
+        axis = -1 if step.turning is None else step.turning.axis
+        if self._stand is not None:
+            return joints_read(self._stand, encoders, axis)
+        angles = step.joints.copy()
+        if axis >= 0:
+            angles[axis] = 0.0
+        return JointAngles(angles, axis)
 
     def true_at(self, label: str, t: Array) -> Rotation | None:
         """``C_nb`` at times (m,) [s] of a moving stretch; None at rest."""
@@ -149,7 +170,8 @@ class DwellCollector:
         kept = zip(self._t, self._w, self._f, self._angle, strict=True)
         self._t = self._w = self._f = self._angle = []
         ends = zip(self._steps, self._ranges, self._held, self._q_wb, self._squares, strict=True)
-        for (step, (first, last), held, q_wb, squares), columns in zip(ends, kept, strict=True):
+        every = zip(ends, kept, self._encoders, strict=True)
+        for (step, (first, last), held, q_wb, squares), columns, encoders in every:
             for array in columns:
                 array.flags.writeable = False  # so that the readings need no copies
             t_from = (begins or {}).get(step.label, step.steady_from)
@@ -161,6 +183,8 @@ class DwellCollector:
             t, w, f, angle = (column[cut:] if cut else column for column in columns)
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
             readings = ImuReadings(t, w, f)
+            if self._imu is not None:
+                readings = ImuReadings(t, w, f, *stated_of(self._imu, self._rate))
             dwells.append(
                 Dwell(
                     label=step.label,
@@ -169,7 +193,7 @@ class DwellCollector:
                     readings=readings,
                     nominal=step.C_nb,
                     turn=turn,
-                    joints=_joints(step),
+                    joints=self._joints(step, encoders),
                 )
             )
             C_nb = C_NW * Rotation.from_quat(q_wb)
@@ -177,15 +201,6 @@ class DwellCollector:
             plain = turn is not None or late
             means.append(attitudes[-1] if plain else C_NW * _mean(squares))
         return dwells, TrueAttitudes(attitudes, means)
-
-
-def _joints(step: PlannedStep) -> JointAngles:
-    """Where the plan has the axes."""
-    if step.turning is None:
-        return JointAngles(step.joints)
-    angles = step.joints.copy()
-    angles[step.turning.axis] = 0.0
-    return JointAngles(angles, step.turning.axis)
 
 
 def _mean(squares: Array) -> Rotation:

@@ -30,6 +30,7 @@ from stand.samples import Sensed, TruthBlock
 from stand.simulation.collector import NS, DwellCollector, TrueAttitudes, ticks_of
 from stand.simulation.settings import Settings, follows_moves, table_errors_of, temperature_of
 from stand.simulation.simulation import Block, Simulation, begins_of
+from stand.table.joints import StandModel
 from stand.table.kinematics import C_NW
 
 RANDOM = (SwayStep, SwayBehind, VibrationStep, VibrationBehind)
@@ -73,6 +74,7 @@ class Trials:
         self._blocks: list[Block] = []
         self._begins: dict[str, float | None] = {}
         self._truth: Truth | None = None
+        self._last: tuple[int, Imu] | None = None  # the unit of the last run
 
     def readings(self, seed: int) -> Readings:
         """The stretches of a run, and the true ``C_nb`` of each: at its end (encoder angle 0)."""
@@ -81,6 +83,9 @@ class Trials:
 
     def biases(self, seed: int) -> Array:
         """The turn-on biases (6,) that the unit of a run was given: [rad/s], then [m/s^2]."""
+        if self._last is not None and self._last[0] == seed:
+            imu = self._last[1]
+            return np.concatenate([imu.gyro_errors.bias, imu.accel_errors.bias])
         sensors = (("gyro", self._spec.gyro), ("accel", self._spec.accel))
         return np.concatenate([draw(spec, seed, sensor).bias for sensor, spec in sensors])
 
@@ -93,12 +98,12 @@ class Trials:
     def _simulated(self, settings: Settings) -> Readings:
         if self._blocks:
             imu = self._imu(settings)
-            collector = DwellCollector(self.plan.stretches, settings.rate_hz, moves=self._moves)
+            collector = self._collector(self.plan, self._first.encoders_of)
             for block in self._blocks:
                 collector.add(block.truth, imu.report(block.sensed))
             return collector.finish(self._begins)
         simulation = Simulation(settings)
-        collector = DwellCollector(simulation.plan.stretches, settings.rate_hz, moves=self._moves)
+        collector = self._collector(simulation.plan, simulation.encoders_of)
         keep = self._same and simulation.total <= KEPT
         for block in simulation.blocks():
             collector.add(block.truth, block.readings)
@@ -109,19 +114,25 @@ class Trials:
 
     # --- ideal motion
 
+    def _collector(self, plan: Plan, stand: StandModel | None = None) -> DwellCollector:
+        rate, moves = self.settings.rate_hz, self._moves
+        return DwellCollector(plan.stretches, rate, moves=moves, imu=self._spec, stand=stand)
+
     def _made(self, settings: Settings) -> Readings:
         planned = self._first.replanned(settings.seed) if self._drawn else self.plan
         imu = self._imu(settings)
-        collector = DwellCollector(planned.stretches, settings.rate_hz, moves=self._moves)
+        collector = self._collector(planned)
         for felt in self._of(settings, planned):
             collector.add(felt.truth, imu.report(felt.sensed))
         return collector.finish()
 
     def _imu(self, settings: Settings) -> Imu:
         temperature = temperature_of(settings.procedure)
-        return Imu(
+        imu = Imu(
             self._spec, settings.seed, settings.rate_hz, temperature, sampling=settings.sampling
         )
+        self._last = settings.seed, imu
+        return imu
 
     def _of(self, settings: Settings, planned: Plan) -> Iterator[_Sensing]:
         total = sample_count(planned.motion.duration, settings.rate_hz)
@@ -215,7 +226,7 @@ class Watched(NamedTuple):
 def watch(settings: Settings) -> Watched:
     """One run by `stand.simulation.simulation`, for curves over time."""
     simulation = Simulation(settings)
-    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz)
+    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz, imu=settings.unit)
     t, q = [], []
     for block in simulation.blocks():
         collector.add(block.truth, block.readings)

@@ -121,6 +121,11 @@ class Simulation:
         """Number of samples."""
         return sample_count(self.plan.motion.duration, self.settings.rate_hz)
 
+    @property
+    def encoders_of(self) -> StandModel | None:
+        """The stand as told, where joints are where their encoders say and not where planned."""
+        return None if isinstance(self._drive, Motion) else self.stand
+
     def blocks(self) -> Iterator[Block]:
         """The samples in order of time, once; the truth is worked out one block ahead."""
         longest = BLOCK_S if isinstance(self._drive, Motion) else SERVO_BLOCK_S

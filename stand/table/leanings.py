@@ -11,7 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.information.model import NODES
+from alignment.readings import JointAngles
 from stand.table.joints import JOINTS, StandModel
+from stand.table.kinematics import attitude
 from stand.table.known_errors import Size, StatedErrors
 
 PARTS = ("cosine", "sine")
@@ -99,6 +101,15 @@ def joint_axes(model: StandModel, joints: Array) -> Array:
     """Axes (k, 6, 3) in b about which each joint turns it, at joint angles (k, 6) [rad]."""
     frames, axes, *_ = _chain(model, joints)
     return np.einsum("kji,kaj->kai", frames, axes)
+
+
+def joints_read(model: StandModel, angles: Array, going_round: int) -> JointAngles:
+    """Where the encoders say that the axes (6,) stood, the turning one's angle left out."""
+    own = np.array(angles)
+    if going_round >= 0:
+        own[going_round] = 0.0
+    axis_b = joint_axes(model, own[None])[0, going_round] if going_round >= 0 else None
+    return JointAngles(own, going_round, attitude(model, own), axis_b)
 
 
 def _built(model: StandModel) -> Array:

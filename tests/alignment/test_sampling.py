@@ -97,6 +97,13 @@ def test_the_step_of_rounded_values(sigma, offset):
     assert step_of(values) == pytest.approx(0.0625, rel=1e-9)
 
 
+def test_the_step_of_a_long_record_by_evenly_spaced_values():
+    """Three times as many as are looked at, of which every second is negative."""
+    sign = np.where(np.arange(800_000) % 2, -1.0, 1.0)
+    values = 0.0625 * np.rint(sign * (8 + np.abs(normal(800_000)[:, 0])))
+    assert step_of(values) == pytest.approx(0.0625, rel=1e-9)
+
+
 def test_no_step_where_there_is_none():
     assert step_of(normal(5000)[:, 0]) == 0.0
     assert step_of(np.full(5000, 9.81)) == 0.0

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from bench_logs import log_rows
-from bench_methods import compare_rows, method_rows
+from bench_methods import allan_rows, compare_rows, method_rows
 from bench_rehearsal import rehearsal_rows
 from mujoco.batch import Batch
 
@@ -237,7 +237,14 @@ def command_rows(folder: Path) -> list[tuple[str, str, str]]:
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
-        rows = [*truth_rows(), *servo_rows(), *imu_rows(), *method_rows(best), *compare_rows()]
+        rows = [
+            *truth_rows(),
+            *servo_rows(),
+            *imu_rows(),
+            *method_rows(best),
+            *allan_rows(),
+            *compare_rows(),
+        ]
         rows += [*rehearsal_rows(), *command_rows(Path(folder)), *log_rows()]
     title = f"Speed on {os.cpu_count()} cores"
     show(console(), [TableData(title, ("what", "measured", "ratio"), tuple(rows))])

@@ -27,7 +27,9 @@ from stand.rehearsal.result import Rehearsal
 from stand.rehearsal.sums import Sums
 from stand.rehearsal.verification import AGREES, Achieved, Verification
 from stand.rehearsal.verify import errors_of_runs, first_seed, verification_of
+from stand.simulation.cluster import engine_at
 from stand.simulation.settings import Settings, assembled
+from stand.simulation.work import Engine
 from stand.toml_files import Source, find
 
 ROOT = Path(__file__).parents[2]
@@ -138,15 +140,17 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[], help="PROCEDURE or PROCEDURE/IMU")
     parser.add_argument("--imus", nargs="*", default=list(IMUS), choices=list(IMUS))
     parser.add_argument("--workers", type=int, help="processes; as many as there are cores")
+    parser.add_argument("--scheduler", help="of a Dask cluster, or local")
     parser.add_argument("--write", action="store_true", help="the page, of `--only` too")
     asked = parser.parse_args()
     KEPT.mkdir(parents=True, exist_ok=True)
     made: list[Case] = []
+    engine = None if asked.scheduler is None else engine_at(asked.scheduler)
     for one in cases(asked.rate):
         name = one.procedure.id
         wanted = not asked.only or {name, f"{name}/{one.imu}"} & set(asked.only)
         if wanted and one.imu in asked.imus:
-            made.append(case(one, asked.runs, asked.workers))
+            made.append(case(one, asked.runs, asked.workers, engine))
             print("\n".join(told(made[-1])), flush=True)
     print(summary(made))
     if asked.write or not asked.only:
@@ -183,7 +187,7 @@ def unit(name: str) -> ImuSpec:
     return imu_from(Source(ALL_TERMS, ALL_TERMS, text))
 
 
-def case(asked: Asked, runs: int, workers: int | None) -> Case:
+def case(asked: Asked, runs: int, workers: int | None, engine: Engine | None = None) -> Case:
     """One case: the runs there are and those that are missing, beside what is predicted now."""
     made = asked.settings()
     result, first = rehearse(made), first_seed(made)
@@ -194,7 +198,8 @@ def case(asked: Asked, runs: int, workers: int | None) -> Case:
     data = json.loads(kept.read_text()) if kept.exists() else {"seconds": 0.0}
     sums = Sums.from_json(data["sums"]) if "sums" in data else Sums()
     before, begin = data["seconds"], time.perf_counter()
-    with closing(errors_of_runs(result, made, range(sums.runs, runs), workers)) as trials:
+    numbers = range(sums.runs, runs)
+    with closing(errors_of_runs(result, made, numbers, workers, engine)) as trials:
         for found in trials:
             sums.add(found)
             if sums.runs % EACH == 0 or sums.runs == runs:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from mmap import mmap
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from mcap.records import Attachment
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, IntArray, owned
+from alignment.parts import parts, release
 from stand.errors import StandError, located, unknown
 from stand.recording.growing import Growing
 from stand.recording.log_form import LogForm
@@ -495,21 +497,17 @@ def _channels(found: Directory, topic: str) -> tuple[list[int], bool]:
 
 def _check(columns: Mapping[str, NDArray[Any]], stamps: str) -> None:
     for name, values in columns.items():
-        within = tuple(range(1, values.ndim))
-        odd = np.flatnonzero(~np.isfinite(values).all(axis=within))
-        if len(odd):
-            i = int(odd[0])
+        i = _first(values, lambda part: ~np.isfinite(part))
+        if i is not None:
             raise StandError(f"message {i}: {_LABELS[name]} {values[i].tolist()} is not finite")
         most = _MOST.get(name, np.inf)
-        odd = np.flatnonzero((np.abs(values) > most).any(axis=within))
-        if len(odd):
-            i = int(odd[0])
+        i = _first(values, lambda part, most=most: np.abs(part) > most)
+        if i is not None:
             told = f"{_LABELS[name]} {values[i].tolist()}: must be at most {most:g}"
             raise StandError(f"message {i}: {told}")
     t_ns = columns["t_ns"]
-    back = np.flatnonzero(np.diff(t_ns) <= 0)
-    if len(back):
-        i = int(back[0])
+    i = _first(t_ns, lambda part: np.diff(part) <= 0, more=1)
+    if i is not None:
         kind, other = ("header stamp", "log") if stamps == "header" else ("log time", "header")
         raise StandError(
             f"message {i + 1}: {kind} {t_ns[i + 1]} ns is not later than "
@@ -518,10 +516,22 @@ def _check(columns: Mapping[str, NDArray[Any]], stamps: str) -> None:
 
 
 def _check_turns(q: Array) -> None:
-    odd = np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1.0) > 1e-6)
-    if len(odd):
-        i = int(odd[0])
+    i = _first(q, lambda part: np.abs(np.linalg.norm(part, axis=1) - 1.0) > 1e-6)
+    if i is not None:
         raise StandError(f"message {i}: {_LABELS['q']} {q[i].tolist()}: must be of length 1")
+
+
+def _first(
+    values: NDArray[Any], odd: Callable[[NDArray[Any]], NDArray[np.bool_]], more: int = 0
+) -> int | None:
+    """The first row with anything odd; `more` rows behind a part are told with it."""
+    for rows in parts(len(values)):
+        told = odd(values[rows.start : rows.stop + more])
+        found = np.flatnonzero(told.reshape(len(told), -1).any(axis=1))
+        release(values)
+        if len(found):
+            return rows.start + int(found[0])
+    return None
 
 
 Log = ImuLog | TruthLog | JointLog | FixLog | VelocityLog
@@ -541,7 +551,7 @@ def _is_owned(values: object, shape: tuple[int, ...], dtype: type) -> bool:
     """Whether it is already what `owned` would make of it."""
     return (
         isinstance(values, np.ndarray)
-        and values.base is None
+        and (values.base is None or isinstance(values.base, mmap))
         and not values.flags.writeable
         and values.dtype == dtype
         and values.shape == shape

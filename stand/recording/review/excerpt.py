@@ -14,7 +14,7 @@ from stand.recording.curves import Phase
 from stand.recording.review.file import DEADLINE_S, check, naming, open_stream
 from stand.recording.review.layout import excerpt_blueprint
 from stand.recording.review.style import CHANNELS, TIMELINE, line_style, state_style, states_of
-from stand.recording.thinning import bin_length, min_max_bins
+from stand.recording.thinning import bin_length, extremes_in
 
 ROW_BUDGET = 200_000
 """Rows per series, as of the review of a run."""
@@ -47,10 +47,9 @@ def write_excerpt(
     StandError
         It cannot be written.
     """
-    t_ns = np.round(readings.t * 1e9).astype(np.int64)
-    m = bin_length(len(t_ns), ROW_BUDGET)
-    values = readings.f_b, readings.w_ib_b / DEG
-    rows = [min_max_bins(t_ns, np.ascontiguousarray(part), m) for part in values]
+    m = bin_length(len(readings), ROW_BUDGET)
+    values = (readings.f_b, 1.0), (readings.w_ib_b, DEG)
+    rows = [extremes_in(readings.t, part, unit, m) for part, unit in values]
     with naming(path):
         path.open("wb").close()
         stream, found = open_stream(name)

@@ -210,6 +210,17 @@ def test_the_budget_adds_up():
     assert names >= {"readings at rests", "moves", "gravity", "data sheet", "rotation of the case"}
 
 
+def test_residuals_are_of_one_sigma():
+    """Each in its own sigma: their mean square is one, to 4 sqrt(2/n)."""
+    found, _ = calibrated("stim300", 3)
+    by_kind = {}
+    for one in found.residuals:
+        by_kind.setdefault(one.of, []).extend(one.sigmas)
+    assert [len(v) for v in by_kind.values()] == [16, 48, 30]
+    for values in by_kind.values():
+        assert np.mean(np.square(values)) == pytest.approx(1, abs=4 * np.sqrt(2 / len(values)))
+
+
 def test_gravitys_sigma_is_the_scales():
     """0.1 % of gravity is 0.1 % of every scale factor, and no bias."""
     unit = unit_of("hg9900", 4, 20)
@@ -304,6 +315,40 @@ def test_units_and_axes_that_are_wrong(a_log, change, said):
     with pytest.raises(AlignmentError) as told:
         hand_held(ImuReadings(a_log.t, w, f), MEASURED, SITE)
     assert said in str(told.value)
+
+
+def test_a_sensor_at_full_scale(a_log):
+    """Gyros that end at 2 rad/s: the moves in which they did are named, or too few are left."""
+    peaks = np.abs(a_log.w_ib_b).max(axis=0)
+    log = replace(a_log, w_ib_b=np.clip(a_log.w_ib_b, *(0.9 * peaks.max() * np.array([-1, 1]))))
+    found = hand_held(log, MEASURED, SITE)
+    assert {out.reason.partition(" gyro ")[2] for out in found.left_out} == {"at full scale"}
+    assert found.chi_square < 2 * found.dof
+    with pytest.raises(AlignmentError, match=r"gyros by \d+ moves: rank \d of 9|no move between"):
+        hand_held(replace(a_log, w_ib_b=np.clip(a_log.w_ib_b, -0.7, 0.7)), MEASURED, SITE)
+
+
+def test_moves_too_quick_for_their_samples():
+    """A half turn in half a second at 10 Hz: no sigma can be enlarged for that."""
+    unit = unit_of("stim300", 1, 10)
+    log, _, _ = log_of(unit, anyhow(14, 1), rest_s=5, move_s=0.5)
+    with pytest.raises(AlignmentError, match=r"contradict one another by \d+ times their noise"):
+        hand_held(log, MEASURED, SITE)
+
+
+def test_a_unit_without_noise():
+    unit = unit_of("ideal", 1, 25)
+    log, _, _ = log_of(unit, anyhow(14, 1), rest_s=5)
+    found = hand_held(log, Gravity(value=G), SITE)
+    # the truth is made of samples' means, and integrated to the third order of 0.1 rad
+    assert np.abs(found.values).max() < 1e-6
+    assert np.abs(found.values / found.sigmas).max() < 4
+
+
+def test_a_gravity_that_is_odd_for_the_site(a_log):
+    found = hand_held(a_log, Gravity(value=9.79), SITE)
+    assert any("gravity 9.79 m/s^2 is -0.0194 off normal gravity" in n for n in found.notes)
+    assert not any("off normal gravity" in n for n in hand_held(a_log, MEASURED, SITE).notes)
 
 
 def test_too_few_rests(a_log):

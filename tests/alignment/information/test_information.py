@@ -122,6 +122,17 @@ def test_floors(latitude, heading):
         assert predicted == pytest.approx(factor * floor(latitude), rel=1e-9)
 
 
+def test_sensitivities_alone_cost_no_decomposition(monkeypatch):
+    """Who asks for them alone, as a prediction of a given gain does, pays for none of it."""
+    site = Site(48.5 * DEG)
+    monkeypatch.setattr(np.linalg, "svd", None)
+    monkeypatch.setattr(np.linalg, "cholesky", None)
+    found = information(rests(0, 180), headed(75), site, ALL_UNKNOWN)
+    assert found.J.shape == (12, len(found.parameters))
+    with pytest.raises(TypeError):
+        _ = found.root
+
+
 def test_a_floor_by_hand():
     """0.01 deg/rt-h over 600 s at 48.5 deg: 0.01/sqrt(1/6) = 0.0244949 deg/h of 9.96651 deg/h."""
     site = Site(48.5 * DEG)
@@ -920,6 +931,20 @@ def test_attitude_and_biases_are_all_seen(stretches, latitude):
     assert said(found) == []
     assert np.isfinite(found.condition)
     assert found.determined("heading")
+
+
+@pytest.mark.parametrize("latitude", LATITUDES)
+def test_condition_by_hand(latitude):
+    """One rest of a unit without constant errors: tilt shows as g over the accelerometers' noise,
+    heading as W cos lat over the gyros'; of the Fisher matrix the squares count."""
+    site = Site(latitude * DEG, local_gravity=9.81)
+    found = information(
+        rests(0), headed(20), site, InstrumentErrors(TriadErrors(ARW), TriadErrors(FINE))
+    )
+    ratio = 9.81 / FINE / (W * cos(latitude * DEG) / ARW)
+    assert found.rank == found.sought == 3
+    # a floor of 1e-9 m/s^2 beside 4e-7 of the mean: squared 6e-6
+    assert found.condition == pytest.approx(ratio**2, rel=1e-5)
 
 
 def test_turns_about_the_vertical_show_no_vertical_scale():

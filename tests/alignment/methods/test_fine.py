@@ -96,6 +96,19 @@ def test_rocking_off_the_crossing_with_its_lever_arm_estimated(latitude):
     assert run.sigmas[-1, 0].max() < 1e-3
 
 
+def test_updates_are_as_coarse_as_the_gyros_walk_makes_an_arm():
+    """``100 r^2 N^2 T`` of an arm known to r: 0.1 m, 1e-5 rad/sqrt(s) in 60 s are 77 um. The record
+    begins at 100 s, which is no part of T."""
+    stretch, _ = exact(SLOW_CENTRED, 60.0, 20.0)
+    priors = Priors(gyro_walk=1e-5, accel_walk=1e-7, lever_arm=0.1)
+    run = filtered(stretch, site(SLOW_CENTRED), Options(priors=priors))
+    # at the end 600 updates know the displacement far better than one of them does: along the
+    # vertical at least, across it the gyros' walk of a second adds g N/sqrt(3) = 57 um
+    late = run.innovations.sigmas[-1] / sqrt(100 * 0.1**2 * 1e-5**2 * 60)
+    assert late[2] == pytest.approx(1.0, abs=0.03)
+    assert 1.0 < late.min() <= late.max() < sqrt(1 + (57 / 77) ** 2)
+
+
 def test_rocking_with_an_unstated_lever_arm_is_remarked_and_still_right():
     estimate, error = one(ROCKING, 120.0, 100.0, QUIET, method=fine)
     assert any("sway beyond noise and lever arm" in flag for flag in estimate.flags)

@@ -109,6 +109,19 @@ def test_calibrated_and_applied(here, made):
         here("apply", "c.json", "other.csv", *LOG, *wrong, "--out", "x.mcap", code=2)
 
 
+def test_a_certificate(here):
+    Path("limits.toml").write_text("[gyro]\nbias_deg_h = 1e-3\n")
+    said = ("calibrate", "log.csv", "--hand-held", *LOG, *HERE)
+    told = here(*said, "--report", "page", "--limits", "limits.toml").out
+    assert "page/certificate.html" in told
+    assert not Path("calibration.json").exists()
+    assert "✗ FAIL" in Path("page/certificate.html").read_text(encoding="utf-8")
+    here(*said, "--report", "page", code=2)
+    here(*said, "--limits", "limits.toml", code=2)
+    here(*said, "--report", "other", "--limits", "none.toml", code=2)
+    assert not Path("other").exists()
+
+
 def test_aligned_by_a_calibration(here):
     """Of tilt 1.9 mg of bias go, and 1 mrad of the triad's rotation, which no hand tells, stays."""
     here("calibrate", "log.csv", "--hand-held", *LOG, *HERE, "--imu", "stim300", "--out",
@@ -147,7 +160,8 @@ def test_published_method_and_python(made):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ((), "missing --hand-held"),
+        (("--hand-held", "--table", "precision"), "--table: not with --hand-held"),
+        (("--as-published",), "--as-published: needs --hand-held"),
         (("--hand-held", "--gravity", 1.62), "gravity = 1.62 m/s^2: must be 9 to 10.5"),
         (("--hand-held", "--gravity-sigma", -1), "gravity sigma = -1"),
         (("--hand-held", "--shortest", 0), "shortest = 0 s"),

@@ -12,6 +12,7 @@ from alignment.calibration import (
     Key,
     LeftOut,
     Nuisance,
+    Residual,
     derived_of,
     parameters_of,
 )
@@ -55,6 +56,7 @@ def a_record():
         null_space=("what cannot be told",),
         left_out=(LeftOut("rest 3", "bumped"),),
         derived=derived_of(KEYS, VALUES, L @ L.T),
+        residuals=(Residual("rest 1", "rate at rest", (0.5, -1.5, 2.0)),),
         budget=(Contribution("noise", np.sqrt((L @ L.T).diagonal())),),
     )
     return CalibrationRecord(
@@ -81,6 +83,7 @@ def test_there_and_back(tmp_path):
     assert (other.null_space, other.left_out) == (one.null_space, one.left_out)
     assert other.nuisance[0].value == pytest.approx(1e-5, rel=1e-15)
     assert len(other.derived) == 6
+    assert other.residuals == one.residuals
     assert other.budget[0].name == "noise"
     np.testing.assert_allclose(other.budget[0].sigmas, one.sigmas, rtol=4e-16)
     assert (back.unit, back.hashes) == (record.unit, record.hashes)

@@ -199,6 +199,17 @@ def test_a_preset_that_replays_the_unit(tmp_path):
     assert stand.unit(str(path), rate_hz=10).gyro_errors.bias.any()
 
 
+def test_a_preset_of_a_preset(tmp_path):
+    """A replayed unit that was calibrated anew: the new constants take the old ones' place."""
+    (first,) = exported(a_record(linear=True), tmp_path / "first.toml")
+    again = a_record(linear=True, unit={"title": "again", "toml": first.read_text()})
+    (second,) = exported(again, tmp_path / "second.toml")
+    assert second.read_text().count("known = [") == 1
+    by_hand = first.read_text().replace("known = [\n", "known = [ # mine\n")
+    with pytest.raises(StandError, match="known: must not be there"):
+        exported(a_record(unit={"toml": by_hand}), tmp_path / "third.toml")
+
+
 def test_forms_at_the_command_line(stand_command, tmp_path):
     (tmp_path / "c.json").write_text(calibration_text(a_record()))
     for name, wanted in (("u.toml", ["u.toml"]), ("u.calib", ["u_acc.calib", "u_gyro.calib"])):

@@ -15,6 +15,7 @@ from stand.motion.polynomial import (
     Motion,
     b_spline,
     fitted,
+    smoothed,
     splined,
     summed,
 )
@@ -308,3 +309,30 @@ def test_knots_that_only_rounding_parts_are_one():
     total = summed([first, second])
     assert len(total.knots) == 3
     np.testing.assert_array_equal(total.joints([0.5, 1.5])[0], [[2.0, 4.0], [2.0, 4.0]])
+
+
+def test_pieces_of_one_quintic_are_joined():
+    """Sixty of t^5/120, each about its own beginning, are three of twenty."""
+    h = 0.01
+    t = h * np.arange(61)
+    powers = [t**0 / 120, t / 24, t**2 / 12, t**3 / 12, t**4 / 24, t**5 / 120]
+    made, begins = smoothed(np.array(powers)[:, :, None], h, 1e-9)
+    np.testing.assert_array_equal(begins, [0, 20, 40])
+    # angles below 1e-3 round by 1e-19, over 0.2 s to the fifth by 1e-15
+    for power, row in zip(powers, made[:, :, 0], strict=True):
+        np.testing.assert_allclose(row, power[[0, 20, 40]], rtol=1e-12, atol=1e-14)
+
+
+def test_a_kick_stays_where_it_was():
+    """An acceleration that is 1e-3 rad/s^2 off at one step keeps its five pieces apart, those about
+    it in twenty are joined by five, and all others by twenty."""
+    h = 1e-3
+    spline = np.zeros((6, 81, 1))
+    spline[4] = 0.1  # a turn at constant rate
+    spline[5, :, 0] = 0.1 * h * np.arange(81)
+    spline[3, 47] = 1e-3 / 2
+    made, begins = smoothed(spline, h, 1e-7)
+    assert list(begins) == [0, 20, 40, 45, 46, 47, 48, 49, 50, 55, 60]
+    np.testing.assert_array_equal(made[:, 3:8], spline[:, 45:50])
+    _, all_joined = smoothed(spline, h, 2e-3)
+    assert list(all_joined) == [0, 20, 40, 60]

@@ -290,8 +290,8 @@ def test_a_filters_innovations_are_recorded_and_its_errors_are_those_of_the_time
     assert len(rows) >= 1200  # ten updates a second or more
     late = [r for r in rows if float(r["time_s"]) > 60]
     ratio = [float(r[f"innovation_{a}_m"]) / float(r[f"sigma_{a}_m"]) for r in late for a in "NED"]
-    print(np.mean(np.square(ratio)), len(ratio))
-    assert np.mean(np.square(ratio)) < 1.5  # not larger than the filter expects
+    # not larger than the filter expects; smaller, for an arm of 0.73 m has updates taken coarse
+    assert 0.1 < np.mean(np.square(ratio)) < 1.5
     # the error over time is against the attitude of that time: the base sways by degrees
     errors = roll_errors(result.out / "run.rrd")
     late = errors[np.isfinite(errors)][-20:]

@@ -3,6 +3,7 @@
 The rehearsals themselves are told what to say, for it is the search that is tested.
 """
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -57,7 +58,7 @@ def told(monkeypatch):
     def call(made, says):
         seen = []
 
-        def rehearse(settings):
+        def rehearse(settings, judged_only=False):
             entry = settings.procedure.entry
             seen.append(entry)
             found = says(entry)
@@ -203,26 +204,67 @@ def test_another_azimuth_where_it_matters(told):
 # --- how long
 
 
-def test_the_least_lengthening_is_found_by_doubling_and_halving(told):
-    """530 s are needed of 100: doubled to 800, then 600, 500 and 550; whole seconds."""
+PASSES = 1 / (2 * 1.1)  # deg: the sigma that passes 1 deg, with coverage 2 and a guard of 10 %
+
+
+def lengths_tried(told, sigma):
+    """Of one dwell of 100 s, as it is otherwise, and the first piece of advice."""
 
     def says(entry):
-        rest = seconds(entry)
-        return (50 / rest**0.5, len(entry.step) == 1 and rest >= 530)
+        size = sigma(seconds(entry))
+        return size, len(entry.step) == 1 and size <= PASSES
 
     (first, *_), seen = told(procedure(["triad"], DWELL.format("a", 100)), says)
-    tried = [seconds(e) for e in seen if len(e.step) == 1]
-    assert tried == [100, 200, 400, 800, 600, 500, 550]
+    return first, [seconds(e) for e in seen if len(e.step) == 1]
+
+
+def test_lengths_that_the_slope_does_not_reach_are_not_tried(told):
+    """530 s are needed of 100, by noise that averages out: after 200 s that is known. The least of
+    lengths an eighth of an octave apart is 550; 500 is out of reach, so it is not looked at."""
+    first, tried = lengths_tried(told, lambda t: PASSES * (530 / t) ** 0.5)
+    assert tried == [100, 200, 550]
     assert [(c.where, c.before, c.after) for c in first.changes] == [
         ('step 1 "a", duration_s', "100", "550")
     ]
     assert first.duration == 550
-    assert first.sigma == pytest.approx(np.radians(50 / 550**0.5))
+    assert first.sigma == pytest.approx(np.radians(PASSES * (530 / 550) ** 0.5))
     assert first.text == (
-        'step 1 "a", duration_s: 550 instead of 100: heading then has a sigma of 2.13 deg by triad,'
-        " in 550 s"
+        'step 1 "a", duration_s: 550 instead of 100: heading then has a sigma of 0.446 deg by '
+        "triad, in 550 s"
     )
     assert "duration_s = 550" in first.toml
+
+
+@pytest.mark.parametrize("floor", [0.0, 0.3, 0.7, 0.9, 0.97])
+@pytest.mark.parametrize("needed", [1.05, 1.9, 2.1, 3.0, 8.5, 40.0])
+def test_the_least_of_all_lengths_is_found(told, floor, needed):
+    """Beside a floor (a part of what passes) that does not average out the slope so far promises
+    too much: the answer is the least that passes all the same, in fewer looks than all."""
+    lengths = [100 * 2.0**k * (1 + n / 8) for k in range(6) for n in range(1, 9)]
+
+    def sigma(t):
+        return PASSES * ((1 - floor**2) * 100 * needed / t + floor**2) ** 0.5
+
+    first, tried = lengths_tried(told, sigma)
+    least = next(np.ceil(t) for t in lengths if sigma(np.ceil(t)) <= PASSES)
+    assert first.duration == least
+    assert len(tried) <= 9  # as doubling and halving would
+
+
+def test_progress_is_told_of_variants(told, monkeypatch):
+    seen = []
+    watched = partial(advice.with_advice, progress=seen.append)
+    monkeypatch.setitem(globals(), "with_advice", watched)
+    told(procedure(["carousel"], TURN.format("rate_deg_s = 20\nturns = 3")), never)
+    assert seen == [0.0, 0.25, 0.5, 0.75, 1.0]
+
+
+def test_out_of_reach_is_told_by_the_longest(told):
+    """Ten thousand times as long would do: 64 times is looked at to say what that comes to."""
+    first, tried = lengths_tried(told, lambda t: PASSES * (1e6 / t) ** 0.5)
+    assert tried == [100, 200, 6400]
+    assert first.sigma is None
+    assert "up to 64 times as long" in first.text
 
 
 def test_lengths_and_turns_are_whole_and_windows_grow_along(told):

@@ -10,10 +10,12 @@ from test_traps import DWELL, case
 
 from alignment.errors import AlignmentError
 from alignment.information import InstrumentErrors, TriadErrors
+from alignment.units import STANDARD_GRAVITY
 from stand.imu import load_imu
+from stand.procedure.procedure import load_procedure, table_of
 from stand.rehearsal.feasibility import feasibility
-from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse
-from stand.rehearsal.rehearse import prepared
+from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse, coarse_tilt
+from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.traps import allan_lengths, averaging_time, from_margins
 from stand.simulation.settings import assembled
 from stand.table.table import load_table
@@ -136,6 +138,32 @@ def test_rates_are_coarse_where_noise_does_not_blur_a_step():
         if told:
             assert f"rounded to {step * 180 / pi:.3g} deg/s" in told
             assert "0.0022 deg/s at 20 Hz" in told
+
+
+def test_forces_are_coarse_likewise():
+    """0.39022 steps of noise again; a difference of later samples then has no sigma."""
+    still = load_imu("hg9900")
+    for factor, expected in ((0.99, True), (1.01, False)):
+        step = 2e-3 * STANDARD_GRAVITY
+        noise = factor * 0.39022 * step / sqrt(20)
+        accel = replace(still.accel, resolution=step, noise=noise, bandwidth=np.inf)
+        told = coarse_tilt(rest(replace(still, accel=accel)))
+        assert bool(told) == expected, factor
+        assert not expected or "rounded to 2 mg" in told
+        assert not expected or "0.77 mg at 20 Hz" in told
+
+
+def test_a_tilt_by_later_samples_of_a_coarse_unit_has_no_number():
+    procedure = load_procedure("six-position")
+    still = load_imu("hg9900")
+    unit = replace(still, accel=replace(still.accel, resolution=2e-3 * STANDARD_GRAVITY))
+    asked = assembled(procedure, unit, table_of(procedure), procedure.entry.site.site(), 20)
+    told = rehearse(replace(asked, methods=("six-position", "triad"))).predictions
+    tilts = [p for p in told if p.quantity in ("pitch", "roll")]
+    later = [p for p in tilts if p.window == "fresh"]
+    assert {p.determined for p in later} == {False}
+    assert "forces are rounded to 2 mg" in later[0].reason
+    assert {p.determined for p in tilts if p.method == "triad"} == {True}
 
 
 # --- lengths

@@ -171,6 +171,61 @@ def test_a_recorded_run_opens_without_complaint(recorded, tmp_path, undrawn):
     assert opened.share(BARS["light"]) > 0.0005
 
 
+SHAPES = ((768, "light"), (1440, "dark"))
+
+
+@pytest.fixture(scope="module")
+def run_pages(recorded, tmp_path_factory):
+    """The page of a run with pictures that cost nothing: each a square of one grey."""
+    root = tmp_path_factory.mktemp("run")
+    with pytest.MonkeyPatch.context() as patch:
+        grey = np.full((30, 30, 3), 128, np.uint8)
+        patch.setattr(gallery, "pictures", lambda joints, *_: [grey] * len(joints))
+        text = write_run_page(recorded.folder, root / "run.html").read_text(encoding="utf-8")
+    shown = {f"{w} {t}": seen(text, root / f"{w}{t}", t, width=w) for w, t in SHAPES}
+    return text, shown
+
+
+def test_the_first_screen_of_a_run_has_verdict_sentence_and_picture(run_pages):
+    """Beside one another where there is room, and in the first 500 points of the page."""
+    for name, opened in run_pages[1].items():
+        assert opened.console == []
+        assert "angles are within 3 of their predicted sigmas" in opened.dom.said
+        first = opened.screen[:500]
+        picture = np.all(first == 128, axis=2)
+        assert picture.mean() > 0.05, name
+        columns = picture.any(axis=0).nonzero()[0]
+        assert columns.min() > opened.screen.shape[1] / 2  # at the right of the verdict
+        assert opened.screen.shape[1] - columns.max() > 15  # within the margin
+        theme = name.split()[1]
+        assert tuple(opened.screen[2, 2]) == PAPER[theme]
+
+
+def test_on_paper_a_run_keeps_its_first_screen_on_its_first_page(run_pages):
+    pdf = run_pages[1]["768 light"].pdf
+    assert 3 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 10
+
+
+def test_on_a_telephone_the_picture_of_a_run_stands_below_the_verdict(run_pages, tmp_path):
+    """390 wide: nothing is wider, and the picture begins where the verdict ends."""
+    (tmp_path / "page").mkdir()
+    (tmp_path / "page" / "inner.html").write_text(run_pages[0], encoding="utf-8")
+    measure = (
+        "const d = document.querySelector('iframe').contentDocument, r = d.documentElement;"
+        "const top = q => d.querySelector(q).getBoundingClientRect();"
+        "document.querySelector('p').textContent = [r.scrollWidth, "
+        "top('.first img').top > top('#verdict').bottom].join(' ')"
+    )
+    opened = seen(
+        f'<iframe src="inner.html" style="width: 390px; height: 3000px; border: 0" '
+        f'onload="{measure}"></iframe><p>not measured</p>',
+        tmp_path / "page",
+        flags=("--allow-file-access-from-files",),
+    )
+    assert opened.dom.said == "390 true"
+    assert opened.console == []
+
+
 def test_a_page_that_asks_for_more_would_be_seen(tmp_path, undrawn):
     text = page(answer(Verdict.PASS)).replace(
         "</main>", '<img src="beside.png" alt="x"><script>alert(1)</script></main>'

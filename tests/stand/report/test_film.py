@@ -1,9 +1,12 @@
 """A recording as a film: what each picture shows, how many there are, what is refused."""
 
+from base64 import b64decode
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import checked
 from PIL import Image as Picture
 
 from stand import api
@@ -245,3 +248,22 @@ def test_a_film_that_cannot_be_finished_leaves_nothing(log, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         films.write_film(log, Path(tmp_path / "x.mp4"), size=SIZE, speed=100, progress=stop)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow  # a process that draws
+def test_a_page_of_a_run_holds_its_film_on_request(recorded, stand_command, tmp_path, monkeypatch):
+    """26 s of run as a film of at most half a second: 6 pictures of 12.5 a second."""
+    monkeypatch.setattr("stand.report.run_page.FILM_S", 0.5)
+    monkeypatch.setattr("stand.report.run_page.FILM_SIZE", (160, 90))
+    out = tmp_path / "page.html"
+    assert stand_command("report", recorded.folder, "--film", "--out", out).code == 0
+    page = checked(out.read_text(encoding="utf-8"))
+    (film,) = (a for a in page.of("img") if "image/webp" in (a["src"] or ""))
+    data = b64decode((film["src"] or "").partition(",")[2])
+    with Picture.open(BytesIO(data)) as file:
+        assert (file.size, file.n_frames) == ((160, 90), 6)
+    assert "26.0 s, beside readings and estimate" in page.said
+    copy = tmp_path / "copy.mcap"
+    stand_command("import", recorded.folder, "--out", copy)
+    told = stand_command("report", copy, "--film", "--out", tmp_path / "x.html")
+    assert (told.code, "--film: of a recorded run" in told.err) == (2, True)

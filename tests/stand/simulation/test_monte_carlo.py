@@ -46,3 +46,13 @@ def test_a_second_run_has_a_table_of_its_own(motion, latency):
         np.testing.assert_array_equal(dwell.readings.f_b, other.readings.f_b)
     apart = [(a.inv() * b).magnitude() for a, b in zip(first, attitudes, strict=True)]
     assert min(apart) > 5e-6  # an arc second
+
+
+def test_biases_of_a_run_are_those_its_unit_was_drawn_with():
+    """Before its readings, after them, and after those of another run."""
+    trials = Trials(settings_of(MotionKind.IDEAL, 0.0))
+    before = trials.biases(3)
+    for seed in (3, 4):
+        trials.readings(seed)
+        np.testing.assert_array_equal(trials.biases(3), before)
+    assert (trials.biases(4) != before).all()

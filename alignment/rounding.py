@@ -1,0 +1,81 @@
+"""What rounding leaves of the mean of many samples, where noise does not blur the steps.
+
+Source: B. Widrow and I. Kollar, Quantization Noise (2008), ch. 9; methods.md section 7.
+"""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from alignment.arrays import Array
+from alignment.options import Priors
+from alignment.readings import ImuReadings
+from alignment.sampling import step_of
+
+WAVES = 200  # harmonics of a staircase: those beyond hold 0.3 % of what rounding does
+_BLURRED = 0.6  # steps of noise from which it is seen in the rounded values, and blurs the steps
+_BLOCK = 10.0  # s: a unit that rests through most of them is told by those
+
+
+def waves(step: float, sigma: float) -> tuple[Array, Array]:
+    """Wave numbers (n,) per unit of a reading, and mean squares of each wave that is left.
+
+    Notes
+    -----
+    Rounding of x takes away ``sum_n (-1)^n q/(pi n) sin(2 pi n x / q)``. The mean over normal noise
+    of `sigma` multiplies each wave by ``exp(-2 (pi n sigma / q)^2)``: what is left depends on where
+    in a step x lies, and no time averages it out. Anywhere in it, its mean square is half of the
+    wave's: ``q^2/12`` in all without noise, ``(q/pi)^2/2 exp(-4 (pi sigma/q)^2)`` with much.
+    """
+    turns = 2 * np.pi * np.arange(1, WAVES + 1) / step
+    return turns, 2 / turns**2 * np.exp(-((turns * sigma) ** 2))
+
+
+def steps_of(readings: ImuReadings) -> Array:
+    """Steps (6,) of rates and forces: what `readings` know, else what their numbers show."""
+    if readings.grains is not None:
+        return np.repeat([grain.step for grain in readings.grains], 3)
+    return np.array([step_of(channel) for channel in (*readings.w_ib_b.T, *readings.f_b.T)])
+
+
+def rounding_variance(readings: ImuReadings, steps: Array | None = None) -> Array:
+    """Variance (6,) of means of rates and forces at rest by the rounding to `steps` (6,).
+
+    The steps are `steps_of` the readings if they are not given; the noise that blurs them what the
+    readings know, and what they show where that is above 0.6 steps. Below, rounded values do not
+    tell it, and without a data sheet the mean may be anywhere in its step.
+    """
+    steps = steps_of(readings) if steps is None else steps
+    noises = [0.0, 0.0] if readings.grains is None else [grain.noise for grain in readings.grains]
+    channels = (*readings.w_ib_b.T, *readings.f_b.T)
+    told = zip(channels, steps.tolist(), np.repeat(noises, 3).tolist(), strict=True)
+    return np.array([_left(*one, readings.interval) for one in told])
+
+
+def with_rounding(priors: Priors, readings: ImuReadings) -> Priors:
+    """The priors of one to whom what rounding leaves of readings at rest is a bias."""
+    left = rounding_variance(readings)
+    gyro, accel = float(left[:3].max()), float(left[3:].max())
+    return replace(
+        priors,
+        gyro_bias=float(np.sqrt(priors.gyro_bias**2 + gyro)),
+        accel_bias=float(np.sqrt(priors.accel_bias**2 + accel)),
+    )
+
+
+def _left(channel: Array, step: float, noise: float, interval: float) -> float:
+    if step == 0.0:
+        return 0.0
+    shown = _usual_variance(channel, interval) - step**2 / 12
+    if shown > (_BLURRED * step) ** 2:
+        noise = max(noise, float(np.sqrt(shown)))
+    return float(waves(step, noise)[1].sum())
+
+
+def _usual_variance(channel: Array, interval: float) -> float:
+    """Median over blocks of the variance within each: turns between rests do not count."""
+    blocks = max(1, int(len(channel) * interval / _BLOCK))
+    edges = np.arange(blocks + 1) * len(channel) // blocks
+    parts = (channel[a:b] for a, b in pairwise(edges.tolist()))
+    return float(np.median([part.var() for part in parts]))

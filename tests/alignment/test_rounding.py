@@ -1,0 +1,137 @@
+"""What rounding leaves of a mean: numbers by hand, and rests of coarse units."""
+
+from math import exp, pi, sqrt
+
+import numpy as np
+import pytest
+
+from alignment import Dwell, ImuReadings, Options, Priors, Site
+from alignment.methods.inertial import inertial
+from alignment.methods.position_fit import rounding_covariance
+from alignment.methods.triad import triad
+from alignment.methods.two_gyro import two_gyro
+from alignment.readings import Grain
+from alignment.rounding import rounding_variance, waves, with_rounding
+
+W, G = 7.292115e-5, 9.81
+STEP = 0.02  # m/s^2: 2 mg
+HERE = Site(np.radians(48.5), local_gravity=G)
+
+
+def rest(f_b, noise=0.0, step=STEP, seed=1, n=600, hz=10):
+    """A rest at latitude 48.5, X1 north, Y1 up, of accelerometers that are rounded; gyros fine."""
+    rng = np.random.default_rng(seed)
+    lat = np.radians(48.5)
+    w = np.tile(W * np.array([np.cos(lat), np.sin(lat), 0.0]), (n, 1))
+    f = np.asarray(f_b) + noise * rng.normal(size=(n, 3))
+    t = np.arange(1, n + 1) / hz
+    return ImuReadings(t, w + 1e-8 * rng.normal(size=w.shape), np.round(f / step) * step)
+
+
+def dwell(readings):
+    return Dwell("p", 0.0, float(readings.t[-1]), readings)
+
+
+def known(readings, noise=0.0):
+    return ImuReadings(
+        readings.t, readings.w_ib_b, readings.f_b, grains=(Grain(), Grain(STEP, noise))
+    )
+
+
+@pytest.mark.parametrize("part", [0.0, 0.3, 0.5])
+def test_waves_by_hand(part):
+    """No noise: q^2/12 in all. Much: the first alone, (q/pi)^2/2 exp(-4 (pi part)^2)."""
+    turns, squares = waves(STEP, part * STEP)
+    assert turns[0] == pytest.approx(2 * pi / STEP)
+    want = STEP**2 / 12 if part == 0 else (STEP / pi) ** 2 / 2 * exp(-4 * (pi * part) ** 2)
+    # 200 harmonics leave out 0.3 %; the second wave is exp(-12 (pi 0.3)^2) = 2e-5 of the first
+    assert squares.sum() == pytest.approx(want, rel=4e-3 if part == 0 else 1e-4)
+
+
+def test_the_mean_of_a_noiseless_rest_may_be_anywhere_in_its_step():
+    """Errors of 200 places, spread evenly over steps: their mean square is what is stated."""
+    places = np.linspace(0, 7 * STEP, 200, endpoint=False)
+    off = np.round(places / STEP) * STEP - places
+    stated = rounding_variance(known(rest([0.0, G, 0.0])))
+    np.testing.assert_allclose(stated, [0, 0, 0, *[np.mean(off**2)] * 3], rtol=1e-2)
+
+
+@pytest.mark.parametrize("part", [0.15, 0.3, 0.45])
+def test_noise_that_is_known_blurs_the_steps(part):
+    """Means of 40 000 samples at 40 places between steps; half of the wave's square."""
+    rng, sigma = np.random.default_rng(3), part * STEP
+    places = (np.arange(40) + 0.5) / 40 * STEP
+    f = places[:, None] + sigma * rng.normal(size=(40, 40_000))
+    left = (np.round(f / STEP) * STEP).mean(axis=1) - places
+    stated = rounding_variance(known(rest([0.0, G, 0.0], sigma), sigma))[3]
+    # the means' own noise is 0.0015 steps beside 0.0026 to 0.17 steps
+    fresh = (STEP**2 / 12 + sigma**2) / 40_000
+    assert np.mean(left**2) == pytest.approx(stated + fresh, rel=0.25)
+
+
+def test_noise_that_shows_in_the_numbers_needs_no_sheet():
+    blurred = rest([0.003, G, 0.011], noise=STEP)
+    assert rounding_variance(blurred)[3:].max() < 1e-6 * STEP**2
+    # vibration blurs what the sheet's own noise would not
+    assert rounding_variance(known(blurred, 1e-4 * STEP))[3:].max() < 1e-6 * STEP**2
+
+
+def test_without_a_sheet_the_numbers_show_their_step():
+    """Toggling between two levels, 0.2 steps of noise near an edge: anywhere in the step."""
+    coarse = rest([0.5 * STEP, (490 + 0.5) * STEP, 0.4 * STEP], noise=0.2 * STEP)
+    stated = rounding_variance(coarse)
+    np.testing.assert_allclose(stated[3:], STEP**2 / 12, rtol=4e-3)
+    assert not stated[:3].any()
+
+
+def test_a_turn_between_rests_does_not_blur():
+    first, second = rest([0.0, G, 0.0]), rest([G, 0.0, 0.0])
+    both = ImuReadings(
+        np.arange(1, 1201) / 10,
+        np.concatenate([first.w_ib_b, second.w_ib_b]),
+        np.concatenate([first.f_b, second.f_b]),
+        grains=(Grain(), Grain(STEP, 0.0)),
+    )
+    np.testing.assert_allclose(rounding_variance(both)[3:], STEP**2 / 12, rtol=4e-3)
+
+
+@pytest.mark.parametrize("method", [triad, two_gyro, inertial])
+def test_tilt_of_a_coarse_unit(method):
+    """2 mg: q/sqrt(12)/g = 0.59 mrad of tilt; of a sheet that knows 0.5 steps of noise 1 urad."""
+    options = Options(priors=Priors(gyro_walk=1e-7, accel_walk=1e-5))
+    readings = rest([0.0, G, 0.0], noise=1e-5)
+    tilts = []
+    for noise in (0.0, 0.5 * STEP):
+        (estimate,) = method([dwell(known(readings, noise))], HERE, options)
+        tilts.append(np.sqrt(estimate.covariance.diagonal()[:2]))
+    np.testing.assert_allclose(tilts[0], STEP / sqrt(12) / G, rtol=0.01)
+    assert tilts[1].max() < 0.05 * tilts[0].min()
+
+
+def test_gyros_that_stick_tell_no_heading():
+    """0.1 deg/s: q/sqrt(12) is 104 deg/h, of a horizontal rate of 9.97: 10.4 rad."""
+    r = rest([0.0, G, 0.0], noise=1e-5, step=1e-6)
+    coarse = ImuReadings(r.t, r.w_ib_b, r.f_b, grains=(Grain(np.radians(0.1), 1e-6), Grain()))
+    priors = Priors(gyro_walk=1e-7, accel_walk=1e-5)
+    assert with_rounding(priors, coarse).gyro_bias == pytest.approx(
+        np.radians(0.1) / sqrt(12), rel=4e-3
+    )
+    (estimate,) = triad([dwell(coarse)], HERE, Options(priors=priors))
+    want = np.radians(0.1) / sqrt(12) / (W * np.cos(np.radians(48.5)))
+    assert np.sqrt(estimate.covariance[2, 2]) == pytest.approx(want, rel=0.01)
+    assert estimate.undetermined
+
+
+def test_positions_that_read_alike_share_what_is_left_or_not():
+    """Two alike, one 0.5 steps off: exp(-(2 pi 0.5)^2/2) = 0.0072 of it."""
+    left = np.tile([0.0, 0, 0, 4.0, 4.0, 4.0], (3, 1))
+    means = np.zeros((3, 6))
+    means[2, 3], means[:, 4] = 0.5 * STEP, [0.0, 1.0, 2.0]
+    found = rounding_covariance(left, means, np.array([0.0, 0, 0, STEP, STEP, STEP]))
+    far = 4 * exp(-((2 * pi * 0.5) ** 2) / 2)
+    np.testing.assert_allclose(
+        found[3], [[8, 4, far], [4, 8, far], [far, far, 4 + far]], rtol=1e-12
+    )
+    np.testing.assert_allclose(found[4], 4 * np.eye(3), atol=1e-12)
+    assert not found[:3].any()
+    assert np.linalg.eigvalsh(found).min() > -1e-12
