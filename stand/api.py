@@ -983,12 +983,12 @@ def propose(
     >>> found.feasible, round(found.total, 1), round(found.bound, 1)
     (True, 9.5, 9.2)
     """
-    from stand.proposal.asked import asked
+    from stand.proposal.preparation import request
     from stand.proposal.propose import propose as search
     from stand.report.notebook import shown
     from stand.results.proposed import Proposed
 
-    wanted, like = asked(
+    wanted, like = request(
         None if requirement is None else str(requirement),
         imu=imu,
         table=table,

@@ -85,7 +85,7 @@ def propose(
         refuse_files([out], force=force)
     if report is not None:
         pages.refuse_report(report, with_curve=trade_off, force=force)
-    asked = {
+    given = {
         "imu": imu,
         "table": table,
         "heading_deg": heading,
@@ -95,14 +95,14 @@ def propose(
         "rate_hz": rate,
     }
     with progress("looking for the shortest test", as_json) as done:
-        result = stand.propose(requirement, **asked, progress=done)  # pyright: ignore[reportArgumentType]
+        result = stand.propose(requirement, **given, progress=done)  # pyright: ignore[reportArgumentType]
     curve = None
     if trade_off:
-        from stand.proposal.asked import asked as made
+        from stand.proposal.preparation import request
         from stand.proposal.trade_off import trade_off as curve_of
 
         with progress("time against accuracy", as_json) as done:
-            curve = curve_of(*made(requirement, **asked), procedure or (), done)  # pyright: ignore[reportArgumentType]
+            curve = curve_of(*request(requirement, **given), procedure or (), done)  # pyright: ignore[reportArgumentType]
     if as_json:
         print_json(pages.to_json(result, curve))
     else:

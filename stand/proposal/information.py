@@ -11,9 +11,10 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from alignment.arrays import Array, BoolArray, set_owned
+from alignment.arrays import Array, set_owned
 from alignment.calibration import terms
 from alignment.calibration.bench import SENSORS, Bench
 from alignment.calibration.model import Model
@@ -21,7 +22,7 @@ from alignment.calibration.noise import Drifts, noise_parts
 from alignment.calibration.session import Session, Station
 from alignment.information.drift import Span
 from stand.calibration.units import name_of
-from stand.procedure.procedure import RequireEntry
+from stand.procedure.procedure import RequireEntry, procedure_from
 from stand.procedure.requirements import CONSTANTS
 from stand.proposal.candidates import Candidate, Clock
 from stand.proposal.text import procedure_of
@@ -30,10 +31,14 @@ from stand.rehearsal.constants import derived_rows, planned_stations
 from stand.rehearsal.rehearse import prepared
 from stand.rehearsal.scene import Scene
 from stand.simulation.settings import Settings, assembled
+from stand.toml_files import Source
 
 DRIFTS = ("bias instability", "random walk", "ramp")
 EDGE = 1e-9  # of a stretch, so that its whole turns are whole
 METHOD = "calibration"
+
+
+BoolArray = NDArray[np.bool_]
 
 
 class Goal:
@@ -49,7 +54,9 @@ class Goal:
         Greatest sigma [SI]: the requirement over coverage, less the guard band.
     """
 
-    def __init__(self, require: RequireEntry, limits: Mapping[str, float], present: BoolArray) -> None:
+    def __init__(
+        self, require: RequireEntry, limits: Mapping[str, float], present: BoolArray
+    ) -> None:
         outside = terms.outside(present)
         told = [name_of(key) for key in outside.keys]
         names, angles = derived_rows(present)
@@ -294,9 +301,6 @@ def _untangled(order: list[int], path) -> list[int]:
 
 def settings_of(text: str, like: Settings) -> Settings:
     """The same settings with a procedure of our own."""
-    from stand.procedure.procedure import procedure_from
-    from stand.toml_files import Source
-
     procedure = procedure_from(Source("proposal", "proposal", text))
     return assembled(
         procedure,

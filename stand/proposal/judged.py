@@ -56,7 +56,7 @@ class Judged:
         self._known: dict[Amounts, dict[str, float]] = {}
 
     @property
-    def asked(self) -> int:
+    def count(self) -> int:
         """How many tests were judged."""
         return len(self._known)
 

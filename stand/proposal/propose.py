@@ -49,9 +49,9 @@ def propose(wanted: Wanted, like: Settings, progress: Progress = lambda done: No
     angles = {q: limit for q, limit in limits.items() if q not in CONSTANTS}
     _check_method(wanted, constants, angles)
     problem = Problem(wanted, those, like, constants) if constants else None
-    if problem is not None:
-        if refused := _beyond(problem, constants, require.coverage):
-            return replace(plain, reason=refused)
+    refused = "" if problem is None else _beyond(problem, constants, require.coverage)
+    if refused:
+        return replace(plain, reason=refused)
     dwell = wanted.entry.allowed.shortest_dwell_s
 
     def share(part: float) -> None:
@@ -261,7 +261,7 @@ def _told(plain: Proposal, amounts: Amounts, judge: Judged, clock: Clock) -> Pro
         stations=stations,
         quantities=quantities,
         rehearsal=own,
-        judged=judge.asked,
+        judged=judge.count,
     )
 
 

@@ -20,7 +20,7 @@ IMU, TABLE = "stim300", "precision"
 Named = str | PathLike[str]
 
 
-def asked(
+def request(
     requirement: str | None,
     *,
     imu: Named | ImuSpec | None = None,
