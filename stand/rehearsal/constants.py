@@ -29,7 +29,9 @@ from stand.table.leanings import leanings
 PAIRS = ("Y1-Z1", "Z1-X1", "X1-Y1")
 ALL = "all"  # stretches together
 MOVE_RATE_HZ = 50.0  # of the truth that a move is carried by
-QUIET = 1e-6  # of a sheet's noise: what is left is of table, seat and gravity
+QUIET = 1e-2  # of a sheet's noise: what is left is of table, seat and gravity
+# rad/rt-s; with less the quadrature of the moves would tell the seat from the triads' own axes
+LEAST_NOISE = 3e-7
 
 
 def constants_by(name: str, method: Method, scene: Scene) -> tuple[list[Prediction], Observability]:
@@ -203,4 +205,5 @@ def floors(method: Method, scene: Scene) -> dict[str, float]:
 
 
 def _quiet(triad: TriadErrors) -> TriadErrors:
-    return replace(triad, noise=QUIET * triad.noise, drift=(), random_walk=0.0, ramp=0.0)  # pyright: ignore
+    noise = np.minimum(triad.noise, np.maximum(QUIET * triad.noise, LEAST_NOISE))
+    return replace(triad, noise=noise, drift=(), random_walk=0.0, ramp=0.0)  # pyright: ignore
