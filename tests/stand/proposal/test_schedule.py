@@ -297,7 +297,7 @@ def test_a_method_that_does_not_find_it_is_one_line():
 
 def test_a_constant_that_the_sheet_does_not_state_is_looked_for():
     made = like("hg9900")
-    assert not made.imu.gyro.misalignment.any()
+    assert not made.imu.gyro.misalignment
     wanted = wanted_of({"misalignment_arc_s": 300.0, "coverage": 1.0, "guard": 0.0}, {})
     problem = Problem(
         wanted, [Candidate((0.0, 0.0, 0.0))], made, wanted.entry.require.limits()
