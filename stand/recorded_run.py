@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell
 from alignment.arrays import Array
+from stand.calibration.truth import unit_record
 from stand.evaluation.review_curves import method_curves, method_innovations
 from stand.evaluation.run_result import RunResult, result_json
 from stand.evaluation.score import (
@@ -286,20 +287,8 @@ class _Run:
             "procedure": {"toml": s.procedure.text},
             "imu": {"toml": s.imu.text},
             "table": {"toml": s.table.text},
-            "unit": self._drawn(),
+            "unit": unit_record(self.simulation.imu.gyro_errors, self.simulation.imu.accel_errors),
             "table_errors": self.simulation.errors.record(),
-        }
-
-    def _drawn(self) -> dict[str, str]:
-        """The constants this unit was given, in SI: what an estimator would have to find."""
-        triads = {
-            "gyro": self.simulation.imu.gyro_errors,
-            "accel": self.simulation.imu.accel_errors,
-        }
-        return {
-            f"{sensor}_{name}": json.dumps(getattr(errors, name).tolist())
-            for sensor, errors in triads.items()
-            for name in errors.__slots__
         }
 
     def _evaluate(

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import fuzzed_texts
 import numpy as np
 from written_logs import at_rest, mcap, ros1_bag, stamps
 
@@ -117,11 +118,20 @@ def limited() -> Iterator[None]:
 
 def outcome(path: Path, form: LogForm, aligned: bool) -> str:
     """read or refused; anything else is raised."""
-    signal.setitimer(signal.ITIMER_PROF, SECONDS)
-    try:
+
+    def read(path: Path) -> None:
         log = stand.read(path, form=form)
         if aligned:
             stand.align(log)
+
+    return outcome_of(read, path)
+
+
+def outcome_of(read: Callable[[Path], object], path: Path) -> str:
+    """The same of what is read in any way."""
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
+    try:
+        read(path)
     except Fault as error:
         if "\n" in str(error) or len(str(error)) > 1000:
             raise AssertionError(f"not one line: {error!s:.2000}") from error
@@ -141,18 +151,29 @@ def run(
     """So many damaged logs of a kind; the first that is neither read nor refused is raised."""
     found: Counter[str] = Counter()
     begin = _peak(anew=True)  # other tests of this process have had theirs
-    path = folder / f"damaged.{kind}"
-    seeds = whole(folder)[kind]
-    for data, form in seeds:
+    path = folder / f"damaged.{'toml' if kind in fuzzed_texts.KINDS else kind}"
+    logs = [] if kind in fuzzed_texts.KINDS else whole(folder)[kind]
+    texts = [] if logs else fuzzed_texts.seeds()[kind]
+    for data, form in logs:
         path.write_bytes(data)
         stand.align(stand.read(path, form=form))  # whole ones are read
+    for data, read in texts:
+        path.write_bytes(data)
+        read(path)
     with limited():
         for k in range(cases):
             rng = np.random.default_rng([seed, k])
-            data, form = seeds[k % len(seeds)]
-            path.write_bytes(damaged(data, rng))
             try:
-                found[outcome(path, form, aligned=k % 16 == 0)] += 1
+                if logs:
+                    data, form = logs[k % len(logs)]
+                    path.write_bytes(damaged(data, rng))
+                    found[outcome(path, form, aligned=k % 16 == 0)] += 1
+                else:
+                    data, read = texts[k % len(texts)]
+                    harm = damaged if rng.random() < 0.5 else fuzzed_texts.altered
+                    harm = fuzzed_texts.altered_record if kind == "metadata" else harm
+                    path.write_bytes(harm(data, rng))
+                    found[outcome_of(read, path)] += 1
             except (Exception, _Hang) as error:
                 kept = path.rename(folder / f"failed.{kind}")
                 told = repr(error)[:500]

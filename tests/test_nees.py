@@ -22,11 +22,21 @@ from stand.toml_files import ids
 
 RUNS = 4
 TURNING_HZ = 20  # of a base that rocks and a table that turns: a sample is to be less than 0.2 rad
-TURNING = {"carousel", "random-sway", "scorsby", "rate-sweep"}
+TURNING = {
+    *("carousel", "random-sway", "scorsby", "rate-sweep"),
+    *("rate-steps", "spins", "calibration-full"),
+}
 LONGEST_S = 300.0  # of a generated rest
 
 
-RUNS_OF = {"six-position-published": 8, "scorsby": 1, "random-sway": 1, "rate-sweep": 1}
+RUNS_OF = {
+    "six-position-published": 8,
+    "scorsby": 1,
+    "random-sway": 1,
+    "rate-sweep": 1,
+    **dict.fromkeys(("tumble-6", "tumble-12", "tumble-24", "rate-steps", "spins"), 1),
+    "calibration-full": 1,
+}
 
 
 def short(procedure, imu):

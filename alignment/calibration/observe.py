@@ -27,6 +27,7 @@ WRONG_RATE = 0.5  # part of a rate, likewise
 WRONG_MOVE = 20 * DEG  # of a move by the gyros from the encoders' rotation
 DEGREES = 180 / np.pi
 ALIKE = 0.2  # relative, within which a ratio is 57.3 or 1/57.3
+LARGEST_STEP = 0.2  # rad in a sample of a move: beyond, two samples do not describe the turn
 ENDS = 20  # parts of a turn, of which the first and the last tell where it began and ended
 AXES = ("X1", "Y1", "Z1")
 
@@ -187,6 +188,9 @@ def _move(one: _Seen, other: _Seen, first: int, last: int) -> Move | LeftOut | N
             continue
         if float(np.diff(part.t).max()) > GAP * step:
             return LeftOut(label, "samples are missing in the move")
+        fastest = float(np.abs(part.w_ib_b).max()) * step
+        if fastest > LARGEST_STEP:
+            return LeftOut(label, f"{fastest:.2g} rad in a sample: at most {LARGEST_STEP:g}")
         try:
             saturation_doubt(label, part)
         except Saturated as error:

@@ -65,9 +65,9 @@ _CONSISTENT = 5.0  # standard errors by which the innovations' mean square may e
 _SHOWN = 0.5  # rad: a track begins when heading is known to this
 
 _SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multiply
-_ASTRAY = ("gyro_misalignment", "gyro_non_orthogonality")
+_ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
-_TURNED = 0.5  # rad: of a stretch that turns by more, gyros that are misaligned are no bias
+_ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -187,8 +187,8 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
         ``latitude`` needed, not at a pole.
     options : Options
         `priors`: ``gyro_walk`` and ``accel_walk`` (0: from the readings); biases, scale factor
-        errors and ``lever_arm`` become states where their prior is above 0, of a stretch that
-        turns the gyros' misalignment and non-orthogonality too. Where neither
+        errors and ``lever_arm`` become states where their prior is above 0, of a stretch that turns
+        or rocks misalignment and non-orthogonality too. Where neither
         accelerometer constant has one, gravity's size is free within 1 %: an unstated bias along
         the vertical would else pass for sway.
 
@@ -277,11 +277,12 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
 def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     """The priors, with what passes for a bias taken for one.
 
-    Of a stretch that turns, axes of gyros that are off are no bias: they feign a turn about
-    another axis, and remain errors of their own.
+    Of a stretch that turns or rocks, axes that are off are no bias, and remain errors of their own.
+    Rocking tells how the triads lie to one another, and how gravity's share changes in b; but not
+    a case that is turned as a whole, which is tilted in full.
     """
     _, _, _, w = carried.q.T
-    if 2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0)) < _TURNED:
+    if 2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0)) < _ROCKED:
         return in_one_attitude(priors, site.gravity)
     own = {name: getattr(priors, name) for name in _ASTRAY}
     folded = in_one_attitude(replace(priors, **dict.fromkeys(_ASTRAY, 0.0)), site.gravity)

@@ -1,5 +1,6 @@
 """What a calibration should find: the constants that a simulated unit was given."""
 
+import json
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -47,6 +48,15 @@ def true_values(keys: Sequence[Key], gyro: UnitErrors, accel: UnitErrors, spec: 
 
 
 _Numbers = TypeAdapter(Json[list[float] | list[list[float]]])
+
+
+def unit_record(gyro: UnitErrors, accel: UnitErrors) -> dict[str, str]:
+    """The constants a unit was given, in SI, as the record `unit` of a recording has them."""
+    return {
+        f"{sensor}_{name}": json.dumps(getattr(errors, name).tolist())
+        for sensor, errors in (("gyro", gyro), ("accel", accel))
+        for name in errors.__slots__
+    }
 
 
 def errors_of(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -357,8 +358,10 @@ def export(
         from stand import api
         from stand.recording.export import WRITERS, export_log
 
-        known = kind if file_format or kind in WRITERS else "csv"
-        for path in export_log(api.read(what, topic=topic), out, known, force=force):
+        log = api.read(what, topic=topic)
+        if file_format is None:
+            _check_ending(out, WRITERS)
+        for path in export_log(log, out, kind, force=force):
             print(path)
         return
     with quick_imports():
@@ -368,8 +371,19 @@ def export(
 
     if file_format not in (None, "csv"):
         raise unknown("format", file_format, ("csv",))
+    if file_format is None:
+        _check_ending(out, ("csv",))
     rows = exported(stand.settings(what, table=table, seed=seed), out, force)
     print(f"{out}: {rows} rows\n{steps_file(out)}")
+
+
+def _check_ending(out: Path, kinds: Iterable[str]) -> None:
+    """A file is what its name says; without an ending it is text."""
+    from stand.errors import StandError
+
+    allowed = [f".{kind}" for kind in kinds]
+    if out.suffix and out.suffix.lower() not in allowed:
+        raise StandError(f"--out {out}: must end in {', '.join(allowed)}, or give --format")
 
 
 def _is_recording(what: str) -> bool:

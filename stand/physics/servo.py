@@ -49,7 +49,7 @@ STEP = 1e-3  # s
 BLOCK = 4000  # steps simulated at once
 OVERLAP = 48  # knots: the spline forgets at 0.43 per knot, so one 48 away counts 3e-18
 KEPT_S = 15.0  # s of realised motion kept before the last span asked for
-SMOOTH = 1e-7  # rad/s^2: what the spline's accelerations round by, and 1 ng on an arm of 0.1 m
+SMOOTH = 3e-7  # rad/s^2: what the spline's accelerations round by; 3 ng on an arm of 0.1 m
 RUNAWAY = 30 * DEG  # following error of a servo that has lost its axis
 BALANCING = 50  # rounds that find where a servo without integrator balances a load
 

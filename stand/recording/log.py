@@ -16,7 +16,6 @@ from alignment.readings import EDGE, JointAngles
 from alignment.sampling import bursts, evened, repeats
 from stand.errors import StandError, located
 from stand.evaluation.score import Refusal, Truths
-from stand.physics.mjcf import describe, load_model
 from stand.recording.encoders import Encoders, axis_of_turn, unit_vector
 from stand.recording.entrance import OpenLog, Progress, open_log, unseen
 from stand.recording.log_form import LogForm
@@ -305,6 +304,8 @@ def _stood(dwell: Dwell, encoders: Encoders) -> JointAngles | None:
         return None
     t = dwell.window().t
     angles = np.array([encoders.angle(joint, t).mean() for joint in JOINTS])
+    from stand.physics.mjcf import describe, load_model  # MuJoCo: most logs need none
+
     return joints_read(describe(load_model()), angles, dwell.joints.going_round)
 
 

@@ -11,7 +11,7 @@ from alignment.calibration import terms
 from alignment.calibration.bench import SENSORS, USUAL, Bench, Leanings, freed
 from alignment.calibration.design import Design
 from alignment.calibration.model import Model
-from alignment.calibration.observe import MARGIN, PART
+from alignment.calibration.observe import LARGEST_STEP, MARGIN, PART
 from alignment.calibration.session import Move, Session, Station
 from alignment.calibration.words import UNSEEN, untold
 from alignment.errors import AlignmentError
@@ -64,7 +64,7 @@ def _steady(scene: Scene, step: PlannedStep) -> bool:
 def planned_session(scene: Scene) -> Session:
     """Stations and moves as the method will get them, with perfect readings of the moves.
 
-    Moves that are too quick for the gyros are left out, as the method does.
+    Moves that are too quick for gyros or samples are left out, as the method does.
     """
     steps = sorted(scene.plan.stretches, key=lambda step: step.steady_from)
     stations = planned_stations(scene)
@@ -73,7 +73,8 @@ def planned_session(scene: Scene) -> Session:
         for k, (one, other) in enumerate(pairwise(steps))
         if one.turning is None or other.turning is None
     ]
-    within = tuple(m for m in moves if np.abs(m.readings.w_ib_b).max() <= scene.imu.gyro.range)
+    fastest = min(scene.imu.gyro.range, LARGEST_STEP * scene.rate_hz)
+    within = tuple(m for m in moves if np.abs(m.readings.w_ib_b).max() <= fastest)
     return Session(stations, within, 1 / scene.rate_hz)
 
 

@@ -199,9 +199,14 @@ class Canvas:
         axes.grid(True, color=LINE, linewidth=0.8 * layout.scale)
         axes.set_axisbelow(True)
         axes.tick_params(
-            colors=SOFT, labelsize=8.5 * layout.scale, length=0, labelbottom=k == count - 1
+            colors=SOFT,
+            labelsize=8.5 * layout.scale,
+            length=0,
+            pad=4 * layout.scale,
+            labelbottom=k == count - 1,
         )
         axes.xaxis.label.set_color(SOFT)
+        axes.xaxis.labelpad = 2 * layout.scale
         _time_ticks(axes, self.t_from, self.t_to)
         for spine in axes.spines.values():
             spine.set_visible(False)

@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings
 from alignment.arrays import Array, set_owned
+from stand.calibration.truth import unit_record
 from stand.evaluation.score import Truths
+from stand.imu.model import draw, without
 from stand.recording.log import Log, mean_attitude
 from stand.recording.mcap.reader import ImuLog
 from stand.recording.metadata import RUN, describe_schedule
@@ -128,9 +130,16 @@ class Simulated(Shown):
             metadata={
                 RUN: {"imu": self.settings.imu.id, "epoch_ns": "0"},
                 "imu": {"toml": self.settings.imu.text},
+                "unit": self._unit(),
                 "schedule": self.schedule,
             },
         )
+
+    def _unit(self) -> dict[str, str]:
+        """The constants that the unit was given, as a recording has them."""
+        s = self.settings
+        own = without(s.imu, s.without)
+        return unit_record(draw(own.gyro, s.seed, "gyro"), draw(own.accel, s.seed, "accel"))
 
     def array(self) -> NDArray[Any]:
         """All samples as a structured array (n,), SI and radians, a field per attribute."""

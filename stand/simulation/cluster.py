@@ -10,6 +10,7 @@ import ctypes
 import logging
 import os
 import time
+from asyncio import CancelledError
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache, partial
@@ -27,6 +28,8 @@ _HEARD_S = 0.1  # after which an interrupt that was noted is acted upon
 _CONNECT_S = 10.0
 _WORKERS_S = 60.0  # for the first worker to come
 _SILENT_S = 5.0  # of a scheduler that does not answer any more
+_FETCH_S = 30.0  # for a result: of a worker that has gone it is made again first
+_AGAIN = "again"
 _COUNTED_S = 2.0  # between looks at how many workers there are
 # of glibc: what is freed at the end of the heap stays, and arrays come from there. Dask sets
 # the opposite in the environment of its workers, for which a run pays 10 ms of page faults
@@ -74,7 +77,7 @@ def cluster(supply: Supply, address: str) -> Generator[Done | Lost | None]:
         try:
             while True:
                 far.fill(supply)
-                if not far.held:
+                if not far.held and supply.empty:
                     return
                 found = far.next()
                 if noted:
@@ -83,7 +86,9 @@ def cluster(supply: Supply, address: str) -> Generator[Done | Lost | None]:
                     yield None
                     continue
                 batch, result = found
-                if isinstance(result, Failure):
+                if result is _AGAIN:
+                    supply.put_back(batch)
+                elif isinstance(result, Failure):
                     result.reraise()
                 elif isinstance(result, Done):
                     supply.took(batch, result)
@@ -113,13 +118,15 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Dask logs what is told in one line here."""
-    logger = logging.getLogger("distributed")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    before = {name: logging.getLogger(name).level for name in names}  # Dask gives each its own
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         yield
     finally:
-        logger.setLevel(level)
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
 
 
 def _check_workers(client: Any, address: str) -> None:
@@ -164,7 +171,7 @@ class _Far:
         self._client, self._address = client, address
         self.held: dict[Any, Batch] = {}
         self._ended: SimpleQueue[Any] = SimpleQueue()
-        self._heard = self._counted = time.monotonic()
+        self._heard = self._counted = time.monotonic()  # from a scheduler that answers
         self._ahead = self._wanted()
 
     def _wanted(self) -> int:
@@ -174,13 +181,18 @@ class _Far:
         """Hand out batches, as long as there are."""
         if time.monotonic() - self._counted > _COUNTED_S:
             self._ahead, self._counted = self._wanted(), time.monotonic()
+        if self._client.status != "running":
+            return
         while len(self.held) < self._ahead and (batch := supply.take()) is not None:
             future = self._client.submit(_answer, batch, _own_versions(), pure=False, retries=0)
             self.held[future] = batch
             future.add_done_callback(self._ended.put)
 
-    def next(self) -> tuple[Batch, Done | Failure | None] | None:
-        """A batch that has ended with what came of it, None where its workers did; None: no news.
+    def next(self) -> tuple[Batch, Any] | None:
+        """A batch that has ended with what came of it; None: no news.
+
+        What came of it is its `Done` or `Failure`; None where it ended its worker; `_AGAIN` where
+        its result went with a worker that something else ended, or nobody has it any more.
 
         Raises
         ------
@@ -192,14 +204,14 @@ class _Far:
         except Empty:
             self._refuse_silence()
             return None
-        self._heard = time.monotonic()
         batch = self.held.pop(future)
         if future.status == "finished":
-            with suppress(Exception):
-                return batch, future.result(timeout=_SILENT_S)
-            raise self._gone()
+            try:
+                return batch, future.result(timeout=_FETCH_S)
+            except (Exception, CancelledError):
+                return batch, _AGAIN
         if future.status != "error":
-            raise self._gone()
+            return batch, _AGAIN
         error = future.exception()
         if type(error).__name__ == "KilledWorker":
             return batch, None
@@ -209,10 +221,7 @@ class _Far:
         if self._client.status == "running":
             self._heard = time.monotonic()
         elif time.monotonic() - self._heard > _SILENT_S:
-            raise self._gone()
-
-    def _gone(self) -> StandError:
-        return StandError(f"--scheduler {self._address}: the scheduler has gone")
+            raise StandError(f"--scheduler {self._address}: the scheduler has gone")
 
     def drop(self) -> None:
         """Nobody waits for the rest."""

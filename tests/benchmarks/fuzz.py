@@ -1,4 +1,4 @@
-"""Damaged logs by the thousand: `make fuzz`. Each kind in a process of its own.
+"""Damaged logs and texts by the thousand: `make fuzz`. Each kind in a process of its own.
 
 python tests/benchmarks/fuzz.py [CASES [SEED [KIND ...]]]
 """
@@ -13,7 +13,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-KINDS = ("text", "MCAP", "bag", "npy", "npz", "mat")
+LOGS = ("text", "MCAP", "bag", "npy", "npz", "mat")
+TEXTS = ("TOML", "planned", "metadata", "result", "columns")
+KINDS = (*LOGS, *TEXTS)
 
 
 def fuzz(kind: str, cases: int, seed: int) -> None:

@@ -416,8 +416,8 @@ PAGE = """# Speed, beside others
 `make peers` makes this page anew: an environment of its own with the others, the same work in
 turn (A B A B), samples per second in memory, the median of the ratios over {turns} turns with the
 lowest and the highest. {machine}; Python {python}; {ours};
-{others}. The last minute's load was {load} at the end: on a busy machine ratios hold better than
-rates.
+{others}. The last minute's load was {load} at the end: on a busy machine ratios hold better
+than rates.
 
 ## The same motion, the same errors
 

@@ -50,7 +50,14 @@ an arc second and are wrong by the seat.
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=50)
+    parser.add_argument("--only", nargs="*", default=[], help="UNIT-TABLE: no page is written")
     asked = parser.parse_args()
+    if asked.only:
+        for imu in UNITS:
+            for table in TABLES:
+                if f"{imu}-{table}" in asked.only:
+                    kept(imu, table, asked.runs)
+        return
     found = {}
     for runs in [*range(ROUND, asked.runs, ROUND), asked.runs]:
         found = {(imu, table): kept(imu, table, runs) for imu in UNITS for table in TABLES}

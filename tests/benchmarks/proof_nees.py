@@ -30,6 +30,7 @@ from stand.toml_files import ids  # noqa: E402
 
 KEPT, PAGE = ROOT / "recordings" / "proof-nees", ROOT / "docs" / "proof-nees.md"
 TURNING = {"carousel": 20, "random-sway": 20, "scorsby": 50, "rate-sweep": 200}  # Hz at least
+TURNING |= dict.fromkeys(("rate-steps", "spins", "calibration-full"), 20)
 LOW_TURNING = 20  # Hz: a sample is less than 0.2 rad
 SLOW = 4  # times as few runs of what takes minutes each
 LOW = """
@@ -105,7 +106,9 @@ def summary(found: Sequence[tuple[int, Sequence[Promise]]]) -> str:
     kept = sum(p.kept(len(rows)) for p in rows)
     names = sorted({f"{p.method} on {p.case}" for p in rows if not p.kept(len(rows))})
     told = f"Of {len(rows)} stretches and methods with numbers {kept} keep their promise"
-    return told + (f"; not: {', '.join(names)}." if names else ".")
+    told += f"; not: {', '.join(names)}." if names else "."
+    waiting = sum(not runs for runs, _ in found)
+    return told + f" {len(found)} cases, {waiting} of them without runs yet." * bool(waiting)
 
 
 def cases() -> Iterator[tuple[Procedure, str]]:

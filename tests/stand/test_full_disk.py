@@ -72,6 +72,7 @@ def soon(
     On a busy machine it may take longer, though not three times in a row: a command that waits for
     a full disk never ends.
     """
+    took = 0.0
     for _ in range(3):
         with disk(place, size_kb) as out:
             begin = time.monotonic()

@@ -143,6 +143,7 @@ def build() -> int:
         "IPYTHONDIR": str(IPYTHON),
         "OMP_NUM_THREADS": "1",
         "COLUMNS": "112",
+        "TTY_COMPATIBLE": "0",
         "PYTHONPATH": str(ROOT),
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }

@@ -118,7 +118,7 @@ def test_corrected_readings_get_the_calibrations_own_uncertainty():
 
 
 def test_the_covariance_is_that_of_many_calibrations():
-    """A thousand calibrations around one: how their corrected readings scatter."""
+    """Four hundred calibrations around one: how their corrected readings scatter."""
     unit = a_unit()
     one = calibration(unit, 0.05)
     rng = np.random.default_rng(8)
@@ -127,17 +127,17 @@ def test_the_covariance_is_that_of_many_calibrations():
              for s, x in (("gyro", w), ("accel", f))]  # fmt: skip
     log = ImuReadings(np.array([1.0]), *reads)
     seen = []
-    for _ in range(1000):
+    for _ in range(400):
         x = one.values * (1 + 0.05 * rng.standard_normal(len(unit)))
         off = correct(calibration(dict(zip(unit, x, strict=True))), log)
         seen.append(np.r_[off.w_ib_b[0] - w[0], off.f_b[0] - f[0]])
     P = corrected_covariance(one, w[0], f[0])
     scatter = np.cov(np.array(seen).T)
-    # variances of 1000 are known to 4.5 %: 4 sigma; second order of 5 % of 0.02 is far below
-    np.testing.assert_allclose(scatter.diagonal() / P.diagonal(), 1, atol=0.18)
+    # variances of 400 are known to 7 %: 4 sigma; second order of 5 % of 0.02 is far below
+    np.testing.assert_allclose(scatter.diagonal() / P.diagonal(), 1, atol=0.28)
     corr = P / np.sqrt(np.outer(P.diagonal(), P.diagonal()))
     seen_corr = scatter / np.sqrt(np.outer(scatter.diagonal(), scatter.diagonal()))
-    np.testing.assert_allclose(seen_corr, corr, atol=4 / np.sqrt(1000))
+    np.testing.assert_allclose(seen_corr, corr, atol=4 / np.sqrt(400))
 
 
 def test_angles_from_misalignments_by_hand():

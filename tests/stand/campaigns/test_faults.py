@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -129,7 +129,8 @@ def started(*arguments, **environment):
     try:
         yield process
     finally:
-        os.killpg(process.pid, signal.SIGKILL)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
         process.wait()
 
 
@@ -230,3 +231,15 @@ def test_a_scheduler_that_is_not_there_is_told(sweep, tmp_path, monkeypatch):
         engine_at("here")
     with pytest.raises(StandError, match="--workers: of a scheduler that is started elsewhere"):
         engine_at("tcp://127.0.0.1:9", 2)
+
+
+def test_a_scheduler_that_goes_is_told_and_what_was_made_is_kept(sweep, scheduler, tmp_path):
+    """The last test: the others' scheduler goes with it."""
+    address, groups = scheduler
+    out = tmp_path / "out"
+    with at_work(sweep, out, "--scheduler", address) as process:
+        os.killpg(groups[0], signal.SIGKILL)
+        _, told = process.communicate(timeout=120)
+    assert process.returncode == 2
+    assert told == f"stand: --scheduler {address}: the scheduler has gone\n"
+    assert 0 < kept(out) < 320

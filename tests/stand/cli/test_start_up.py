@@ -40,7 +40,8 @@ ROOMS = (*ROOMS, "alignment.allan", "stand.evaluation.comparison", "stand.evalua
 COMMANDS = {
     "--help": (set(), set()),
     "align": (
-        {"numpy", "scipy", "pydantic", "rich", "mcap", "zstandard", "lz4"},
+        # MuJoCo: the stand's model, by which a recording's encoders say where its axes stood
+        {"numpy", "scipy", "pydantic", "rich", "mcap", "zstandard", "lz4", "mujoco"},
         {"alignment", "stand.recording"},
     ),
     "rehearse": (

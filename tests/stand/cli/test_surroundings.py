@@ -143,3 +143,39 @@ def test_labels_of_exported_steps_are_no_formulas(stand_command, short, tmp_path
     assert outcome.code == 0, outcome.err
     assert ",'=1+1," in (tmp_path / "m_steps.csv").read_text()
     assert "=1+1" in json.dumps(stand_command("rehearse", short, "--json").json)  # as it is
+
+
+@pytest.mark.parametrize("what", ["recording", "procedure"])
+def test_a_file_is_what_its_name_says(stand_command, recorded, tmp_path, what):
+    """Not text under the name of something else, unasked."""
+    given = recorded.folder if what == "recording" else "two-position"
+    outcome = stand_command("export", given, "--out", tmp_path / "x.foo")
+    assert outcome.code == 2
+    assert "x.foo: must end in .csv" in outcome.err
+    assert outcome.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+    assert stand_command("export", given, "--out", tmp_path / "x.foo", "--format", "csv").code == 0
+
+
+@pytest.mark.parametrize("limit", ["few descriptors", "little memory"])
+def test_what_the_system_does_not_give(tmp_path, limit):
+    """No traceback and nothing half done, whatever is left to the command."""
+    resource = pytest.importorskip("resource")
+    log = tmp_path / "log.csv"
+    rng = np.random.default_rng(0)
+    rows = np.column_stack([np.arange(50) / 10, 1e-3 * rng.normal(size=(50, 6))])
+    np.savetxt(log, rows, delimiter=",")
+    which, most = {
+        "few descriptors": ("RLIMIT_NOFILE", 20),
+        "little memory": ("RLIMIT_AS", 2**29),
+    }[limit]
+
+    def limited():
+        resource.setrlimit(getattr(resource, which), (most, most))
+
+    out = tmp_path / "o.mcap"
+    done = own_process("import", log, *UNITS, "--out", out, preexec_fn=limited)
+    assert b"Traceback" not in done.stderr, done.stderr
+    assert done.returncode in (0, 2)
+    assert out.exists() == (done.returncode == 0)
+    assert done.returncode == 0 or done.stderr.count(b"\n") == 1

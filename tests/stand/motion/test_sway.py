@@ -204,7 +204,7 @@ def test_motions_too_long_or_too_wide_are_refused_in_one_line():
     with pytest.raises(
         StandError,
         match=r"^3604 s with frequencies up to 200 Hz, faded in 2 s, "
-        r"are 11532800 steps, allowed 600000$",
+        r"are 11532800 steps, allowed 1500000$",
     ):
         sway(fast, 3600.0, 2.0, rng_of(1), HERE)
     wide = entry(

@@ -382,11 +382,11 @@ def test_the_seams_of_blocks_are_smooth(monkeypatch):
     assert max(jumps(spline, range(5))) < 1e-13
     t = np.arange(0.0, 12.0, 0.00037)
     off = [np.abs(a - b).max() for a, b in zip(motion.joints(t), spline.joints(t), strict=True)]
-    # 1e-7 rad/s^2 at the steps, and little more between; over 20 ms, at whose ends rates and angles
-    # agree, all of it one way for a half makes a rate of a h/4, for two quarters a h^2/16
-    assert off[2] < 1.5e-7
-    assert off[1] < 1e-7 * 0.02 / 4
-    assert off[0] < 1e-7 * 0.02**2 / 16
+    # 3e-7 rad/s^2 at the steps, below twice that between; over 20 ms, at whose ends rates and
+    # angles agree, all of it one way for a half makes a rate of a h/4, for two quarters a h^2/16
+    assert off[2] < 2 * 3e-7
+    assert off[1] < 3e-7 * 0.02 / 4
+    assert off[0] < 3e-7 * 0.02**2 / 16
 
 
 def test_held_before_the_start_and_after_the_end():

@@ -1,14 +1,16 @@
-"""Damaged logs of every kind, a few of the thousands of `make fuzz`; and any bytes at all."""
+"""Damaged logs and texts of every kind, a few of the thousands of `make fuzz`; and any bytes."""
 
 from pathlib import Path
 
 import fuzzed
+import fuzzed_texts
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 CASES = 64  # a kind
+TEXTS = {"TOML": 400, "planned": 40, "metadata": 200, "result": 400, "columns": 300}
 
 # What a damaged file begins with, so that the rest is taken for what it says
 HEADS = {
@@ -31,6 +33,12 @@ def test_damaged_logs_are_read_or_refused(tmp_path: Path, kind: str) -> None:
     found = fuzzed.run(kind, CASES, tmp_path, seed=11)
     assert found["read"] + found["refused"] == CASES
     assert found["refused"] > CASES // 4  # the damage is such that it shows
+
+
+@pytest.mark.parametrize("kind", fuzzed_texts.KINDS)
+def test_damaged_texts_are_taken_or_refused(tmp_path: Path, kind: str) -> None:
+    found = fuzzed.run(kind, TEXTS[kind], tmp_path, seed=12)
+    assert found["refused"] > TEXTS[kind] // 8
 
 
 @settings(max_examples=150, suppress_health_check=list(HealthCheck), deadline=None)

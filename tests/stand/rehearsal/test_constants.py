@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 
 import stand
+from alignment import Site
 from alignment.calibration.bench import USUAL, Bench, freed
 from alignment.calibration.design import Design
 from alignment.calibration.model import Model
 from alignment.calibration.words import untold
+from alignment.units import DEG
 from stand.procedure.procedure import procedure_from
 from stand.rehearsal.constants import planned_session
 from stand.rehearsal.rehearse import prepared
 from stand.rehearsal.result import Verdict
-from stand.simulation.settings import with_procedure
+from stand.simulation.settings import assembled, with_procedure
 from stand.toml_files import Source
 
 RATE = 50
@@ -139,7 +141,8 @@ def test_an_error_that_the_procedure_sets_is_a_bias():
 
 
 def test_gravity_that_nobody_measured_is_a_row_of_the_budget():
-    settings = with_text(made("tumble-6"), "gravity_m_s2 = 9.80936\n", "")
+    settings = made("tumble-6")
+    settings = assembled(settings.procedure, settings.imu, site=Site(48.5 * DEG), rate_hz=RATE)
     found = {p.quantity: p for p in stand.rehearse(settings).predictions}
     rows = {c.source: c.sigma / 1e-6 for c in found["accel scale X1"].contributions}
     assert rows["gravity"] == pytest.approx(3e-4 / 9.809 * 1e6, rel=0.1)  # 30 mGal: 30.6 ppm
