@@ -109,16 +109,18 @@ def shortest_of(
     least: float,
     dwell: float,
     progress: Callable[[float], None],
+    longest: float = LONGEST,
 ) -> list[Found]:
     """Each shape as short as keeps what is required, the shortest first.
 
-    `judges` by method; `least` [s]: data below which there is no need to look.
+    `judges` by method; `least` [s]: data below which there is no need to look; `longest` [s]: a
+    plan that takes more is none.
     """
     found: list[Found] = []
     for number, shape in enumerate(shapes):
         progress(number / len(shapes))
-        best = min((f.total for f in found), default=LONGEST)
-        one = _shortest(shape, judges(shape.method), clock, least, dwell, DEARER * best)
+        most = min((DEARER * f.total for f in found), default=longest)
+        one = _shortest(shape, judges(shape.method), clock, least, dwell, most)
         if one is not None:
             found.append(one)
     return sorted(found, key=lambda f: f.total)

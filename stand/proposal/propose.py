@@ -9,7 +9,7 @@ from alignment import ESTIMATORS
 from stand.procedure.requirements import CONSTANTS
 from stand.proposal import search
 from stand.proposal.candidates import Clock, candidates
-from stand.proposal.heading import Found, floor_time, shapes, shortest_of
+from stand.proposal.heading import LONGEST, Found, floor_time, shapes, shortest_of
 from stand.proposal.information import METHOD, Problem, settings_of
 from stand.proposal.judged import Judged
 from stand.proposal.result import Proposal, Reached, Station
@@ -205,16 +205,18 @@ def _of_attitude(
             judges[method] = Judged(wanted, like, angles, (method,), None)
         return judges[method]
 
-    longest = wanted.entry.allowed.max_time_s or np.inf
+    longest = wanted.entry.allowed.max_time_s or LONGEST
     start = min(least, longest)
-    found = shortest_of(every, judge_of, clock, start, dwell, progress) if every else []
+    found = shortest_of(every, judge_of, clock, start, dwell, progress, longest)
     return (found[0] if found else None), least
 
 
 def _no_attitude(wanted: Wanted, like: Settings, angles: Mapping[str, float], least: float) -> str:
     told = ", ".join(f"{name} to {np.degrees(limit):g} deg" for name, limit in angles.items())
     many = len(shapes(wanted, like))
-    text = f"{told}: none of {many} shapes (rests about the vertical, turning) keeps it in a day"
+    longest = wanted.entry.allowed.max_time_s
+    within = "a day" if longest is None else f"max_time_s = {longest:g}"
+    text = f"{told}: none of {many} shapes (rests about the vertical, turning) keeps it in {within}"
     floor = f"; white noise alone takes {least:.0f} s" if least else ""
     return text + floor
 

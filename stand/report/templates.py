@@ -162,7 +162,7 @@ def _requirement(name: str) -> Iterator[str]:
     yield from _section(WantedEntry, "", {"title": name}, skip=("require",))
     require = WantedEntry.model_fields["require"].annotation
     yield ""
-    yield from _section(require, "require", {"heading_deg": 0.1}, skip=("limit",))  # pyright: ignore
+    yield from _section(require, "require", {"heading_deg": 0.1})  # pyright: ignore
 
 
 TEMPLATES: Mapping[str, Callable[[str], Iterator[str]]] = MappingProxyType(

@@ -1,4 +1,4 @@
-"""Proposals: numbers by hand for the search and its bound, and every proposal passes its own test."""
+"""Proposals: numbers by hand for search and bound; every proposal passes its own rehearsal."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -145,7 +145,7 @@ def test_an_accelerometer_bias_by_hand():
     made = settings_of_unit()
     those = [Candidate((0.0, 0.0, 0.0)), Candidate((0.0, 0.0, 180.0))]
     problem = Problem(wanted, those, made, wanted.entry.require.limits())
-    y1 = [k for k in range(3)][1]
+    y1 = 1  # of X1, Y1, Z1
     t = np.full(2, 10.0)
     sigma = np.sqrt(problem.squares(t)[y1]) * 1e6 * MICRO_G
     unit = made.imu.accel
@@ -299,9 +299,7 @@ def test_a_constant_that_the_sheet_does_not_state_is_looked_for():
     made = like("hg9900")
     assert not made.imu.gyro.misalignment
     wanted = wanted_of({"misalignment_arc_s": 300.0, "coverage": 1.0, "guard": 0.0}, {})
-    problem = Problem(
-        wanted, [Candidate((0.0, 0.0, 0.0))], made, wanted.entry.require.limits()
-    )
+    problem = Problem(wanted, [Candidate((0.0, 0.0, 0.0))], made, wanted.entry.require.limits())
     assert "misalignment" in problem.goal.names
     # as of a usual unit: 1 mrad is 206.3'', beside the non-orthogonality that it has
     before = np.sqrt(problem.squares(np.zeros(1)).max()) * 300.0
