@@ -10,7 +10,7 @@ import numpy as np
 
 from stand.folder import Content, refuse_files, write_files
 from stand.proposal.result import Proposal, proposal_json
-from stand.proposal.trade_off import TradeOff
+from stand.proposal.trade_off import FACTORS, TradeOff
 from stand.report.judged import Judged
 from stand.report.page import HUES, INK, PAPER, SOFT, frame, logarithmic, render, span_text
 from stand.report.published_pictures import Picture
@@ -89,12 +89,16 @@ def picture(curve: TradeOff) -> Picture:
     """Best sigma over time, with the procedures one has as points."""
 
     def draw(figure: Figure) -> None:
+        from matplotlib.ticker import FixedLocator, LogLocator
+
         axes = figure.subplots()
         frame(axes)
         axes.set(xscale="log", yscale="log", xlabel="whole test [s]",
                  ylabel="expanded uncertainty / required")  # fmt: skip
         logarithmic(axes.xaxis)
         logarithmic(axes.yaxis)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.yaxis.set_major_locator(FixedLocator(list(FACTORS)))
         axes.plot(
             [p.total for p in curve.curve],
             [p.ratio for p in curve.curve],

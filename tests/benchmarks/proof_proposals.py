@@ -97,7 +97,7 @@ def main() -> None:
             for n in range(arguments.requirements):
                 rng = np.random.default_rng([arguments.seed, n, len(lines)])
                 require = drawn(known, rng)
-                made = settings("two-position", unit, table, rate_hz=RATE_HZ)
+                made = settings("calibration-full", unit, table, rate_hz=RATE_HZ)
                 found = propose(wanted_of(require, {"max_time_s": LONGEST_S}), made)
                 count += 1
                 told = ", ".join(f"{k} {v:.3g}" for k, v in require.items())
