@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from stand.results.compared import Compared
     from stand.results.driven import Driven
     from stand.results.entries import Entries
+    from stand.results.proposed import Proposed
     from stand.results.recorded import Recorded
     from stand.results.recording import Recording
     from stand.results.rehearsed import Rehearsed
@@ -931,6 +932,73 @@ def campaign(
     return Campaigned(
         load_sweep(Path(sweep)), folder, resume=resume, engine=engine, workers=workers
     )
+
+
+def propose(
+    requirement: Named | None = None,
+    *,
+    imu: Named | ImuSpec | None = None,
+    table: Named | Table | None = None,
+    heading_deg: float | None = None,
+    max_time_s: float | None = None,
+    latitude_deg: float | None = None,
+    height_m: float | None = None,
+    rate_hz: int = 200,
+    progress: Progress = _quiet,
+) -> Proposed:
+    """The shortest test that reaches a required accuracy, as a procedure.
+
+    Parameters
+    ----------
+    requirement : path, optional
+        TOML file with ``[require]``, as a procedure has it, and what the test may do
+        (``[allowed]``); else `heading_deg`.
+    imu, table : str, path, ImuSpec or Table, optional
+        Unit and table class; else the file's own, else stim300 on the precision table.
+    heading_deg : float, optional
+        Required of the heading, by twice its sigma [deg].
+    max_time_s : float, optional
+        The whole plan may take so long [s]; else as long as it needs.
+    latitude_deg, height_m : float, optional
+        Of the site; else the file's own.
+    rate_hz : int
+        Samples per second.
+    progress : callable
+        Told the part of the work that is done, 0 to 1.
+
+    Returns
+    -------
+    Proposed
+        Its `text` is the procedure; `feasible` whether there is one, else `reason`.
+
+    Raises
+    ------
+    StandError
+        The requirement is not right, or contradicts the table.
+
+    Examples
+    --------
+    >>> import stand
+    >>> found = stand.propose(imu="hg9900", table="precision", heading_deg=0.5, rate_hz=50)
+    >>> found.feasible, round(found.total, 1), round(found.bound, 1)
+    (True, 9.5, 9.2)
+    """
+    from stand.proposal.preparation import request
+    from stand.proposal.propose import propose as search
+    from stand.report.notebook import shown
+    from stand.results.proposed import Proposed
+
+    wanted, like = request(
+        None if requirement is None else str(requirement),
+        imu=imu,
+        table=table,
+        heading_deg=heading_deg,
+        max_time_s=max_time_s,
+        latitude_deg=latitude_deg,
+        height_m=height_m,
+        rate_hz=rate_hz,
+    )
+    return shown(Proposed, search(wanted, like, progress))
 
 
 def side_by_side(

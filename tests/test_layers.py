@@ -50,7 +50,7 @@ STOREYS = (
         "imu",
     ),
     ("motion", "physics", "vehicle", "simulation"),
-    ("recording", "evaluation", "rehearsal", "campaigns", "calibration"),
+    ("recording", "evaluation", "rehearsal", "campaigns", "calibration", "proposal"),
     ("report", "recorded_run", "recorded_drive", "recovered", "api", "results", "cli", "__main__"),
 )
 

@@ -54,7 +54,7 @@ def _of_session(model: Model, k: int) -> Parts:
         whole = found.setdefault(name, np.zeros((edges[3], edges[3])))
         whole[own, own] += part
 
-    drifts = _Drifts([*spans, *moves])
+    drifts = Drifts([*spans, *moves])
     rows = np.concatenate([np.tile(np.eye(3), (len(weights), 1, 1)), paths])
     for index, (sensor, own) in enumerate(zip(SENSORS, (gyro, accel), strict=True)):
         triad: TriadErrors = getattr(bench.unit, sensor)
@@ -89,7 +89,7 @@ def _mixed(rows: Array, covariance: Array) -> Array:
     return whole.reshape(3 * n, 3 * n)
 
 
-class _Drifts:
+class Drifts:
     """Covariances of slow processes over stretches, each worked out once."""
 
     def __init__(self, spans: Sequence[Span]) -> None:

@@ -18,6 +18,7 @@ from stand.cli.campaign import campaign
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
 from stand.cli.film import film, picture
 from stand.cli.progress import Stopped
+from stand.cli.propose import propose
 from stand.cli.review import recover, report, view
 from stand.cli.run import drive, run
 from stand.cli.stretches import stretches
@@ -47,6 +48,7 @@ COMMANDS = {
     "apply": apply,
     "compare": compare,
     "rehearse": rehearse,
+    "propose": propose,
     "campaign": campaign,
     "export": export,
     "import": import_log,

@@ -52,6 +52,7 @@ class Template(StrEnum):
     imu = "imu"
     table = "table"
     procedure = "procedure"
+    requirement = "requirement"
 
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for machines, no tables.")]

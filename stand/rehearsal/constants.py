@@ -29,7 +29,9 @@ from stand.table.leanings import leanings
 PAIRS = ("Y1-Z1", "Z1-X1", "X1-Y1")
 ALL = "all"  # stretches together
 MOVE_RATE_HZ = 50.0  # of the truth that a move is carried by
-QUIET = 1e-6  # of a sheet's noise: what is left is of table, seat and gravity
+QUIET = 1e-2  # of a sheet's noise: what is left is of table, seat and gravity
+# rad/rt-s; with less the quadrature of the moves would tell the seat from the triads' own axes
+LEAST_NOISE = 3e-7
 
 
 def constants_by(name: str, method: Method, scene: Scene) -> tuple[list[Prediction], Observability]:
@@ -65,7 +67,7 @@ def planned_session(scene: Scene) -> Session:
     Moves that are too quick for gyros or samples are left out, as the method does.
     """
     steps = sorted(scene.plan.stretches, key=lambda step: step.steady_from)
-    stations = tuple(_station(step, scene) for step in steps)
+    stations = planned_stations(scene)
     moves = [
         _planned_move(k, one, other, scene)
         for k, (one, other) in enumerate(pairwise(steps))
@@ -74,6 +76,12 @@ def planned_session(scene: Scene) -> Session:
     fastest = min(scene.imu.gyro.range, LARGEST_STEP * scene.rate_hz)
     within = tuple(m for m in moves if np.abs(m.readings.w_ib_b).max() <= fastest)
     return Session(stations, within, 1 / scene.rate_hz)
+
+
+def planned_stations(scene: Scene) -> tuple[Station, ...]:
+    """Rests and steady turns as the method will get them, in time."""
+    steps = sorted(scene.plan.stretches, key=lambda step: step.steady_from)
+    return tuple(_station(step, scene) for step in steps)
 
 
 def _station(step: PlannedStep, scene: Scene) -> Station:
@@ -113,7 +121,7 @@ def _reach(step: PlannedStep) -> float:
 def _predictions(name: str, design: Design, scene: Scene) -> list[Prediction]:
     present = np.isin(np.arange(terms.COUNT), design.active)
     outside = terms.outside(present)
-    derived, angles = _derived(present)
+    derived, angles = derived_rows(present)
     rows = np.zeros((len(outside.keys) + len(derived), design.model.count))
     rows[:, : terms.COUNT] = np.concatenate([outside.matrix, angles])
     rows = rows[:, design.active]
@@ -128,7 +136,7 @@ def _predictions(name: str, design: Design, scene: Scene) -> list[Prediction]:
     return found
 
 
-def _derived(present: BoolArray) -> tuple[list[str], Array]:
+def derived_rows(present: BoolArray) -> tuple[list[str], Array]:
     """Names and rows (k, COUNT) of the angles that the misalignments come to."""
     names, rows = [], []
     for sensor in SENSORS:
@@ -198,4 +206,5 @@ def floors(method: Method, scene: Scene) -> dict[str, float]:
 
 
 def _quiet(triad: TriadErrors) -> TriadErrors:
-    return replace(triad, noise=QUIET * triad.noise, drift=(), random_walk=0.0, ramp=0.0)  # pyright: ignore
+    noise = np.minimum(triad.noise, np.maximum(QUIET * triad.noise, LEAST_NOISE))
+    return replace(triad, noise=noise, drift=(), random_walk=0.0, ramp=0.0)  # pyright: ignore

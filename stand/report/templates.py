@@ -18,6 +18,7 @@ from stand.imu.bands import ACCEL_BANDS, GYRO_BANDS
 from stand.imu.preset import ImuEntry, Stated
 from stand.procedure.procedure import ProcedureEntry
 from stand.procedure.steps import Background, Step
+from stand.proposal.wanted import WantedEntry
 from stand.table.joints import JOINTS
 from stand.table.table import TableEntry
 from stand.toml_files import Entry
@@ -80,6 +81,9 @@ _SAMPLES: Mapping[str, Any] = MappingProxyType(
         "revision": "A",
         "method": _FITTED,
         "rms_deg": 1.0,
+        "max_time_s": 1800.0,
+        "most_turns": 20.0,
+        "turn_rates_deg_s": (50.0, 100.0),
         "cutoff_hz": 2.0,
     }
 )
@@ -154,8 +158,15 @@ def _procedure(name: str) -> Iterator[str]:
         yield from _other("background", kind, model, {})
 
 
+def _requirement(name: str) -> Iterator[str]:
+    yield from _section(WantedEntry, "", {"title": name}, skip=("require",))
+    require = WantedEntry.model_fields["require"].annotation
+    yield ""
+    yield from _section(require, "require", {"heading_deg": 0.1})  # pyright: ignore
+
+
 TEMPLATES: Mapping[str, Callable[[str], Iterator[str]]] = MappingProxyType(
-    {"imu": _imu, "table": _table, "procedure": _procedure}
+    {"imu": _imu, "table": _table, "procedure": _procedure, "requirement": _requirement}
 )
 
 

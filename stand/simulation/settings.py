@@ -4,7 +4,7 @@ Every command and every function of `stand.api` takes `Settings`; nobody else pu
 an estimator is told.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import hypot
 from numbers import Real
@@ -15,6 +15,7 @@ import numpy as np
 
 from alignment import ESTIMATORS, Options, Priors, Site
 from alignment.angles import SequenceRule
+from alignment.calibration.bench import freed
 from stand.arguments import (
     ALLAN_TERMS,
     HIGHEST_RATE_HZ,
@@ -32,6 +33,7 @@ from stand.motion.polynomial import MotionKind
 from stand.physics.dynamics import Payload
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import Procedure, load_procedure, table_of
+from stand.procedure.requirements import terms_of
 from stand.samples import Sampling
 from stand.simulation.benches import bench_of
 from stand.table.kinematics import base_arm, gimbal_arm
@@ -275,7 +277,16 @@ def _with_knowledge(options: Options, made: Settings) -> Options:
             ideal=ideal,
             temperature=temperature_of(made.procedure),
         )
+        # what is required of a unit is looked for, though its sheet may not state it
+        bench = freed(bench, terms_of(_required(made)))
     return replace(options, priors=stated_priors(made), bench=bench)
+
+
+def _required(made: Settings) -> Iterable[str]:
+    require = made.procedure.entry.require
+    if require is None:
+        return ()
+    return require.limits_for(made.imu.id, made.imu.entry.grade, made.revision)
 
 
 def stated_priors(made: Settings) -> Priors:

@@ -1,0 +1,1 @@
+"""The shortest test that reaches a required accuracy: `stand propose`."""
