@@ -746,6 +746,7 @@ def rehearse(
     verify: int | None = None,
     keep: Named | None = None,
     scheduler: object = None,
+    propose: bool = False,
     progress: Progress = _quiet,
 ) -> Rehearsed:
     """Before the table is booked: can it run, how long, how accurate, why, what would help.
@@ -760,6 +761,8 @@ def rehearse(
         File for those runs; those that it holds are not made again.
     scheduler : str or object, optional
         Of a Dask cluster that makes them, as of `stand.campaign`.
+    propose : bool
+        Look for a shorter test that keeps what is required, too: it is an advice if there is one.
     progress : callable
         Told the part done, 0 to 1: of those runs, without any of the changes that are tried.
 
@@ -782,7 +785,11 @@ def rehearse(
 
     if verify is not None:
         whole("verify", verify, 1)
-    answer = with_advice(_checked(settings), _quiet if verify else progress)
+    answer = with_advice(_checked(settings), _quiet if verify or propose else progress)
+    if propose:
+        from stand.proposal.advice import with_proposal
+
+        answer = with_proposal(answer, settings, _quiet if verify else progress)
     if verify is not None:
         from stand.rehearsal.verify import with_verification
 

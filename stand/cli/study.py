@@ -238,6 +238,10 @@ def rehearse(
     ] = MotionChoice.ideal,
     keep: KeepOption = None,
     scheduler: SchedulerOption = None,
+    propose: Annotated[
+        bool,
+        typer.Option("--propose", help="Look for another, shorter test that keeps [require], too."),
+    ] = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write a page, JSON and JUnit XML there.")
     ] = None,
@@ -277,7 +281,7 @@ def rehearse(
     runs_told = "what would help" if verify is None else f"{verify} runs"
     with progress(f"{settings.procedure.id}, {settings.imu.id}, {runs_told}", as_json) as done:
         result = stand.rehearse(
-            settings, verify=verify, keep=keep, scheduler=scheduler, progress=done
+            settings, verify=verify, keep=keep, scheduler=scheduler, propose=propose, progress=done
         )
     runs = result.verification
     if as_json:

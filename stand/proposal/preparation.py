@@ -1,17 +1,17 @@
 """What a command or a function asks for, made ready: the requirement and the settings."""
 
-from dataclasses import replace
 from os import PathLike
 from typing import Any
 
+from alignment.units import DEG
 from stand.arguments import site_with
 from stand.errors import StandError
 from stand.imu import ImuSpec
-from stand.procedure.procedure import procedure_from
+from stand.procedure.procedure import SiteEntry, procedure_from
 from stand.proposal.candidates import Candidate
 from stand.proposal.information import METHOD
 from stand.proposal.text import procedure_of
-from stand.proposal.wanted import Wanted, load_wanted, wanted_of
+from stand.proposal.wanted import Wanted, WantedEntry, load_wanted, wanted_of
 from stand.simulation.settings import Settings, settings
 from stand.table.table import Table
 from stand.toml_files import Source
@@ -38,7 +38,7 @@ def request(
     StandError
         Neither or both are given; one of them is not right.
     """
-    wanted = _wanted(requirement, heading_deg, max_time_s)
+    wanted = _placed(_wanted(requirement, heading_deg, max_time_s), latitude_deg, height_m)
     entry = wanted.entry
     looked_at = procedure_of(wanted, ((Candidate((0.0, 0.0, 0.0)), 2.0),), (METHOD,))
     procedure = procedure_from(Source("proposal", "proposal", looked_at))
@@ -46,11 +46,38 @@ def request(
         procedure,
         imu or entry.imu or IMU,
         table or entry.table or TABLE,
-        latitude_deg=latitude_deg,
-        height_m=height_m,
         rate_hz=rate_hz,
     )
-    return wanted, replace(made, site=site_with(entry.site.site(), latitude_deg, height_m))
+    return wanted, made
+
+
+def _placed(wanted: Wanted, latitude_deg: float | None, height_m: float | None) -> Wanted:
+    """At another place, whose gravity nobody has measured."""
+    site_with(wanted.entry.site.site(), latitude_deg, height_m)  # its bounds
+    changed: dict[str, Any] = {}
+    if latitude_deg is not None:
+        changed["latitude_deg"] = float(latitude_deg)
+    if height_m is not None:
+        changed["height_m"] = float(height_m)
+    if not changed:
+        return wanted
+    # by what is given anew alone: a default that was not set is not written either
+    given = wanted.entry.site.model_dump(exclude_unset=True, exclude={"gravity_m_s2"})
+    site = SiteEntry(**(given | changed))
+    return Wanted(wanted.name, wanted.entry.model_copy(update={"site": site}))
+
+
+def request_of(made: Settings) -> Wanted | None:
+    """What a procedure requires, as a requirement of its own; None: nothing."""
+    entry, site = made.procedure.entry, made.site
+    if entry.require is None:
+        return None
+    require = entry.require.model_copy(update={"method": None})
+    title = f"{entry.title}, proposed"
+    wanted = Wanted("", WantedEntry(title=title, site=entry.site, require=require))
+    if site == entry.site.site() or site.latitude is None:
+        return wanted
+    return _placed(wanted, float(site.latitude / DEG), site.height)
 
 
 def _wanted(requirement: str | None, heading_deg: float | None, max_time_s: float | None) -> Wanted:

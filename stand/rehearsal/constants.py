@@ -206,5 +206,6 @@ def floors(method: Method, scene: Scene) -> dict[str, float]:
 
 
 def _quiet(triad: TriadErrors) -> TriadErrors:
-    noise = np.minimum(triad.noise, np.maximum(QUIET * triad.noise, LEAST_NOISE))
+    stated = np.asarray(triad.noise)
+    noise = np.minimum(stated, np.maximum(QUIET * stated, LEAST_NOISE))
     return replace(triad, noise=noise, drift=(), random_walk=0.0, ramp=0.0)  # pyright: ignore

@@ -87,3 +87,36 @@ def test_what_is_wrong_is_told_in_one_line(here, arguments, words):
     told = here(*arguments, code=2).err
     assert words in told
     assert told.count("\n") == 1
+
+
+ASKED = """title = "Long rests"
+[site]
+latitude_deg = 48.5
+[estimate]
+methods = ["two-position"]
+[require]
+heading_deg = 1.5
+[[step]]
+kind = "dwell"
+label = "first"
+duration_s = 300
+[[step]]
+kind = "move"
+label = "half a turn"
+joints_deg = { outer = 180 }
+[[step]]
+kind = "dwell"
+label = "second"
+duration_s = 300
+"""
+
+
+def test_a_rehearsal_offers_the_shorter_test(here):
+    Path("long.toml").write_text(ASKED)
+    asked = ("long.toml", "--imu", "hg9900", "--table", "precision", "--rate", 20, "--json")
+    assert here(*asked, command="rehearse").json["advice"] == []
+    (advice,) = here(*asked, "--propose", "--latitude", 40, command="rehearse").json["advice"]
+    assert "another test keeps all of it in" in advice["text"]
+    assert f"instead of {2 * 300 + 4} s" in advice["text"] or "instead of 60" in advice["text"]
+    assert "latitude_deg = 40" in advice["procedure_toml"]
+    assert advice["duration_s"] < 60
