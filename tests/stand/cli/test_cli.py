@@ -284,7 +284,8 @@ def test_instants_differ_from_means_while_moving(run, short, recorded):
     at_rest = slice(0, 240)
     np.testing.assert_array_equal(instant.w_ib_b[at_rest], mean.w_ib_b[at_rest])
     assert np.abs(instant.w_ib_b - mean.w_ib_b).max() > 1e-2  # 200 deg/s^2 over half of 50 ms
-    np.testing.assert_array_equal(instant.q_wb, mean.q_wb)
+    # a few instants are evaluated one by one, ends of means by curves: rounding of some 1e-16 apart
+    np.testing.assert_allclose(instant.q_wb, mean.q_wb, rtol=0, atol=2e-15)
 
 
 # --- the folder
