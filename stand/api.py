@@ -922,7 +922,7 @@ def campaign(
     [(1, 0), (1, 1), (2, 0), (2, 1)]
     >>> columns = made.columns()
     >>> sorted({str(q) for q in columns["quantity"][columns["method"] == "triad"]})
-    ['NEES', 'heading', 'pitch', 'roll', 'yaw']
+    ['NEES', 'heading', 'latitude', 'pitch', 'roll', 'yaw']
     """
     from stand.campaigns.sweep import load_sweep
     from stand.errors import whole

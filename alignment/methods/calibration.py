@@ -46,7 +46,9 @@ def calibration(dwells: Sequence[Dwell], site: Site, options: Options) -> list[A
     Returns
     -------
     list of AttitudeEstimate
-        Of every stretch the attitude as the table had it; the first one carries `calibration`.
+        Of every rest the attitude as the table had it; the first one carries `calibration`. Of
+        turning stretches there is none: their encoder's zero is told no better than the gyros'
+        delay times the rate. Without rests the first stretch, without an attitude.
 
     Raises
     ------
@@ -65,8 +67,16 @@ def calibration(dwells: Sequence[Dwell], site: Site, options: Options) -> list[A
     found = assembled(fit)
     doubts = _doubts(found)
     t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
+    stations = fit.design.model.sessions[0].stations
+    rests = [k for k, station in enumerate(stations) if not station.stretch.rate]
+    if not rests:
+        label = stations[0].stretch.label
+        return [
+            AttitudeEstimate(CALIBRATION, label, t_from, t_to, flags=doubts, **_constants(found))
+        ]
     estimates = []
-    for k, station in enumerate(fit.design.model.sessions[0].stations):
+    for k in rests:
+        station = stations[k]
         C_nb, covariance = _attitude(fit, k)
         nominal = station.stretch.C_pb
         estimates.append(
@@ -79,7 +89,7 @@ def calibration(dwells: Sequence[Dwell], site: Site, options: Options) -> list[A
                 sequence=options.rule.sequence_for(nominal.inv().apply(UP)),
                 covariance=covariance,
                 flags=doubts,
-                **({} if k else _constants(found)),
+                **({} if estimates else _constants(found)),
             )
         )
     return estimates

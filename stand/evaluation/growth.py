@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,6 +23,7 @@ from stand.table.kinematics import C_NW
 
 POINTS = 90  # over all stretches, of a method that has no tracks of its own
 LEAST_POINTS = 6  # of each of them
+STILL = 1e-9  # rad: between the mean attitude of a stretch and that of its end
 
 Reference = Callable[[AttitudeTrack], Rotation]
 
@@ -130,7 +132,7 @@ def _whole(e: AttitudeEstimate) -> bool:
 def _reference(log: Log) -> Reference:
     """What the attitudes of a track are set against."""
     truths = {d.label: (d, truth) for d, truth in zip(log.dwells, log.truths, strict=True)}
-    true_at = _true_at(log) if log.simulated else None
+    true_at = cache(lambda: _true_at(log)) if log.simulated else None  # read where it is needed
 
     def reference(track: AttitudeTrack) -> Rotation:
         dwell, truth = truths.get(track.label, (None, Truths()))
@@ -139,9 +141,18 @@ def _reference(log: Log) -> Reference:
             return truth.mean
         if dwell is not None and dwell.turn is not None and truth.C_nb is not None:
             return truth.C_nb  # at encoder angle zero, as the estimate
-        return track.C_nb[-1] if true_at is None else true_at(track.t)
+        if _still(truth):
+            assert truth.C_nb is not None
+            return truth.C_nb
+        return track.C_nb[-1] if true_at is None else true_at()(track.t)
 
     return reference
+
+
+def _still(truth: Truths) -> bool:
+    if truth.mean is None or truth.C_nb is None:
+        return False
+    return float((truth.mean.inv() * truth.C_nb).magnitude()) < STILL
 
 
 def _true_at(log: Log) -> Callable[[Array], Rotation]:

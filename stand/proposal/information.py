@@ -21,6 +21,7 @@ from alignment.calibration.model import Model
 from alignment.calibration.noise import Drifts, noise_parts
 from alignment.calibration.session import Session, Station
 from alignment.information.drift import Span
+from alignment.methods.calibration import CALIBRATION
 from stand.calibration.units import name_of
 from stand.procedure.procedure import RequireEntry, procedure_from
 from stand.procedure.requirements import CONSTANTS
@@ -35,7 +36,7 @@ from stand.toml_files import Source
 
 DRIFTS = ("bias instability", "random walk", "ramp")
 EDGE = 1e-9  # of a stretch, so that its whole turns are whole
-METHOD = "calibration"
+METHOD = CALIBRATION
 
 
 BoolArray = NDArray[np.bool_]

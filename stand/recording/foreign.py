@@ -10,7 +10,7 @@ from alignment.arrays import Array, IntArray, set_owned
 from alignment.sampling import bursts
 from stand.errors import StandError
 from stand.recording.binary_rows import binary_rows, number_type
-from stand.recording.content import BINARY, KNOWN, MESSAGES, TEXT, kind_of
+from stand.recording.content import BINARY, COMPRESSED, KNOWN, MESSAGES, TEXT, kind_of
 from stand.recording.formats import READERS
 from stand.recording.formats.table import ArrayTable
 from stand.recording.log_columns import (
@@ -138,6 +138,8 @@ def _table(path: Path, form: LogForm, topic: str | None, progress: Progress) -> 
         return _text(path, form, progress) if text else _binary(path, form)
     if kind in MESSAGES:
         raise StandError(f"{path}: holds messages, is no table")
+    if kind in COMPRESSED:
+        raise StandError(f"{path}: is compressed twice, expand it first")
     form.refuse(path, ("file_format", "skip_bytes"), f"is for binary rows, this is {KNOWN[kind]}")
     return _arrays(path, form, READERS[kind](path, topic))
 

@@ -288,7 +288,7 @@ def _dwell(
 
 def _joints(stretch: LoggedStretch) -> JointAngles | None:
     """Where the axes stood, the turning one's angle at zero; None where nobody said."""
-    if not stretch.joints:
+    if not stretch.joints or stretch.joint not in (None, *JOINTS):  # which its encoder tells
         return None
     angles = np.array(stretch.joints)
     if stretch.joint is None:

@@ -24,8 +24,9 @@ from stand.physics.picture import pictures
 from stand.physics.servo import Servo
 from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure
+from stand.recording import attached_model
 from stand.rehearsal.rehearse import rehearse
-from stand.report import gallery, run_page
+from stand.report import gallery
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.settings import Settings, assembled
 from stand.simulation.simulation import Simulation
@@ -545,7 +546,7 @@ def test_an_attached_file_does_not_leave_its_folder(
     stand_command, recorded, tmp_path, monkeypatch, attached, said
 ):
     files = {} if attached is None else {"model/own.xml": b"", attached: b""}
-    monkeypatch.setattr(run_page, "read_attachments", lambda path: files)
+    monkeypatch.setattr(attached_model, "read_attachments", lambda path: files)
     done = stand_command("report", recorded, "--out", tmp_path / "page.html")
     assert done.code == 2
     assert said in done.err
