@@ -11,6 +11,9 @@ from math import ceil, cos, inf
 import numpy as np
 
 from alignment.earth import EARTH_RATE
+from alignment.methods.carousel import METHOD as CAROUSEL
+from alignment.methods.positions import MULTI_POSITION, TWO_POSITION
+from alignment.methods.triad import METHOD as TRIAD
 from alignment.units import DEG
 from stand.proposal.candidates import Candidate, Clock, candidates
 from stand.proposal.judged import Judged
@@ -18,6 +21,7 @@ from stand.proposal.trim import Amounts
 from stand.proposal.wanted import Wanted
 from stand.simulation.settings import Settings
 
+METHODS = (TRIAD, TWO_POSITION, MULTI_POSITION, CAROUSEL)
 REVERSALS = (1, 2, 4, 8, 16)
 SPIN_RATES = (1.0, 2.0, 5.0, 10.0, 20.0)  # deg/s, of a carousel
 LONGEST = 86400.0  # s
@@ -55,26 +59,26 @@ def _shapes(wanted: Wanted, like: Settings) -> Iterator[Shape]:
     allowed = candidates(wanted, like.imu, like.table)
     outer = {one.position[0] for one in allowed if not one.axis and one.position[1:] == (0.0, 0.0)}
     if 0.0 in outer:
-        yield Shape("one rest", "triad", (0.0,))
+        yield Shape("one rest", TRIAD, (0.0,))
     if {0.0, 180.0} <= outer:
-        yield Shape("two rests, half a turn apart", "two-position", (0.0, 180.0))
+        yield Shape("two rests, half a turn apart", TWO_POSITION, (0.0, 180.0))
         for n in REVERSALS[1:]:
             angles = (0.0, 180.0) * n
-            yield Shape(f"{2 * n} rests, reversed each time", "multi-position", angles)
+            yield Shape(f"{2 * n} rests, reversed each time", MULTI_POSITION, angles)
     if {0.0, 90.0, 180.0, -90.0} <= outer:
         yield Shape(
-            "four rests, a quarter of a turn apart", "multi-position", (0.0, 90.0, 180.0, -90.0)
+            "four rests, a quarter of a turn apart", MULTI_POSITION, (0.0, 90.0, 180.0, -90.0)
         )
     free = isinstance(wanted.entry.allowed.positions, str)
     if free and not like.table.outside(np.radians([0, 0, 0, 120.0, 0, 0])):
         thirds = (0.0, 120.0, -120.0)
-        yield Shape("three rests, a third of a turn apart", "multi-position", thirds)
+        yield Shape("three rests, a third of a turn apart", MULTI_POSITION, thirds)
     if any(one.axis == "outer" for one in allowed):
         given = wanted.entry.allowed.turn_rates_deg_s
         limit = float(like.table.rate[3]) / DEG
         for rate in given or SPIN_RATES:
             if rate <= limit:
-                yield Shape(f"turning at {rate:g} deg/s", "carousel", rate=rate)
+                yield Shape(f"turning at {rate:g} deg/s", CAROUSEL, rate=rate)
 
 
 def floor_time(like: Settings, limit: float) -> float:

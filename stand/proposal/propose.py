@@ -9,7 +9,7 @@ from alignment import ESTIMATORS
 from stand.procedure.requirements import CONSTANTS
 from stand.proposal import search
 from stand.proposal.candidates import Clock, candidates
-from stand.proposal.heading import LONGEST, Found, floor_time, shapes, shortest_of
+from stand.proposal.heading import LONGEST, METHODS, Found, floor_time, shapes, shortest_of
 from stand.proposal.information import METHOD, Problem, settings_of
 from stand.proposal.judged import Judged
 from stand.proposal.result import Proposal, Reached, Station
@@ -137,10 +137,9 @@ def _check_method(
     if constants and (angles or method != METHOD):
         quantity = next(iter(constants if method != METHOD else angles))
         raise wanted.fault("require, method", f'"{method}"', f"does not find {quantity}")
-    known = ("triad", "two-position", "multi-position", "carousel")
-    if angles and method not in known:
+    if angles and method not in METHODS:
         raise wanted.fault(
-            "require, method", f'"{method}"', f"of an attitude must be one of {', '.join(known)}"
+            "require, method", f'"{method}"', f"of an attitude must be one of {', '.join(METHODS)}"
         )
 
 

@@ -11,6 +11,7 @@ from math import inf
 
 import numpy as np
 
+from alignment.methods.positions import TWO_POSITION
 from stand.procedure.procedure import Procedure, load_procedure
 from stand.procedure.requirements import CONSTANTS
 from stand.proposal import search
@@ -25,7 +26,8 @@ from stand.rehearsal.wording import toml_of
 from stand.simulation.settings import Settings
 
 FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)  # of what is required
-CLASSICAL = {True: "calibration-full", False: "two-position"}
+# procedures of the catalogue; that for a heading is called as its method
+CLASSICAL = {True: "calibration-full", False: TWO_POSITION}
 HALVINGS = 7
 EVER = 1e7  # s: as long as anybody
 SHORTEST = 1 / 64  # of a test of one's own
