@@ -27,6 +27,7 @@ SHORTER = {  # runs that only say more with more of them
     "--verify 500": "--verify 20",
     "--runs 100": "--runs 3",
     "--runs 50": "--runs 2",
+    "--trade-off --report": "--report",  # in a test of its own
     "--published": "--published --only S4",  # the last --only counts
 }
 
