@@ -2,6 +2,7 @@
 
 The procedures below set between them each key that there is. One key after another gets another
 value, and the runs must come to what is then predicted; where a key changes neither, they still do.
+A limit of a unit's constant changes the verdict, and what is looked for: it is tried by these.
 """
 
 import tomllib
@@ -21,6 +22,7 @@ from stand.imu import load_imu
 from stand.procedure.procedure import ProcedureEntry, procedure_from, table_of
 from stand.rehearsal import scene
 from stand.rehearsal.rehearse import rehearse
+from stand.rehearsal.result import Verdict
 from stand.rehearsal.verify import with_verification
 from stand.simulation.settings import assembled
 from stand.table.known_errors import stated
@@ -242,6 +244,53 @@ kind = "dwell"
 label = "rest"
 duration_s = 24.0
 """
+# key of [require]: the rows that it limits begin so, its unit in SI, and its limit in FACES
+CONSTANTS = {
+    "gyro_bias_deg_h": (("gyro bias ",), pi / 180 / 3600, 10.0),
+    "gyro_scale_ppm": (("gyro scale ",), 1e-6, 500.0),
+    "accel_bias_ug": (("accel bias ",), 9.80665e-6, 100.0),
+    "accel_scale_ppm": (("accel scale ",), 1e-6, 200.0),
+    "misalignment_arc_s": (
+        ("gyro misalignment ", "accel misalignment "),
+        pi / 180 / 3600,
+        100.0,
+    ),
+    "gyro_to_accel_arc_s": (("gyro to accel ",), pi / 180 / 3600, 50.0),
+    "non_orthogonality_arc_s": (
+        ("gyro non-orthogonality ", "accel non-orthogonality "),
+        pi / 180 / 3600,
+        100.0,
+    ),
+    "g_sensitivity_deg_h_g": (("gyro g sensitivity ",), pi / 180 / 3600 / 9.80665, 5.0),
+}
+LIMITS = "".join(f"{key} = {limit}\n" for key, (*_, limit) in CONSTANTS.items())
+FACE = """
+[[step]]
+kind = "move"
+label = "to {0}"
+joints_deg = {{ outer = 0.0, middle = {1}, inner = {2} }}
+[[step]]
+kind = "dwell"
+label = "{0}"
+duration_s = 12.0
+"""
+PLACES = [
+    ("Y1 up", 0.0, 0.0), ("Y1 down", 0.0, 180.0), ("Z1 up", 0.0, 90.0),
+    ("Z1 down", 0.0, -90.0), ("X1 up", 90.0, 0.0), ("X1 down", -90.0, 0.0),
+]  # fmt: skip
+FACES = f"""
+title = "Faces"
+table = "precision"
+[site]
+latitude_deg = 48.5
+[estimate]
+methods = ["calibration"]
+[require]
+{LIMITS}
+[[require.limit]]
+part = "stim300"
+{LIMITS}
+""" + "".join(FACE.format(*place) for place in PLACES)
 
 
 def profile(amplitude: float, period: float) -> str:
@@ -263,9 +312,15 @@ FILES = {
     "slow.csv": profile(1.0, 8.0),
     "other.csv": profile(2.0, 12.0),
 }
-BASES = {"rests": RESTS, "turns": TURNS, "rocked": ROCKED, "moved": MOVED}
-RUNS = {"rests": 30, "turns": 30, "rocked": 12, "moved": 30}
-UNITS = {"rests": "hg9900", "turns": "hg9900", "rocked": "hg9900", "moved": "ring-laser"}
+BASES = {"rests": RESTS, "turns": TURNS, "rocked": ROCKED, "moved": MOVED, "faces": FACES}
+RUNS = {"rests": 30, "turns": 30, "rocked": 12, "moved": 30, "faces": 30}
+UNITS = {
+    "rests": "hg9900",
+    "turns": "hg9900",
+    "rocked": "hg9900",
+    "moved": "ring-laser",
+    "faces": "stim300",  # its sheet states all that is required
+}
 # what a number times 1.25, or four times of an error, is not allowed to be; and all that is text
 OTHER: dict[str, Any] = {
     "title": "Another",
@@ -345,6 +400,8 @@ def changed(base: str, path: tuple[Any, ...]) -> dict[str, Any]:
 
 def cases() -> Iterator[Any]:
     for base, text in BASES.items():
+        if base == "faces":  # its own keys change no run: see the verdicts below
+            continue
         for path in leaves(tomllib.loads(text)):
             if path[-1] in FIRST or (base == "turns" and path[-1] == "axis"):
                 continue
@@ -407,6 +464,53 @@ def test_a_key_that_is_not_read_is_noticed(key, tmp_path, monkeypatch):
     )
     _, made = verified("rests", changed("rests", path), tmp_path)
     assert off(made) != []
+
+
+# --- limits of a unit's constants
+
+
+def faces(unit: str, require: dict[str, Any]):
+    """A rehearsal of the six faces with these limits, at a low rate."""
+    data = tomllib.loads(FACES) | {"require": require}
+    procedure = procedure_from(catalogue.Source("case", "case.toml", document(data)))
+    return rehearse(assembled(procedure, load_imu(unit), table_of(procedure), rate_hz=20))
+
+
+def worst(result, begins: tuple[str, ...]) -> float:
+    return max(p.sigma for p in result.predictions if p.quantity.startswith(begins))
+
+
+@pytest.fixture(scope="module")
+def six_faces():
+    return faces("stim300", {"gyro_bias_deg_h": 1e3})
+
+
+@pytest.mark.parametrize("key", CONSTANTS)
+def test_the_limit_of_a_constant_decides(key, six_faces):
+    """Twice the worst axis's sigma against it, 10 % either way: a quarter above, a fifth below."""
+    begins, unit, _ = CONSTANTS[key]
+    expanded = 2 * worst(six_faces, begins) / unit
+    own = {"part": "stim300", key: 0.8 * expanded}
+    (kept,) = faces("stim300", {key: 1.25 * expanded}).judgements
+    (missed,) = faces("stim300", {key: 1.25 * expanded, "limit": [own]}).judgements
+    (others,) = faces("stim300", {key: 1.25 * expanded, "limit": [own | {"part": "x"}]}).judgements
+    assert [kept.verdict, missed.verdict, others.verdict] == [
+        Verdict.PASS, Verdict.FAIL, Verdict.PASS,
+    ]  # fmt: skip
+    assert kept.sigma == pytest.approx(worst(six_faces, begins), rel=1e-9)
+    assert kept.required == pytest.approx(1.25 * expanded * unit, rel=1e-9)
+    assert missed.required == pytest.approx(0.8 * expanded * unit, rel=1e-9)
+
+
+@pytest.mark.parametrize("key", [key for key in CONSTANTS if "bias" not in key])
+def test_what_is_limited_is_looked_for(key):
+    """The gyros of this sheet state nothing but bias and noise: the rest is told if it matters."""
+    begins = CONSTANTS[key][0]
+    plain, asked = (faces("ln200s", r) for r in ({"gyro_bias_deg_h": 1.0}, {key: 1.0}))
+    told = [
+        {p.quantity for p in r.predictions if p.quantity.startswith(begins)} for r in (plain, asked)
+    ]
+    assert told[0] < told[1]
 
 
 # --- that it is every key

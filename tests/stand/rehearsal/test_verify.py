@@ -514,8 +514,8 @@ def test_a_contradiction_is_exit_code_one_and_said_first(
     """Predictions ten times too good, beside runs of the stand."""
     made = advice.with_advice
 
-    def too_good(asked):
-        result = made(asked)
+    def too_good(asked, *progress):
+        result = made(asked, *progress)
         better = [replace(p, sigma=p.sigma and p.sigma / 10) for p in result.predictions]
         return replace(result, predictions=tuple(better))
 
