@@ -538,13 +538,19 @@ def test_noise_that_would_be_taken_for_motion_is_told():
 
 def test_gyros_tilt_turns_with_an_unknown_heading():
     """Gyros of 4 deg/h are 0.42 rad of heading, ``4 / (15.04 cos lat)``: no number. The tilt that
-    they make turns with it. 2000 runs of the stand came to these, each known to 1.6 %."""
+    they make turns with it. What runs of the stand came to:
+
+    - inertial: 2000 runs, each number known to 1.6 %.
+    - fine, whose weights know misaligned triads for what they are: the 382 of 400 runs whose
+      linearisation settled, each number known to 3.6 %, by ``stand rehearse random-sway --imu
+      stim300 --rate 20 --verify 400`` with ``methods = ["fine"]`` in a copy of the procedure.
+    """
     found = predictions("random-sway", load_imu("stim300"))[1]
     achieved = {
         ("inertial", "pitch"): 0.1916,
         ("inertial", "roll"): 0.3358,
-        ("fine", "pitch"): 0.0443,
-        ("fine", "roll"): 0.0519,
+        ("fine", "pitch"): 0.0422,
+        ("fine", "roll"): 0.0441,
     }
     assert {(method, quantity) for method, _, quantity in found} == set(achieved)
     for (method, quantity), came_to in achieved.items():
