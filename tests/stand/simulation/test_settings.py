@@ -47,7 +47,7 @@ def caught(stand_command, monkeypatch, *arguments):
 
 
 def contents(told):
-    """What stands in it, to the last field and number: a `Bench` by itself equals none but itself."""
+    """All that stands in it, field by field: by itself a `Bench` equals none but itself."""
     if is_dataclass(told):
         return type(told), {f.name: contents(getattr(told, f.name)) for f in fields(told)}
     if isinstance(told, np.ndarray):
