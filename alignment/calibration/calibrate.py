@@ -17,10 +17,9 @@ from alignment.calibration.result import (
     Contribution,
     Gravity,
     Nuisance,
-    basis_of,
     derived_of,
+    nuisance_of,
     parameters_of,
-    share_of_prior,
 )
 from alignment.calibration.words import untold
 from alignment.earth import Site
@@ -127,22 +126,9 @@ def _nuisances(fit: Fit) -> list[Nuisance]:
             k = at - terms.COUNT
             prior = float(unknowns.sigmas[at])
             found.append(
-                _nuisance(unknowns.names[k], float(fit.x[at]), sigma, prior, unknowns.units[k])
+                nuisance_of(unknowns.names[k], float(fit.x[at]), sigma, prior, unknowns.units[k])
             )
     return found
-
-
-def _nuisance(name: str, value: float, sigma: float, prior: float, unit: str) -> Nuisance:
-    share = share_of_prior(sigma, prior)
-    return Nuisance(
-        name=name,
-        value=value,
-        sigma=sigma,
-        prior_sigma=prior,
-        basis=basis_of(share),
-        share=share,
-        unit=unit,
-    )
 
 
 # --- the bias of a session -----------------------------------------------------------------------
@@ -179,7 +165,7 @@ def _of_sessions(fit: Fit) -> list[Nuisance]:
                 AXES, values.tolist(), sigmas.tolist(), prior.tolist(), strict=True
             ):
                 name = f"{label}mean {sensor} bias {axis}"
-                found.append(_nuisance(name, value, sigma, before, unit))
+                found.append(nuisance_of(name, value, sigma, before, unit))
     return found
 
 

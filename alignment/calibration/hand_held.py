@@ -39,10 +39,9 @@ from alignment.calibration.result import (
     LeftOut,
     Nuisance,
     Residual,
-    basis_of,
     derived_of,
+    nuisance_of,
     parameters_of,
-    share_of_prior,
 )
 from alignment.calibration.unknowns import Unknowns, unknowns_of
 from alignment.earth import Site, normal_gravity
@@ -560,18 +559,7 @@ def _nuisance(problem: Problem, fit: Fit) -> tuple[Nuisance, ...]:
     made = []
     for name, value, n, prior, unit in found:
         sigma = float(np.sqrt(fit.covariance[n, n]))
-        share = share_of_prior(sigma, prior)
-        made.append(
-            Nuisance(
-                name=name,
-                value=value,
-                sigma=sigma,
-                prior_sigma=prior,
-                basis=basis_of(share),
-                share=share,
-                unit=unit,
-            )
-        )
+        made.append(nuisance_of(name, value, sigma, prior, unit))
     return tuple(made)
 
 

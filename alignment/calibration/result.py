@@ -250,6 +250,20 @@ def basis_of(share: float) -> Basis:
     return "prior" if share > BY_PRIOR else "both"
 
 
+def nuisance_of(name: str, value: float, sigma: float, prior: float, unit: str) -> Nuisance:
+    """With who says it, by the prior's share."""
+    share = share_of_prior(sigma, prior)
+    return Nuisance(
+        name=name,
+        value=value,
+        sigma=sigma,
+        prior_sigma=prior,
+        basis=basis_of(share),
+        share=share,
+        unit=unit,
+    )
+
+
 def parameters_of(
     keys: Sequence[Key], values: Array, covariance: Array, prior_sigmas: Array
 ) -> tuple[Parameter, ...]:

@@ -29,6 +29,7 @@ from stand.bounds import Celsius
 from stand.calibration.units import AXES, OF_NUISANCE, UNITS, unit_of
 from stand.errors import StandError
 from stand.folder import refuse_no_file
+from stand.imu.known import check_unit
 from stand.toml_files import checked
 
 FORMAT = 1
@@ -192,12 +193,7 @@ class ParameterEntry(_Read):
 
     @model_validator(mode="after")
     def _its_unit(self) -> Self:
-        known = UNITS[self.sensor]
-        if self.term not in known:
-            raise ValueError(f"term = {self.term!r}: no {self.sensor} has it")
-        must = known[self.term][0]
-        if self.unit != must:
-            raise ValueError(f"unit = {self.unit!r}: must be {must!r} of {self.sensor} {self.term}")
+        check_unit(self.sensor, self.term, self.unit)
         self.key()  # its fault is told here
         return self
 

@@ -79,6 +79,16 @@ class Known:
         return FIELDS[self.term]
 
 
+def check_unit(sensor: str, term: str, unit: str) -> None:
+    """`ValueError` where a sensor has no such term, or the term another unit."""
+    known = UNITS[sensor]
+    if term not in known:
+        raise ValueError(f"term = {term!r}: no {sensor} has it")
+    must = known[term][0]
+    if unit != must:
+        raise ValueError(f"unit = {unit!r}: must be {must!r} of {sensor} {term}")
+
+
 class KnownEntry(catalogue.Entry):
     """A constant error that is known by value, in the unit of its term."""
 
@@ -92,12 +102,7 @@ class KnownEntry(catalogue.Entry):
 
     @model_validator(mode="after")
     def _means_something(self) -> Self:
-        known = UNITS[self.sensor]
-        if self.term not in known:
-            raise ValueError(f"term = {self.term!r}: no {self.sensor} has it")
-        must = known[self.term][0]
-        if self.unit != must:
-            raise ValueError(f"unit = {self.unit!r}: must be {must!r} of {self.sensor} {self.term}")
+        check_unit(self.sensor, self.term, self.unit)
         if (self.toward is None) is (self.term in _TOWARD):
             raise ValueError(f"toward: must be there of {', '.join(_TOWARD)}, and of no other term")
         if self.term == "misalignment" and self.toward == self.axis:

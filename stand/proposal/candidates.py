@@ -1,6 +1,6 @@
 """What a test may be made of: rests at positions, and whole turns there and back."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import ceil, inf
@@ -171,6 +171,18 @@ class Clock:
             return data
         ramp = self.ramp(one)
         return 2 * _whole(_whole(ramp) + data / 2 + ramp)
+
+    def timeline(self, amounts: Iterable[tuple[Candidate, float]]) -> Iterator[tuple[float, float]]:
+        """When each of candidates with their data begins, and ends, in the plan [s]."""
+        now, at = 0.0, (0.0, 0.0, 0.0)
+        for one, data in amounts:
+            begin = now + self.move(at, one.position)
+            now, at = begin + self.length(one, data), one.position
+            yield begin, now
+
+    def total(self, amounts: Iterable[tuple[Candidate, float]]) -> float:
+        """Of the whole plan [s]."""
+        return max((end for _, end in self.timeline(amounts)), default=0.0)
 
 
 def _whole(t: float) -> float:

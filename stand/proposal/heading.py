@@ -97,15 +97,6 @@ class Found:
     total: float
 
 
-def total_of(amounts: Amounts, clock: Clock) -> float:
-    """Of the plan [s]."""
-    at, total = (0.0, 0.0, 0.0), 0.0
-    for one, seconds in amounts:
-        total += clock.move(at, one.position) + clock.length(one, seconds)
-        at = one.position
-    return total
-
-
 def shortest_of(
     shapes: Sequence[Shape],
     judges: Callable[[str], Judged],
@@ -140,7 +131,7 @@ def _shortest(
     before = inf
     while not keeps(high):
         ratio = max(judge.ratios(shape.amounts(high, dwell)).values())
-        if total_of(shape.amounts(high, dwell), clock) > most or ratio > 0.999 * before:
+        if clock.total(shape.amounts(high, dwell)) > most or ratio > 0.999 * before:
             return None  # dearer than another, or no longer test helps
         before = ratio if np.isfinite(ratio) else inf
         low, high = high, 2 * high
@@ -148,5 +139,5 @@ def _shortest(
         middle = (low + high) / 2
         low, high = (low, middle) if keeps(middle) else (middle, high)
     amounts = shape.amounts(high, dwell)
-    total = total_of(amounts, clock)
+    total = clock.total(amounts)
     return Found(shape, amounts, total) if total <= most else None

@@ -5,13 +5,12 @@ and cannot promise too little time. `Problem.exact` has the drifts, rounding, en
 order in time; what the moves tell comes with the rehearsal only.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from alignment.arrays import Array, set_owned
@@ -22,6 +21,7 @@ from alignment.calibration.noise import Drifts, noise_parts
 from alignment.calibration.session import Session, Station
 from alignment.information.drift import Span
 from alignment.methods.calibration import CALIBRATION
+from alignment.readings import BoolArray
 from stand.calibration.units import name_of
 from stand.procedure.procedure import RequireEntry, procedure_from
 from stand.procedure.requirements import CONSTANTS
@@ -35,11 +35,8 @@ from stand.simulation.settings import Settings, assembled
 from stand.toml_files import Source
 
 DRIFTS = ("bias instability", "random walk", "ramp")
+EVER = 1e7  # s: as long as anybody
 EDGE = 1e-9  # of a stretch, so that its whole turns are whole
-METHOD = CALIBRATION
-
-
-BoolArray = NDArray[np.bool_]
 
 
 class Goal:
@@ -120,7 +117,7 @@ class Problem:
         every = [(one, one.quantum or 1.0) for one in candidates]
         require = wanted.entry.require.model_copy(update={"method": None})
         self.settings = settings_of(
-            procedure_of(wanted, every, (METHOD,), require, table=like.table.id), like
+            procedure_of(wanted, every, (CALIBRATION,), require, table=like.table.id), like
         )
         self.scene: Scene = prepared(self.settings)
         bench = self.settings.options.bench
@@ -232,8 +229,11 @@ class Problem:
 
     def total(self, t: Array) -> float:
         """Of the whole plan [s]."""
-        order = self.order(t)
-        return self._path(order) + sum(self.clock.length(self.candidates[k], t[k]) for k in order)
+        return self.clock.total(self.amounts(t))
+
+    def amounts(self, t: Array) -> tuple[tuple[Candidate, float], ...]:
+        """Candidates in their order, each with its seconds of data."""
+        return tuple((self.candidates[k], float(t[k])) for k in self.order(t))
 
     def exact(self, t: Array) -> Array:
         """Variances (k,) over what they may be, with drifts in their order, moves left out."""
@@ -267,20 +267,17 @@ class Problem:
 
     def _spans(self, t: Array) -> tuple[list[Span], list[int]]:
         """When each station is looked at in the plan, and its number."""
-        now, at, spans, numbers = 0.0, (0.0, 0.0, 0.0), [], []
-        for k in self.order(t):
+        order, spans, numbers = self.order(t), [], []
+        times = self.clock.timeline((self.candidates[k], float(t[k])) for k in order)
+        for k, (start, end) in zip(order, times, strict=True):
             one = self.candidates[k]
-            now += self.clock.move(at, one.position)
-            at = one.position
-            length = self.clock.length(one, t[k])
             lead = self.clock.length(one, 0.0) / 4 if one.axis else 0.0
             own = self._stations[k]
             for n, station in enumerate(own):
                 span = station.stretch.span
-                begin = now + n * length / len(own) + lead
+                begin = start + n * (end - start) / len(own) + lead
                 spans.append(Span(begin, t[k] / len(own), span.rate, span.angle))
                 numbers.append(self._first[k] + n)
-            now += length
         return spans, numbers
 
 
@@ -290,7 +287,8 @@ def _but_drifts(model: Model) -> Array:
     return np.sum([part for name, part in parts.items() if not name.endswith(DRIFTS)], axis=0)
 
 
-def _untangled(order: list[int], path) -> list[int]:
+def _untangled(order: list[int], path: Callable[[Sequence[int]], float]) -> list[int]:
+    """The order with parts of it turned round where that makes the path shorter."""
     best, length = order, path(order)
     for i in range(len(order) - 1):
         for j in range(i + 1, len(order)):

@@ -9,9 +9,10 @@ from alignment.calibration.bench import Bench
 from alignment.calibration.design import Design
 from alignment.calibration.model import Model
 from alignment.errors import AlignmentError
+from alignment.methods.calibration import CALIBRATION
 from stand.errors import StandError
 from stand.procedure.requirements import CONSTANTS
-from stand.proposal.information import METHOD, Goal, settings_of
+from stand.proposal.information import Goal, settings_of
 from stand.proposal.text import procedure_of
 from stand.proposal.trim import Amounts
 from stand.proposal.wanted import Wanted
@@ -106,7 +107,7 @@ class Judged:
         if not self._angles:
             return {}
         require = self._wanted.entry.require
-        methods = [m for m in self.methods if m != METHOD]
+        methods = [m for m in self.methods if m != CALIBRATION]
         try:
             predictions, _ = predict(scene, methods)
         except AlignmentError:

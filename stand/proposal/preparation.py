@@ -3,13 +3,13 @@
 from os import PathLike
 from typing import Any
 
+from alignment.methods.calibration import CALIBRATION
 from alignment.units import DEG
 from stand.arguments import site_with
 from stand.errors import StandError
 from stand.imu import ImuSpec
 from stand.procedure.procedure import SiteEntry, procedure_from
 from stand.proposal.candidates import Candidate
-from stand.proposal.information import METHOD
 from stand.proposal.text import procedure_of
 from stand.proposal.wanted import Wanted, WantedEntry, load_wanted, wanted_of
 from stand.simulation.settings import Settings, settings
@@ -40,7 +40,7 @@ def request(
     """
     wanted = _placed(_wanted(requirement, heading_deg, max_time_s), latitude_deg, height_m)
     entry = wanted.entry
-    looked_at = procedure_of(wanted, ((Candidate((0.0, 0.0, 0.0)), 2.0),), (METHOD,))
+    looked_at = procedure_of(wanted, ((Candidate((0.0, 0.0, 0.0)), 2.0),), (CALIBRATION,))
     procedure = procedure_from(Source("proposal", "proposal", looked_at))
     made = settings(
         procedure,

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from alignment import ESTIMATORS
+from alignment.methods.calibration import CALIBRATION
 from stand.procedure.requirements import CONSTANTS
 from stand.proposal import search
 from stand.proposal.candidates import Clock, candidates
 from stand.proposal.heading import LONGEST, METHODS, Found, floor_time, shapes, shortest_of
-from stand.proposal.information import METHOD, Problem, settings_of
+from stand.proposal.information import EVER, Problem, settings_of
 from stand.proposal.judged import Judged
 from stand.proposal.result import Proposal, Reached, Station
 from stand.proposal.text import labels_of
@@ -18,11 +19,10 @@ from stand.proposal.trim import Amounts, longer, trimmed
 from stand.proposal.wanted import Wanted
 from stand.rehearsal.constants import floors
 from stand.rehearsal.rehearse import rehearse
-from stand.rehearsal.requirement import rows_of
+from stand.rehearsal.requirement import floor_of, floor_text, rows_of
 from stand.rehearsal.result import Judgement, Rehearsal, Verdict
 from stand.simulation.settings import Settings
 
-EVER = 1e7  # s: as long as anybody
 GROWTH = 1.1
 MOST_GROWTH = 20.0
 SHARES = {"search": 0.6, "trim": 0.95}  # of the progress
@@ -62,7 +62,7 @@ def propose(wanted: Wanted, like: Settings, progress: Progress = lambda done: No
         found, bound = _of_constants(problem, dwell, share)
         if found is None:
             return replace(plain, bound=bound, reason=_drifting(problem, constants))
-        amounts, methods = found, (METHOD,)
+        amounts, methods = found, (CALIBRATION,)
     clock = Clock(like.table)
     if angles:
         best, least = _of_attitude(wanted, like, angles, clock, dwell, share)
@@ -109,11 +109,7 @@ def _of_constants(
         return None, weights.bound
     best = min(own, key=problem.total)
     best = search.exchanged(problem, best, dwell, lambda part: progress(0.6 + 0.4 * part))
-    return _amounts(problem, best), weights.bound
-
-
-def _amounts(problem: Problem, t: np.ndarray) -> Amounts:
-    return tuple((problem.candidates[k], float(t[k])) for k in problem.order(t))
+    return problem.amounts(best), weights.bound
 
 
 def _in_order(amounts: Amounts, problem: Problem) -> Amounts:
@@ -124,7 +120,7 @@ def _in_order(amounts: Amounts, problem: Problem) -> Amounts:
     t = np.zeros(len(problem.candidates))
     for one, seconds in amounts:
         t[at[one]] = seconds
-    return _amounts(problem, t)
+    return problem.amounts(t)
 
 
 def _check_method(
@@ -134,8 +130,8 @@ def _check_method(
     method = wanted.entry.require.method
     if method is None:
         return
-    if constants and (angles or method != METHOD):
-        quantity = next(iter(constants if method != METHOD else angles))
+    if constants and (angles or method != CALIBRATION):
+        quantity = next(iter(constants if method != CALIBRATION else angles))
         raise wanted.fault("require, method", f'"{method}"', f"does not find {quantity}")
     if angles and method not in METHODS:
         raise wanted.fault(
@@ -151,16 +147,12 @@ def _beyond(problem: Problem, constants: Mapping[str, float], coverage: float) -
     over = [quantity for quantity, ratio in left.items() if ratio > 1]
     if not over:
         return ""
-    least = floors(ESTIMATORS[METHOD], problem.scene)
+    least = floors(ESTIMATORS[CALIBRATION], problem.scene)
     told = []
     for quantity in over:
-        constant = CONSTANTS[quantity]
-        floor = max(s for name, s in least.items() if name.startswith(constant.rows))
-        told.append(
-            f"{quantity}: seat, table and gravity alone leave "
-            f"{coverage * floor / constant.unit[1]:.3g} {constant.unit[0]} (k = {coverage:g}), "
-            f"required {constants[quantity] / constant.unit[1]:g}"
-        )
+        left_by = floor_text(quantity, floor_of(quantity, least), coverage)
+        limit = constants[quantity] / CONSTANTS[quantity].unit[1]
+        told.append(f"{quantity}: {left_by}, required {limit:g}")
     return "; ".join(told)
 
 

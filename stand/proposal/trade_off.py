@@ -11,15 +11,16 @@ from math import inf
 
 import numpy as np
 
+from alignment.methods.calibration import CALIBRATION
 from alignment.methods.positions import TWO_POSITION
 from stand.procedure.procedure import Procedure, load_procedure
 from stand.procedure.requirements import CONSTANTS
 from stand.proposal import search
 from stand.proposal.candidates import Clock, candidates
 from stand.proposal.heading import floor_time, shapes, shortest_of
-from stand.proposal.information import METHOD, Problem, settings_of
+from stand.proposal.information import EVER, Problem, settings_of
 from stand.proposal.judged import Judged
-from stand.proposal.wanted import Wanted, scaled
+from stand.proposal.wanted import Wanted
 from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.result import Rehearsal
 from stand.rehearsal.wording import toml_of
@@ -29,7 +30,6 @@ FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)  # of what is required
 # procedures of the catalogue; that for a heading is called as its method
 CLASSICAL = {True: "calibration-full", False: TWO_POSITION}
 HALVINGS = 7
-EVER = 1e7  # s: as long as anybody
 SHORTEST = 1 / 64  # of a test of one's own
 Progress = Callable[[float], None]
 
@@ -96,7 +96,7 @@ def trade_off(
         progress((number + 1) / steps)
     own = []
     for number, name in enumerate(every):
-        own.append(_own(load_procedure(name), wanted, like, bool(constants)))
+        own.append(_own(load_procedure(name), wanted, like, bool(constants), bool(angles)))
         progress((len(FACTORS) + number + 1) / steps)
     # of tests that take equally long the one that keeps most
     best = [a for a, b in zip(points, [*points[1:], None], strict=True) if not _as_long(a, b)]
@@ -119,14 +119,13 @@ def _constants(problem: Problem, wanted: Wanted) -> float:
 
 
 def _attitude(wanted: Wanted, like: Settings, angles: dict[str, float], factor: float) -> float:
-    eased = scaled(wanted, factor)
     limits = {name: factor * limit for name, limit in angles.items()}
     require, least = wanted.entry.require, 1.0
     if "heading" in limits:
         least = floor_time(like, limits["heading"] / (require.coverage * (1 + require.guard)))
     found = shortest_of(
-        shapes(eased, like),
-        lambda method: Judged(eased, like, limits, (method,), None),
+        shapes(wanted, like),
+        lambda method: Judged(wanted, like, limits, (method,), None),
         Clock(like.table),
         least,
         wanted.entry.allowed.shortest_dwell_s,
@@ -138,16 +137,21 @@ def _attitude(wanted: Wanted, like: Settings, angles: dict[str, float], factor: 
 # --- procedures that one has ---------------------------------------------------------------------
 
 
-def _own(procedure: Procedure, wanted: Wanted, like: Settings, constants: bool) -> Own:
+def _own(
+    procedure: Procedure, wanted: Wanted, like: Settings, constants: bool, angles: bool
+) -> Own:
     data = procedure.entry.model_dump(exclude_unset=True, exclude_none=True, mode="json")
     data["require"] = wanted.entry.require.model_dump(exclude_unset=True, exclude_none=True)
     data["table"] = like.table.id
+    data["require"].pop("method", None)  # the best of its own methods counts
     if constants:
-        data["estimate"]["methods"] = [METHOD]
+        own = data["estimate"]["methods"] if angles else []
+        data["estimate"]["methods"] = list(dict.fromkeys([CALIBRATION, *own]))
     answer = _rehearsed(data, like)
     point = Point(procedure.entry.title, answer.duration.total, _ratio(answer))
     methods = ", ".join(dict.fromkeys(j.method for j in answer.judgements if j.method))
-    return Own(point, methods, _shortened(data, like) if point.ratio <= 1 else None)
+    shorter = _shortened(data, like, point.total) if point.ratio <= 1 else None
+    return Own(point, methods, shorter)
 
 
 def _rehearsed(data: dict, like: Settings) -> Rehearsal:
@@ -163,9 +167,9 @@ def _ratio(answer: Rehearsal) -> float:
     return max(found, default=inf)
 
 
-def _shortened(data: dict, like: Settings) -> float:
+def _shortened(data: dict, like: Settings, total: float) -> float:
     """The same shape, every rest and turning shorter by one factor, as short as it may be [s]."""
-    low, high, best = SHORTEST, 1.0, inf
+    low, high, best = SHORTEST, 1.0, total
     for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
         answer = _rehearsed(shortened(data, middle), like)
@@ -173,7 +177,7 @@ def _shortened(data: dict, like: Settings) -> float:
             high, best = middle, answer.duration.total
         else:
             low = middle
-    return min(best, _rehearsed(data, like).duration.total)
+    return best
 
 
 def shortened(data: dict, factor: float) -> dict:

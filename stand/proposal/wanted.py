@@ -13,7 +13,6 @@ from stand.procedure.steps import Text
 
 GIMBALS = ("outer", "middle", "inner")
 SITE = SiteEntry(latitude_deg=48.5, gravity_m_s2=9.80936)
-MOST_DEG = 180.0
 Turns = Annotated[float, Field(ge=1, le=100000)]
 Position = tuple[Angle, Angle, Angle]
 
@@ -89,16 +88,3 @@ def wanted_of(require: dict[str, object], allowed: dict[str, object]) -> Wanted:
     """The same from plain values, as a command line has them."""
     data = {"require": require, "allowed": allowed}
     return Wanted("", catalogue.checked("requirement", data, WantedEntry))
-
-
-def scaled(wanted: Wanted, factor: float) -> Wanted:
-    """The same with every limit times a factor."""
-    require = wanted.entry.require
-    limits = {
-        key: factor * value
-        for key, value in require.model_dump(exclude_none=True).items()
-        if isinstance(value, float) and key not in ("coverage", "guard")
-    }
-    most = {key: min(value, MOST_DEG) for key, value in limits.items() if key.endswith("_deg")}
-    entry = wanted.entry.model_copy(update={"require": require.model_copy(update=limits | most)})
-    return Wanted(wanted.name, entry)

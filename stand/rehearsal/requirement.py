@@ -40,16 +40,27 @@ def judge(
 
 def _by_floor(j: Judgement, floors: Mapping[str, float]) -> Judgement:
     """The same, refused where no unit and no time on this table could keep it."""
-    names = CONSTANTS[j.quantity].rows
-    floor = max((sigma for name, sigma in floors.items() if name.startswith(names)), default=0.0)
+    floor = floor_of(j.quantity, floors)
     if j.coverage * floor <= j.required:
         return j
     reason = (
-        f"seat, table and gravity alone leave {j.coverage * floor / j.per:.3g} {j.unit} "
-        f"(k = {j.coverage:g}): no unit and no longer test on this table keeps "
-        f"{j.required / j.per:.3g}"
+        f"{floor_text(j.quantity, floor, j.coverage)}: no unit and no longer test on this table "
+        f"keeps {j.required / j.per:.3g}"
     )
     return replace(j, reason=reason, refused=True)
+
+
+def floor_of(quantity: str, floors: Mapping[str, float]) -> float:
+    """The sigma [SI] of a constant's worst axis, of the floors of all."""
+    names = CONSTANTS[quantity].rows
+    return max((sigma for name, sigma in floors.items() if name.startswith(names)), default=0.0)
+
+
+def floor_text(quantity: str, floor: float, coverage: float) -> str:
+    """In words."""
+    unit, per = CONSTANTS[quantity].unit
+    leave = f"{coverage * floor / per:.3g} {unit} (k = {coverage:g})"
+    return f"seat, table and gravity alone leave {leave}"
 
 
 def rows_of(quantity: str, predictions: Iterable[Prediction]) -> list[Prediction]:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from procedures import HALF_TURN
 
 
 @pytest.fixture
@@ -91,26 +92,9 @@ def test_what_is_wrong_is_told_in_one_line(here, arguments, words):
     assert told.count("\n") == 1
 
 
-ASKED = """title = "Long rests"
-[site]
-latitude_deg = 48.5
-[estimate]
-methods = ["two-position"]
-[require]
-heading_deg = 1.5
-[[step]]
-kind = "dwell"
-label = "first"
-duration_s = 300
-[[step]]
-kind = "move"
-label = "half a turn"
-joints_deg = { outer = 180 }
-[[step]]
-kind = "dwell"
-label = "second"
-duration_s = 300
-"""
+ASKED = HALF_TURN.replace("duration_s = 24", "duration_s = 300").replace(
+    'methods = ["triad"]', 'methods = ["two-position"]\n[require]\nheading_deg = 1.5'
+)
 
 
 def test_a_rehearsal_offers_the_shorter_test(here):
