@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
-from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Priors, Site, Turn
+from alignment import AttitudeEstimate, Dwell, Options, Priors, Site, Turn
 from alignment.arrays import Array
-from alignment.errors import AlignmentError, NotAtRest
+from alignment.errors import NotAtRest
 from alignment.estimate import ANGLE_LIMIT, LATITUDE_LIMIT
 from alignment.noise import check_at_rest
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.evaluation.score import Refusal, circular
+from stand.evaluation.score import Refusal, answered, circular
 
 SHORT = 0.02  # part of a window by which the last one may be short
 TAIL = 0.025  # of either end of a 95 % interval
@@ -190,16 +190,11 @@ def _estimated(
     method: str, together: Sequence[Sequence[Dwell]], site: Site, options: Options
 ) -> tuple[list[AttitudeEstimate], list[str]]:
     estimates: list[AttitudeEstimate] = []
-    refused = []
-    entry = ESTIMATORS[method]
+    refused: list[str] = []
     for dwells in together:
-        mine = [dwell for dwell in dwells if entry.suited(dwell)]
-        try:
-            if not mine:
-                raise AlignmentError(entry.lacking)
-            estimates += [e for e in entry.estimate(mine, site, options) if not circular(e)]
-        except AlignmentError as error:
-            refused.append(str(error))
+        found, reasons = answered(method, dwells, site, options)
+        estimates += [e for e in found if not circular(e)]
+        refused += reasons[:1]
     return estimates, refused
 
 
