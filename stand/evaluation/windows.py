@@ -30,6 +30,8 @@ LIMITS = {
 }  # sigmas that say nothing
 BELOW = "scatter below sigma: a unit better than its sheet"
 COMMON = "most of sigma is common to all windows: no scatter shows it"
+HIDDEN = "a part of sigma is common to all windows: a scatter below it says nothing"
+CAREFUL = "scatter below sigma: noise is taken for more than windows show"
 MOST = 0.5  # of a variance
 ALIKE = 0.5  # of their scatter by which estimates with and without constant errors may differ
 BASE_MOVES = "the base moves, and so does what is estimated"
@@ -241,7 +243,8 @@ def _summed(
                 changing=_rms(own_sigmas) if same else None,
                 remark="",
             )
-            yield _remarked(row, priors.noise_only, label in moving)
+            hidden = other is not None and not same
+            yield _remarked(row, priors.noise_only, label in moving, hidden)
 
 
 def _grouped(
@@ -265,8 +268,11 @@ def _alike(values: Array, others: Array, scatter: float) -> bool:
     return float(np.sqrt(np.mean(off**2))) <= ALIKE * scatter
 
 
-def _remarked(row: Scatter, noise_only: bool, moves: bool) -> Scatter:
-    """The row with what must be known beside it; a sigma that says nothing is taken away."""
+def _remarked(row: Scatter, noise_only: bool, moves: bool, hidden: bool) -> Scatter:
+    """The row with what must be known beside it; a sigma that says nothing is taken away.
+
+    `hidden`: whether nobody knows how much of the sigma is common to all windows.
+    """
     remarks = [NOISE_ONLY] if noise_only else []
     remarks += [BASE_MOVES] if moves else []
     sigma = row.sigma
@@ -276,9 +282,12 @@ def _remarked(row: Scatter, noise_only: bool, moves: bool) -> Scatter:
     if sigma is not None and row.changing is not None and row.changing**2 < MOST * sigma**2:
         remarks.append(COMMON)
     own = row.changing or sigma
-    if own is not None and not moves:
+    if own is not None and hidden and not row.low > own:
+        remarks.append(HIDDEN)
+    elif own is not None and not moves:
         remarks += [BEYOND] if row.low > own else []
-        remarks += [BELOW] if row.high < own and not noise_only else []
+        below = CAREFUL if noise_only else BELOW
+        remarks += [below] if row.high < own else []
     return replace(row, remark="; ".join(remarks))
 
 
