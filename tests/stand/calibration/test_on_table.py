@@ -160,6 +160,7 @@ def test_a_recording_gives_parameters_with_errors(recording, stand_command, tmp_
     assert len(means) == 3
 
 
+@pytest.mark.slow
 def test_options_change_what_they_say(recording):
     run = stand.read(recording)
     plain = stand.calibrate(run)
@@ -205,6 +206,7 @@ gravity_m_s2 = 9.80936
 """
 
 
+@pytest.mark.slow
 def test_a_log_of_ones_own_with_stretches_and_joint_angles(recording, tmp_path):
     """The same recording as a plain table of numbers, its stretches named by hand."""
     run = stand.read(recording)
