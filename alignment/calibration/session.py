@@ -5,7 +5,7 @@ cosine and sine of each against the encoder's angle, over whole turns. A move is
 integral of the gyros from one station into the next against the rotation of the encoders.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -45,6 +45,7 @@ class Move:
 
     `first`, `last`: numbers of the stations. `angle_from`, `angle_to` [rad]: of the encoder of a
     station that turns, at the start and the end of the readings. `readings`: whole samples.
+    `warmth`: above the reference temperature [K], of every sample (n,) or of all.
     """
 
     label: str
@@ -53,6 +54,10 @@ class Move:
     readings: ImuReadings
     angle_from: float = 0.0
     angle_to: float = 0.0
+    warmth: Array = field(default_factory=lambda: np.zeros(1))
+
+    def __post_init__(self) -> None:
+        set_owned(self, warmth=(self.warmth, (None,), float))
 
     @property
     def t_from(self) -> float:
