@@ -23,6 +23,7 @@ from alignment.strapdown import matrices, quaternions, rotation_vectors
 
 AXES = ("X1", "Y1", "Z1")
 GRAVITY = "gravity"
+ARM = "place on the table along "  # of the unit's point, from where the axes cross
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -92,12 +93,13 @@ class Model:
         keys, values = terms.ALL.keys, terms.ALL.matrix @ x[: terms.COUNT]
         for k, poses in enumerate(self.poses):
             shift = np.zeros(terms.COUNT)
-            shift[terms.columns_of("gyro", "bias")] = self._own_bias(x, k, "gyro")
-            shift[terms.columns_of("accel", "bias")] = self._own_bias(x, k, "accel")
+            shift[terms.columns_of("gyro", "bias")] = self._three(x, _own(k, "gyro bias X1"))
+            shift[terms.columns_of("accel", "bias")] = self._three(x, _own(k, "accel bias X1"))
             own = values + terms.ALL.matrix @ shift
             gyro, accel = (constants_of(keys, own, s) for s in SENSORS)
             errors = x[self.columns_of_table(k)]
-            w, f = self._coefficients(poses, gyro, accel, errors, x[terms.COUNT])
+            arm = self.bench.arm + self._three(x, _arms(k)[0])
+            w, f = self._coefficients(poses, gyro, accel, (arm, errors, x[terms.COUNT]))
             moves = self._moves(k, gyro, errors) if poses.session.moves else np.zeros(0)
             n = len(w) + len(moves) + len(f)
             part = y[at : at + n]
@@ -105,12 +107,16 @@ class Model:
             at += n
         return np.concatenate(found)
 
-    def _own_bias(self, x: Array, k: int, sensor: str) -> Array:
-        name = _own(k, f"{sensor} bias X1")
-        if name not in self.unknowns.names:
-            return np.zeros(3)
-        at = self.unknowns.at(name)
-        return x[at : at + 3]
+    def _three(self, x: Array, first: str) -> Array:
+        """Three nuisances from a name on; zeros where there are none."""
+        own = self._columns_from(first)
+        return np.zeros(3) if own is None else x[own]
+
+    def _columns_from(self, first: str) -> slice | None:
+        if first not in self.unknowns.names:
+            return None
+        at = self.unknowns.at(first)
+        return slice(at, at + 3)
 
     def columns_of_table(self, k: int) -> list[int]:
         """Where the table's errors of session k stand."""
@@ -121,10 +127,9 @@ class Model:
         poses: Poses,
         gyro: TriadConstants,
         accel: TriadConstants,
-        errors: Array,
-        gravity: float,
+        nuisances: tuple[Array, Array, float],
     ) -> tuple[Array, Array]:
-        there = true_input(poses, self.bench, errors, gravity, accel.places)
+        there = true_input(poses, *nuisances, accel.places)
         w = reported(gyro, there.w, there.f, poses.warmth)
         f = reported(accel, there.at_places, there.at_places, poses.warmth)
         return self._projected(poses, w, gyro.lag), self._projected(poses, f, accel.lag)
@@ -175,7 +180,7 @@ class Model:
         """(n, 3, p) of the gyros and of the accelerometers at every node."""
         n, p, x0 = len(poses.w), self.count, self.unknowns.expected
         places = x0[terms.columns_of("accel", "lever_arm")].reshape(3, 3)
-        there = true_input(poses, self.bench, np.zeros(poses.slopes.shape[2]), 0.0, places)
+        there = true_input(poses, self.bench.arm, np.zeros(poses.slopes.shape[2]), 0.0, places)
         found = np.zeros((2, n, 3, p))
         for own, x, sensor in zip(found, (there.w, there.at_places), SENSORS, strict=True):
             for term in terms.UNIT:
@@ -183,19 +188,19 @@ class Model:
                     own[:, :, term.columns] = terms.columns(
                         sensor, term.name, x, there.f, poses.warmth
                     )
-            self._add_own_bias(own, k, sensor)
-        found[1][:, :, terms.columns_of("accel", "lever_arm")] = by_place(poses)
+            biases = self._columns_from(_own(k, f"{sensor} bias X1"))
+            if biases is not None:
+                own[..., :, biases] = np.eye(3)
+        swings = by_place(poses)
+        found[1][:, :, terms.columns_of("accel", "lever_arm")] = swings
+        arm = self._columns_from(_arms(k)[0])
+        if arm is not None:
+            found[1][:, :, arm] = swings.reshape(-1, 3, 3, 3).sum(axis=2)
         w, f = by_errors(poses, self.bench, places)
         columns = self.columns_of_table(k)
         found[0][:, :, columns], found[1][:, :, columns] = w, f
         found[1][:, :, terms.COUNT] = poses.f / self.site.gravity
         return found[0], found[1]
-
-    def _add_own_bias(self, own: Array, k: int, sensor: str) -> None:
-        name = _own(k, f"{sensor} bias X1")
-        if name in self.unknowns.names:
-            at = self.unknowns.at(name)
-            own[..., :, at : at + 3] = np.eye(3)
 
     def _station_columns(self, poses: Poses, nodes: Array, x0: Array, sensor: str) -> Array:
         columns = terms.columns_of(sensor, "lag")
@@ -225,9 +230,9 @@ class Model:
         own[:, :, terms.columns_of("gyro", "lag")] = back * before[:, None, :] - after[
             :, None, :
         ] * np.eye(3)
-        if _own(k, "gyro bias X1") in self.unknowns.names:
-            at = self.unknowns.at(_own(k, "gyro bias X1"))
-            own[:, :, at : at + 3] = own[:, :, terms.columns_of("gyro", "bias")]
+        biases = self._columns_from(_own(k, "gyro bias X1"))
+        if biases is not None:
+            own[:, :, biases] = own[:, :, terms.columns_of("gyro", "bias")]
         start, end = poses.of_ends()
         own[:, :, self.columns_of_table(k)] = end - back @ start
         return own.reshape(-1, self.count)
@@ -252,10 +257,15 @@ def _own(k: int, name: str) -> str:
     return f"recording {k + 1}: {name}"
 
 
+def _arms(k: int) -> list[str]:
+    """Where the unit's point was in session k."""
+    return [_own(k, f"{ARM}{axis}") if k else f"{ARM}{axis}" for axis in AXES]
+
+
 def _names(k: int, poses: Poses) -> list[str]:
     """Of the table's errors in session k: what is of one station alone is of this session."""
     return [
-        _own(k, name) if k and name.startswith("position of ") else name
+        _own(k, name) if k and name.startswith(("position of ", "axis of ")) else name
         for name in poses.leanings.names
     ]
 
@@ -270,6 +280,11 @@ def _unknowns(sessions: Sequence[Session], poses: Sequence[Poses], bench: Bench)
                 names.append(name)
                 units.append("rad")
                 sizes.append(sigma)
+    for k, session in enumerate(sessions):
+        if session.turning and bench.arm_sigma:
+            names += _arms(k)
+            units += ["m"] * 3
+            sizes += [bench.arm_sigma] * 3
     several = len(sessions) > 1
     for k in range(len(sessions) if several else 0):
         for sensor, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
