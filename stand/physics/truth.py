@@ -130,14 +130,17 @@ def lean_model(
     spec.option.disableflags = int(_UNUSED_STAGES)
     quat = Rotation.from_matrix(C_wb).as_quat(scalar_first=True)
     body = _weighted(spec.worldbody, pos=origin, quat=quat)
-    for number, (name, axis, anchor) in enumerate(_hinges(model, at_zero, errors)):
+    names, axes, anchors = zip(*_hinges(model, at_zero, errors), strict=True)
+    axes_b = product(C_wb.T, np.array(axes).T).T
+    anchors_b = product(C_wb.T, (np.array(anchors) - origin).T).T
+    for number, (name, axis, anchor) in enumerate(zip(names, axes_b, anchors_b, strict=True)):
         if number and number % HINGES == 0:
             body = _weighted(body)
         body.add_joint(
             name=name,
             type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=product(C_wb.T, axis),
-            pos=product(C_wb.T, anchor - origin),
+            axis=axis,
+            pos=anchor,
             armature=ARMATURE,
         )
     body.add_site(name=SITE)
