@@ -77,6 +77,10 @@ class Trials:
         self._truth: Truth | None = None
         self._last: tuple[int, Imu] | None = None  # the unit of the last run
 
+    def keep_moves(self) -> None:
+        """From now on the moves between the stretches too: a method is asked that follows them."""
+        self._moves = True
+
     def readings(self, seed: int) -> Readings:
         """The stretches of a run, and the true ``C_nb`` of each: at its end (encoder angle 0)."""
         settings = replace(self.settings, seed=seed)
