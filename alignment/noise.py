@@ -15,7 +15,7 @@ from alignment.arrays import Array
 from alignment.doubts import drift_doubt, drift_words
 from alignment.errors import NotAtRest, TooShort
 from alignment.once import once
-from alignment.parts import excerpts, mean, parts, release, sums_between
+from alignment.parts import PART, excerpts, mean, parts, release, sums_between
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import rounding_variance
 from alignment.sampling import step_of
@@ -69,39 +69,51 @@ def mean_variance(values: Array) -> Array:
     samples or fewer give the textbook variance. A constant bias is not in it, nor a drift below
     the noise.
     """
-    return _shown_by(values).variance
+    shown = _shown_by(values)
+    return shown.variance + _drift(shown.cosines, shown.sines, len(values)) ** 2
 
 
 class _Shown(NamedTuple):
-    """What a triad's record shows (3,): the variance of its mean, and its drift as `drift_of`."""
+    """What columns (n, k) show: the variances (k,) of their means but for drifts, and `_waves`."""
 
     variance: Array
-    drift: Array
+    cosines: Array
+    sines: Array
 
 
 def _shown_by(values: Array) -> _Shown:
     n = len(values)
     if n <= BLOCKS:
-        return _Shown(np.asarray(values.var(axis=0, ddof=1) / n), np.zeros(values.shape[1]))
+        none = np.zeros((_ORDERS, values.shape[1]))
+        return _Shown(values.var(axis=0, ddof=1) / n, none, none)
     sums, edges = _sums(values)
     level, cosines, sines = _level(sums, edges)
-    wander = 2 * _integral_variance(sums, edges) / n**2
-    drift = _drift(cosines, sines, n)
-    return _Shown(np.asarray(13 / 15 * level + wander + drift**2), drift)
+    variance = 13 / 15 * level + 2 * _integral_variance(sums, edges) / n**2
+    return _Shown(variance, cosines, sines)
 
 
 @once
-def _shown(readings: ImuReadings) -> tuple[_Shown, _Shown]:
-    """By gyros and by accelerometers."""
-    return _shown_by(readings.w_ib_b), _shown_by(readings.f_b)
+def _means_and_shown(readings: ImuReadings) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Means (6,), their variances but for drifts, and drifts (3,) of gyros and accelerometers.
+
+    Of all channels together, which is faster, where they are not many.
+    """
+    n, both = len(readings), (readings.w_ib_b, readings.f_b)
+    columns = (np.hstack(both),) if n <= PART else both
+    means = np.concatenate([mean(values) for values in columns])
+    shown = [_shown_by(values) for values in columns]
+    variances = np.concatenate([one.variance for one in shown])
+    cosines, sines = (np.hstack([one[k] for one in shown]) for k in (1, 2))
+    gyro, accel = (_drift(cosines[:, own], sines[:, own], n) for own in (slice(3), slice(3, 6)))
+    return means, variances, (gyro, accel)
 
 
 @once
 def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     """Means (6,) of rates and forces, and the variances (6,) of those means, as `mean_variance`."""
-    means = np.concatenate([mean(v) for v in (readings.w_ib_b, readings.f_b)])
-    variances = np.concatenate([one.variance for one in _shown(readings)])
-    means.flags.writeable = variances.flags.writeable = False  # whoever asks again gets the same
+    means, variances, drifts = _means_and_shown(readings)
+    variances = variances + np.concatenate(drifts) ** 2
+    means.flags.writeable = variances.flags.writeable = False  # there is one for all who ask
     return means, variances
 
 
@@ -234,11 +246,12 @@ def _pairs(cosines: Array) -> Array:
 
 
 def _integral_variance(sums: Array, edges: np.ndarray) -> Array:
-    integral = np.concatenate([np.zeros((1, sums.shape[1])), np.cumsum(sums, axis=0)])
-    integral -= integral.mean(axis=0)
+    integral = np.zeros((sums.shape[1], len(sums) + 1))  # by columns: sums go along memory
+    np.cumsum(sums.T, axis=1, out=integral[:, 1:])
+    integral -= integral.mean(axis=1, keepdims=True)
     line = edges - edges.mean()
-    slope = line @ integral / (line @ line)
-    return np.asarray(np.mean((integral - np.outer(line, slope)) ** 2, axis=0))
+    integral -= np.outer(integral @ line / (line @ line), line)
+    return np.asarray(np.mean(integral**2, axis=1))
 
 
 def _drift(cosines: Array, sines: Array, n: int) -> Array:
@@ -256,8 +269,7 @@ def _drift(cosines: Array, sines: Array, n: int) -> Array:
 
 def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
     """A flag where readings at rest drift, as `drift_of` has it."""
-    gyro, accel = _shown(readings)
-    return drift_doubt(gyro.drift, accel.drift)
+    return drift_doubt(*_means_and_shown(readings)[2])
 
 
 @once
