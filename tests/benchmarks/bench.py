@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from bench_film import film_rows
 from bench_logs import log_rows
 from bench_long import long_rows, step_rows
 from bench_methods import allan_rows, compare_rows, method_rows
@@ -295,7 +296,7 @@ def main() -> None:
             *compare_rows(),
         ]
         rows += [*rehearsal_rows(), *command_rows(Path(folder)), *log_rows()]
-        rows += [*long_rows(Path(folder)), *step_rows(Path(folder))]
+        rows += [*long_rows(Path(folder)), *step_rows(Path(folder)), *film_rows(Path(folder))]
     title = f"Speed on {os.cpu_count()} cores"
     show(console(), [TableData(title, ("what", "measured", "ratio"), tuple(rows))])
 
