@@ -37,6 +37,7 @@ from stand.recording.metadata import (
     SETTLED,
     describe_estimate,
     describe_schedule,
+    describe_settings,
     describe_site,
 )
 from stand.recording.reviewing import open_review
@@ -265,16 +266,10 @@ class _Run:
 
     def _metadata(self) -> dict[str, dict[str, str]]:
         s = self.settings
+        told = describe_settings(s)
         return {
             RUN: {
-                "procedure": s.procedure.id,
-                "imu": s.imu.id,
-                "table": s.table.id,
-                "seed": str(s.seed),
-                "rate_hz": str(s.rate_hz),
-                "sampling": s.sampling.value,
-                "without": ",".join(s.without),
-                "motion": s.motion.value,
+                **told.pop(RUN),
                 "epoch_ns": str(EPOCH_NS),
                 "frame_n": "north-east-down",
                 "frame_b": "X1 forward, Y1 up, Z1 right at zero table angles",
@@ -285,9 +280,7 @@ class _Run:
             "site": describe_site(s.site),
             "estimate": describe_estimate(s.options, methods_of(s)),
             "schedule": describe_schedule(self.plan.steps),
-            "procedure": {"toml": s.procedure.text},
-            "imu": {"toml": s.imu.text},
-            "table": {"toml": s.table.text},
+            **told,
             "unit": unit_record(self.simulation.imu.gyro_errors, self.simulation.imu.accel_errors),
             "table_errors": self.simulation.errors.record(),
         }

@@ -200,7 +200,9 @@ def _estimates(
     )
     growth = _growth(fit)
     given = latitude, gravity, float(spans.sum())
-    shared = _doubts(fit) + _verdict(fit, variances, relative, given, options.priors)
+    shared = _doubts(fit)
+    if options.verdicts:
+        shared += _verdict(fit, variances, relative, given, options.priors)
     return [
         AttitudeEstimate(
             method,

@@ -27,7 +27,7 @@ from stand.rehearsal.refusals import (
     rival_of,
     rivalled,
 )
-from stand.rehearsal.response import ReadingErrors, Response
+from stand.rehearsal.response import ReadingErrors, Response, TableTurns
 from stand.rehearsal.result import Observability, Prediction
 from stand.rehearsal.rocking import over_time, readings_of, turned_by_heading
 from stand.rehearsal.scene import Scene
@@ -96,11 +96,12 @@ def _by_gains(
     answers = gains(stretches, scene.site, scene.options)
     if not answers:
         raise AlignmentError("every dwell ends with its offset window: nothing is left to estimate")
+    table = TableTurns(steps, stretches, scene)
     errors: dict[int, ReadingErrors] = {}  # answers of one fit share their stretches
     rivals: dict[int, Rival] = {}
     for answer in answers:
         if id(answer.stretches) not in errors:
-            errors[id(answer.stretches)] = ReadingErrors(answer, steps, scene, unit)
+            errors[id(answer.stretches)] = ReadingErrors(answer, table, scene, unit)
             rivals[id(answer.stretches)] = rival_of(answer)
     responses = [Response(answer, errors[id(answer.stretches)]) for answer in answers]
     check_vertical([r for r in responses if r.answer.window_gain is not None])

@@ -27,6 +27,7 @@ from stand.calibration.truth import true_values
 from stand.calibration.units import name_of
 from stand.errors import StandError
 from stand.evaluation.score import ANGLES, Truths, suited
+from stand.rehearsal.constants import ASSUMED
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
 from stand.rehearsal.sums import Key, RunErrors, Sums, run_from_json, run_to_json
 from stand.rehearsal.verification import Achieved, Verification
@@ -39,7 +40,6 @@ from stand.simulation.work import Engine
 
 Progress = Callable[[float], None]
 _RUNS_BITS = 20
-ASSUMED = ("lag", "lever_arm")  # terms that a calibration allows for and no sheet draws
 _GRAVITY = 4  # of the random streams; a table has 3, sensors 0 to 2
 BIASES = tuple(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in AXES)
 
@@ -170,7 +170,8 @@ def errors_of_runs(
 ) -> Generator[RunErrors]:
     """The runs of these `numbers`, counted from `first_seed`; close it to end early."""
     methods = _methods(result)
-    options = replace(settings.options, rule=SequenceRule.REGULAR)  # as predictions read angles
+    # angles as predictions read them; nobody reads verdicts
+    options = replace(settings.options, rule=SequenceRule.REGULAR, verdicts=False)
     first = first_seed(settings)
     made = replace(settings, options=options, seed=first)
     seeds = range(first + numbers.start, first + numbers.stop)
@@ -200,7 +201,7 @@ def _achieved(result: Rehearsal, sums: Sums) -> Iterator[Achieved]:
     for p in result.predictions:
         key = (p.method, p.window, p.label, p.quantity)
         if key in sums:
-            yield _came_to(sums, key, p.unit, p.per, p.rms)
+            yield _came_to(sums, key, p.unit, p.per, p.drawn)
     untold = {p.method for p in result.predictions if not p.label}
     for key in sums:
         if key[0] in untold and key[3] in QUANTITIES:

@@ -78,6 +78,7 @@ def test_every_whole_chunk_of_a_cut_file_is_found(recorded, tmp_path):
     assert examine(path).chunks == 7
 
 
+@pytest.mark.slow
 def test_what_comes_back_is_what_the_whole_run_has(recorded, tmp_path, stand_command):
     """Cut in its second dwell: the first is answered as in the whole run, the second by name."""
     left = interrupted(recorded, tmp_path, part=0.8)

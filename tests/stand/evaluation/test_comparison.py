@@ -190,6 +190,18 @@ def same_but_time(comparison):
     return [replace(t, seconds=0.0) for t in comparison.tallies]
 
 
+def test_a_method_answers_the_same_whether_it_is_named_or_not(tmp_path):
+    """A calibration is told of table and gravity, and follows the moves, in either case."""
+    made = settings_of(procedure_of(tmp_path, SHORT_REST), "stim300")
+    assert "calibration" not in made.procedure.entry.estimate.methods
+    named = settings_of(made.procedure, "stim300", methods=("calibration",))
+    (alone,) = compare(named, 1).tallies
+    (among,) = [t for t in compare(made, 1).tallies if t.method == "calibration"]
+    sizes = [(t.rms_heading, t.sigma_heading, t.rms_tilt, t.sigma_tilt) for t in (alone, among)]
+    assert min(sizes[0]) > 0
+    assert sizes[0] == sizes[1]
+
+
 @pytest.mark.slow
 def test_numbers_do_not_depend_on_the_processes(half_turn):
     made = replace(half_turn, seed=5)
