@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import stand
 from alignment import ESTIMATORS
 from stand import toml_files
 from stand.cli.app import COMMANDS
@@ -50,6 +51,14 @@ def test_every_method_says_its_formula_what_it_assumes_and_its_proof(site):
     rows = pages["catalogue/methods/triad"].partition("How its predictions stand")[2]
     assert "| random-sway |" not in rows  # those of docs/proof.md on this method alone
     assert rows.count("| triad |") > 20
+
+
+def test_every_function_and_answer_of_the_python_face_is_described(site):
+    pages = site[0].python_pages()
+    for name in stand.__all__:
+        assert name == "__version__" or f":: stand.{name}\n" in pages["reference/stand"] + "\n"
+    for answer in ("simulated.Simulated", "rehearsed.Rehearsal", "calibrated.Calibrated"):
+        assert f".. autoclass:: stand.results.{answer}\n" in pages["reference/results"]
 
 
 def test_every_command_has_its_page_with_every_option(site):
