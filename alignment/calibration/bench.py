@@ -92,6 +92,8 @@ class Bench:
         Constants of this one unit by value, with their standard deviations, SI.
     arm : (3,) m
         From the crossing of the table's axes to the unit's point, in b.
+    arm_sigma : float
+        How far that may be off along each axis [m].
     table : callable or None
         How the table's errors turn b: `Leanings` of joint angles. None: each stretch has only the
         attitude that was told, with the sigmas below.
@@ -117,6 +119,7 @@ class Bench:
     dither: Array = field(default_factory=_no_lags)
     known: tuple[tuple[Key, float, float], ...] = ()
     arm: Array = field(default_factory=lambda: np.zeros(3))
+    arm_sigma: float = 0.0
     table: LeaningsAt | None = None
     joint_noise: Array = field(default_factory=lambda: np.zeros(0))
     placement: float = 0.0

@@ -9,7 +9,7 @@ from scipy.special import chdtri
 
 from alignment.angles import Sequence
 from alignment.arrays import Array, IntArray
-from alignment.constant_errors import constant_columns
+from alignment.constant_errors import constant_columns, constant_count
 from alignment.cross import cross_matrix
 from alignment.earth import EARTH_RATE, Site, normal_gravity
 from alignment.errors import PoleError
@@ -441,8 +441,7 @@ def _stepped(
 
 def _no_errors(problem: _Problem, runs: int) -> Array:
     """Weighed errors (r, q), none of them there."""
-    columns = constant_columns(np.zeros(3), np.zeros(3), problem.priors)
-    return np.zeros((runs, problem.turned.shape[2] + columns.shape[-1]))
+    return np.zeros((runs, problem.turned.shape[2] + constant_count(problem.priors)))
 
 
 def predicted_covariance(

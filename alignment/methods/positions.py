@@ -203,7 +203,9 @@ def _estimates(
     growth = _growth(fit)
     bias_sigmas = _switched_on(growth * fit.bias_covariance.diagonal(), fit, options.priors, times)
     given = latitude, gravity, float(spans.sum())
-    shared = _doubts(fit) + _verdict(fit, variances, relative, given, options.priors)
+    shared = _doubts(fit)
+    if options.verdicts:
+        shared += _verdict(fit, variances, relative, given, options.priors)
     return [
         AttitudeEstimate(
             method,

@@ -93,10 +93,7 @@ def _station(step: PlannedStep, scene: Scene) -> Station:
     if step.turning is not None:
         axis = step.turning.axis
         joints[axis] = 0.0
-    warmth = 0.0
-    if scene.temperature is not None:
-        t = np.linspace(step.steady_from, step.steady_to, 50)
-        warmth = float(np.mean(scene.temperature.at(t))) - scene.imu.reference_temperature
+    warmth = float(np.mean(_warmth(scene, np.linspace(step.steady_from, step.steady_to, 50))))
     return Station(planned_stretch(step), joints, axis, warmth)
 
 
@@ -112,7 +109,15 @@ def _planned_move(k: int, one: PlannedStep, other: PlannedStep, scene: Scene) ->
         readings=ImuReadings(edges[1:], true.w_ib_b, true.f_b),
         angle_from=0.0 if one.turning is None else float(joints[0, one.turning.axis]),
         angle_to=0.0 if other.turning is None else float(joints[1, other.turning.axis]),
+        warmth=_warmth(scene, edges[1:]),
     )
+
+
+def _warmth(scene: Scene, t: Array) -> Array:
+    """Above the reference temperature (n,) [K] at times (n,) [s]."""
+    if scene.temperature is None:
+        return np.zeros(len(t))
+    return np.asarray(scene.temperature.at(t) - scene.imu.reference_temperature)
 
 
 def _reach(step: PlannedStep) -> float:

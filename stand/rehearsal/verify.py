@@ -171,7 +171,8 @@ def errors_of_runs(
 ) -> Generator[RunErrors]:
     """The runs of these `numbers`, counted from `first_seed`; close it to end early."""
     methods = _methods(result)
-    options = replace(settings.options, rule=SequenceRule.REGULAR)  # as predictions read angles
+    # angles as predictions read them; nobody reads verdicts
+    options = replace(settings.options, rule=SequenceRule.REGULAR, verdicts=False)
     first = first_seed(settings)
     made = replace(settings, options=options, seed=first)
     seeds = range(first + numbers.start, first + numbers.stop)

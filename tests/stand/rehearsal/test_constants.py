@@ -77,6 +77,7 @@ def test_turns_about_the_vertical_show_no_lag_of_accelerometers_and_spins_do():
     assert not any(line.startswith("accelerometer lag") for line in unseen("spins"))
 
 
+@pytest.mark.slow
 def test_whole_turns_see_three_of_nine_lever_arms():
     for name in ("rate-steps", "spins", "calibration-full"):
         (line,) = [line for line in unseen(name) if line.startswith("accelerometer lever arms")]
@@ -150,6 +151,7 @@ def test_a_requirement_of_a_constant_counts_its_worst_axis():
     assert bias.unit == "deg/h"
 
 
+@pytest.mark.slow
 def test_what_would_do_is_said():
     result = required("accel_bias_ug = 20\ncoverage = 2")
     (judged,) = result.judgements
