@@ -124,17 +124,25 @@ def circular(estimate: AttitudeEstimate) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A method that would not answer, or a `stretch` that no method was asked about; why."""
+    """A method that would not answer, of a `stretch` or at all, and why.
+
+    Without a `method`: a stretch that none was asked about.
+    """
 
     method: str
     reason: str
     stretch: str = ""
 
+    @property
+    def who(self) -> str:
+        """What gives no estimate, in words."""
+        return " at ".join(part for part in (self.method, self.stretch) if part)
+
 
 def refusal_to_json(refusal: Refusal) -> dict[str, str]:
     """One refusal for machines."""
-    who = {"stretch": refusal.stretch} if refusal.stretch else {"method": refusal.method}
-    return who | {"reason": refusal.reason}
+    who = {"method": refusal.method, "stretch": refusal.stretch}
+    return {name: text for name, text in who.items() if text} | {"reason": refusal.reason}
 
 
 def evaluate_each(
@@ -151,7 +159,7 @@ def evaluate_each(
     for method in methods:
         estimates, refused = answered(method, dwells, site, options)
         scores += [score(e, known(e.label)) for e in estimates]
-        refusals += [Refusal(method, reason) for reason in refused]
+        refusals += refused
     return scores, refusals
 
 
@@ -164,26 +172,25 @@ def _by_label(dwells: Sequence[Dwell], truths: Sequence[Truths]) -> Callable[[st
 
 def answered(
     method: str, dwells: Sequence[Dwell], site: Site, options: Options
-) -> tuple[list[AttitudeEstimate], list[str]]:
+) -> tuple[list[AttitudeEstimate], list[Refusal]]:
     """What a method makes of the stretches, and why it refuses some of them, or all.
 
     A refusal that names a stretch ("X1 up: ...") is of that stretch: it is asked again without
     it. Where that leaves no answer, the first reason is that of the method.
     """
-    reasons: list[str] = []
+    refused: list[Refusal] = []
     left = list(dwells)
     while True:
         try:
             own = suited(method, left)
-            return ESTIMATORS[method].estimate(own, site, options), reasons
+            return ESTIMATORS[method].estimate(own, site, options), refused
         except AlignmentError as error:
-            named = [d for d in left if str(error).startswith(f"{d.label}: ")]
-            reasons.append(str(error))
-            if not named:
-                return [], reasons[:1]
-            left = [d for d in left if d is not named[0]]
-            if not left:
-                return [], reasons[:1]
+            reason = str(error)
+            named = [d for d in left if reason.startswith(f"{d.label}: ")]
+            refused.append(Refusal(method, reason, named[0].label if named else ""))
+            left = [d for d in left if d not in named[:1]]
+            if not (named and left):
+                return [], [Refusal(method, refused[0].reason)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -196,7 +196,7 @@ def _estimated(
     for dwells in together:
         found, reasons = answered(method, dwells, site, options)
         estimates += [e for e in found if not circular(e)]
-        refused += reasons[:1]
+        refused += [one.reason for one in reasons[:1]]
     return estimates, refused
 
 

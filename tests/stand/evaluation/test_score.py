@@ -71,7 +71,7 @@ def test_a_stretch_that_is_refused_is_named_and_silences_no_other(one_shaken, me
         dwells, [Truths()] * len(dwells), made.site, made.options, [method]
     )
     (one,) = refused
-    assert one.method == method
+    assert (one.method, one.stretch) == (method, "90")
     assert one.reason.startswith("90: ")
     labels = {s.estimate.label for s in found}
     assert labels >= {"0", "180"}
@@ -84,7 +84,7 @@ def test_a_method_that_answers_for_no_stretch_gives_its_first_reason(one_shaken)
         dwells[1:2], [Truths()], made.site, made.options, ["triad", "multi-position"]
     )
     assert found == []
-    assert [r.method for r in refused] == ["triad", "multi-position"]
+    assert [r.who for r in refused] == ["triad", "multi-position"]
     assert refused[0].reason.startswith("90: ")
     assert refused[1].reason.startswith("too little turn")
 
