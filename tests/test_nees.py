@@ -34,7 +34,7 @@ RUNS_OF = {
     "scorsby": 1,
     "random-sway": 1,
     "rate-sweep": 1,
-    **dict.fromkeys(("tumble-6", "tumble-12", "tumble-24", "rate-steps", "spins"), 1),
+    **dict.fromkeys(("tumble-6", "tumble-24", "rate-steps", "spins"), 1),
     "calibration-full": 1,
 }
 
