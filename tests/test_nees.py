@@ -64,6 +64,15 @@ def test_fine_states_no_more_than_it_knows_of_a_ring_laser():
 
 
 @pytest.mark.slow
+def test_drifts_beyond_the_noise_are_in_what_filter_and_match_state():
+    """Accelerometers of 10 ug and 10 ug/rt-Hz: a walk as high stated a third of fine's variance."""
+    settings = short(load_procedure("random-sway"), "psins-inertial")
+    found = promises(settings, 16, ["fine", "inertial"])
+    assert len(found) == 2
+    assert broken(found) == []
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, COUNT, 5))
 def test_sigmas_of_generated_procedures_are_kept(first):
     made = [generated(number, LONGEST_S) for number in range(first, first + 5)]
