@@ -98,9 +98,10 @@ def _by_gains(
     table = TableTurns(steps, stretches, scene)
     errors: dict[int, ReadingErrors] = {}  # answers of one fit share their stretches
     rivals: dict[int, Rival] = {}
+    anomaly = method.anomaly if scene.site.local_gravity is None else 0.0
     for answer in answers:
         if id(answer.stretches) not in errors:
-            errors[id(answer.stretches)] = ReadingErrors(answer, table, scene, unit)
+            errors[id(answer.stretches)] = ReadingErrors(answer, table, scene, unit, anomaly)
             rivals[id(answer.stretches)] = rival_of(answer)
     responses = [Response(answer, errors[id(answer.stretches)]) for answer in answers]
     check_vertical([r for r in responses if r.answer.window_gain is not None])
