@@ -190,7 +190,7 @@ class DwellCollector:
             cut *= held == (first, last)  # what comes with its moves is whole
             t, w, f, angle = (column[cut:] if cut else column for column in columns)
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
-            readings = ImuReadings(t, w, f, ranges, grains)
+            readings = ImuReadings(t, w, f, ranges=ranges, grains=grains)
             dwells.append(
                 Dwell(
                     label=step.label,
