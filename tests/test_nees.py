@@ -80,6 +80,16 @@ def test_sigmas_of_generated_procedures_are_kept(first):
     assert broken(found) == []
 
 
+def test_runs_that_are_kept_are_gone_on_with(tmp_path):
+    made = short(load_procedure("two-position"), "hg9900")
+    kept = tmp_path / "runs.jsonl"
+    promises(made, 1, ["triad"], keep=kept)
+    first = kept.read_text()
+    assert promises(made, 2, ["triad"], keep=kept) == promises(made, 2, ["triad"])
+    assert kept.read_text().startswith(first)
+    assert len(kept.read_text().splitlines()) == 3  # of what they are, and the two
+
+
 def test_generated_procedures_are_by_number_and_as_wide_as_they_say():
     made = [generated(number) for number in range(COUNT)]
     assert [g.procedure.text for g in made] == [generated(n).procedure.text for n in range(COUNT)]
