@@ -255,5 +255,5 @@ def _source(logs: Sequence[Log], table: Table | None, trusted: bool) -> dict[str
     if procedure:
         told["procedure"] = procedure
     if table is not None:
-        told |= {"table": table.id, "table_title": table.title}
+        told |= {"table": table.id, "table_title": table.title, "table_toml": table.text}
     return told | ({"trusted": "table and seat"} if trusted else {})

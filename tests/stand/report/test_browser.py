@@ -9,13 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calibrations import a_full_record
 from matplotlib.image import imread
 from pages import Page
 from rehearsed import answer, verified
 
+from stand.calibration.limits import Limits
 from stand.physics.picture import NoDriver
 from stand.rehearsal.result import Verdict
 from stand.report import gallery
+from stand.report.certificate import page as certificate
 from stand.report.rehearsal import page
 from stand.report.run_page import write_run_page
 
@@ -169,6 +172,30 @@ def test_a_recorded_run_opens_without_complaint(recorded, tmp_path, undrawn):
     assert "Recorded run: Short test" in opened.dom.said
     assert len(opened.dom.of("svg")) == 5  # the channels with them
     assert opened.share(BARS["light"]) > 0.0005
+
+
+def test_a_certificate_opens_is_printed_and_fits_a_telephone(tmp_path):
+    """Its verdict, two figures, some sheets of paper; 390 wide nothing is wider."""
+    limits = Limits(2.0, {("gyro", "bias"): (1e-5, "limits.toml")})  # 2 deg/h, of 8, -10, 12
+    text = certificate(a_full_record(), limits)
+    opened = seen(text, tmp_path / "page", "dark", width=768)
+    assert opened.console == []
+    assert "✗ FAIL" in opened.dom.said
+    assert tuple(opened.screen[2, 2]) == PAPER["dark"]
+    assert len(opened.dom.of("svg")) == 2
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", opened.pdf)) <= 5
+    (tmp_path / "page" / "inner.html").write_text(text, encoding="utf-8")
+    measure = (
+        "const r = document.querySelector('iframe').contentDocument.documentElement;"
+        "document.querySelector('p').textContent = r.scrollWidth"
+    )
+    narrow = seen(
+        f'<iframe src="inner.html" style="width: 390px; height: 3000px; border: 0" '
+        f'onload="{measure}"></iframe><p>not measured</p>',
+        tmp_path / "page",
+        flags=("--allow-file-access-from-files",),
+    )
+    assert narrow.dom.said == "390"
 
 
 SHAPES = ((768, "light"), (1440, "dark"))
