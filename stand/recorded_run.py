@@ -47,7 +47,7 @@ from stand.samples import CHANNELS, ImuBlock, TruthBlock
 from stand.simulation.collector import DwellCollector, TrueAttitudes
 from stand.simulation.settings import Settings, follows_moves, methods_of, run_id
 from stand.simulation.simulation import Simulation, begins_of
-from stand.simulation.step_record import StepRecord
+from stand.simulation.step_record import StepRecord, describe_followed
 from stand.table.kinematics import C_NW
 from stand.versions import versions
 
@@ -191,11 +191,12 @@ class _Run:
         return collector
 
     def _note_settling(self, mcap: McapWriter, t: float, first: int) -> int:
-        """From when the rests count that are over by `t` [s], from step `first` on: for who finds
-        the recording interrupted. How many steps are over.
+        """How the table did in the steps that are over by `t` [s], from step `first` on, and from
+        when their rests count: for who finds the recording interrupted. How many steps are over.
         """
         records = self.simulation.records_until(t, first)
-        for name, values in _settled(begins_of(records)).items():
+        told = _settled(begins_of(records)) | describe_followed(first, records)
+        for name, values in told.items():
             mcap.metadata(name, values)
         return first + len(records)
 

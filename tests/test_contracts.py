@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import chain
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -90,6 +91,22 @@ def test_every_procedure_plans_and_names_its_dwells(name):
         assert joints[0, still] == pytest.approx(dwell.joints[still], abs=1e-15)
         assert not rates[0, still].any()
         assert not accelerations[0, still].any()
+
+
+@pytest.mark.parametrize("name", catalogue.ids("procedures"))
+def test_a_rest_is_called_after_the_axis_that_stands_up(name):
+    """By the chain that is written by hand: "Z1 down" is where the accelerometer reads -g."""
+    procedure = load_procedure(name)
+    planned = plan(procedure, STAND, load_table(procedure.entry.table))
+    for stretch in planned.stretches:
+        named = re.search(r"([XYZ])1 (up|down)\b", stretch.label)
+        if named is None or stretch.kind != "dwell":
+            continue
+        q, *_ = planned.motion.joints(np.array([(stretch.t_from + stretch.t_to) / 2]))
+        C_wb, _ = chain.pose(q)  # w is east, north, up
+        up = C_wb[0, 2, "XYZ".index(named[1])]
+        # 0.6: the edges of twelve positions are called after one of the two axes that stand up
+        assert up * {"up": 1, "down": -1}[named[2]] > 0.6, stretch.label
 
 
 @pytest.mark.parametrize("name", catalogue.ids("procedures"))

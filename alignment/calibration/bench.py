@@ -144,8 +144,11 @@ class Bench:
         return np.asarray(getattr(getattr(self.unit, sensor), SHEET.get(term, term)))
 
 
-def freed(bench: Bench, terms: Collection[str]) -> Bench:
-    """The same with a usual size of `terms` (keys of `USUAL`) where none is stated.
+WIDE = 10.0  # times the usual size, of what nobody stated
+
+
+def freed(bench: Bench, terms: Collection[str], times: float = 1.0) -> Bench:
+    """The same with `times` a usual size of `terms` (keys of `USUAL`) where none is stated.
 
     Raises
     ------
@@ -159,16 +162,13 @@ def freed(bench: Bench, terms: Collection[str]) -> Bench:
     def triad(one: TriadErrors, k: int) -> TriadErrors:
         names = {term: SHEET.get(term, term) for term in terms}
         free: dict[str, Any] = {
-            name: np.where(getattr(one, name) > 0, getattr(one, name), USUAL[term][k])
+            name: np.where(getattr(one, name) > 0, getattr(one, name), times * USUAL[term][k])
             for term, name in names.items()
         }
         return replace(one, **free)
 
     unit = replace(bench.unit, gyro=triad(bench.unit.gyro, 0), accel=triad(bench.unit.accel, 1))
     return replace(bench, unit=unit)
-
-
-WIDE = 10.0  # times the usual size, of what nobody stated
 
 
 def from_priors(priors: Priors) -> Bench:

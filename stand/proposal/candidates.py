@@ -18,8 +18,8 @@ FIRST = 3  # of the gimbals among JOINTS
 FACES = {
     "Y1 up": (0.0, 0.0),
     "Y1 down": (0.0, 180.0),
-    "Z1 up": (0.0, 90.0),
-    "Z1 down": (0.0, -90.0),
+    "Z1 down": (0.0, 90.0),  # inner takes Y1 toward Z1
+    "Z1 up": (0.0, -90.0),
     "X1 up": (90.0, 0.0),
     "X1 down": (-90.0, 0.0),
 }

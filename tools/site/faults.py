@@ -1,6 +1,7 @@
 """The index of faults: every message in the source, with an example that a test has seen.
 
-    python tools/site/faults.py    # runs the quick tests and writes docs/site/faults.json
+    python tools/site/faults.py           # runs the quick tests, adds to docs/site/faults.json
+    python tools/site/faults.py tests     # all of them; or a folder: what is known stays
 
 What a message says is read from the source at each build; an example counts only while it still
 fits its message, so that the page cannot show what is no longer said.
@@ -10,20 +11,24 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "docs" / "site" / "faults.json"
+REMEDIES = ROOT / "docs" / "site" / "remedies.toml"
 PACKAGES = ("alignment", "stand")
 HOLE = "…"  # what the input puts into a message
 LEAST_WORDS = 8  # letters of a message outside of its holes: else it is made elsewhere
 # where a message begins to say what would do
-REMEDIES = re.compile(
+REMEDY = re.compile(
     r"(must|known:|did you mean|allowed|at least|at most|choose|install|needs?\b|leave|would do"
     r"|--\w|give |name |use )"
 )
@@ -40,13 +45,24 @@ class Fault:
     def fits(self, message: str) -> bool:
         """Whether a message is one of this template."""
         parts = [re.escape(part) for part in self.template.split(HOLE)]
-        return re.search("(.*?)".join(parts), message) is not None
+        # near matches are named where there are any
+        pattern = "(.*?)".join(parts).replace(
+            "did\\ you\\ mean\\ (.*?)\\?\\ ", "(did you mean .*?)?"
+        )
+        return re.search(pattern, message) is not None
 
     @property
-    def remedy(self) -> str:
-        """The part of the message that says what is allowed."""
-        found = REMEDIES.search(self.template)
+    def allowed(self) -> str:
+        """The part of the message that says what is allowed; '' where none does."""
+        found = REMEDY.search(self.template)
         return self.template[found.start() :] if found else ""
+
+    def remedy(self, stated: Mapping[str, str]) -> str:
+        """What would do, as markdown: the message says it, or `stated` does (`remedies`)."""
+        if self.allowed:
+            return f"`{_code(self.allowed)}`"
+        own = f"{self.file} {self.template}"
+        return next((text for pattern, text in stated.items() if re.search(pattern, own)), "")
 
 
 def faults() -> list[Fault]:
@@ -95,10 +111,20 @@ def _text(node: ast.expr) -> str:
     return HOLE
 
 
+def examples() -> dict[str, list[str]]:
+    """Messages that tests have seen, by the file that made them."""
+    text = EXAMPLES.read_text(encoding="utf-8") if EXAMPLES.is_file() else "{}"
+    return json.loads(text)
+
+
+def remedies() -> dict[str, str]:
+    """What would do, by a pattern of the messages that do not say it; the first counts."""
+    return tomllib.loads(REMEDIES.read_text(encoding="utf-8"))["remedies"]
+
+
 def fault_page() -> str:
     """The index as markdown, by where the faults arise."""
-    text = EXAMPLES.read_text(encoding="utf-8") if EXAMPLES.is_file() else "{}"
-    seen: dict[str, list[str]] = json.loads(text)
+    seen, stated = examples(), remedies()
     groups: dict[str, list[Fault]] = {}
     for fault in faults():
         groups.setdefault("/".join(fault.file.split("/")[:2]).removesuffix(".py"), []).append(fault)
@@ -117,8 +143,9 @@ def fault_page() -> str:
             example = next((m for m in seen.get(fault.file, []) if fault.fits(m)), "")
             if example:
                 lines.append(f"  Seen: `{_code(example)}`")
-            if fault.remedy:
-                lines.append(f"  Remedy: `{_code(fault.remedy)}`")
+            remedy = fault.remedy(stated)
+            if remedy:
+                lines.append(f"  Remedy: {remedy}")
             parts.append("\n\n".join(lines))
     return "\n\n".join(parts) + "\n"
 
@@ -131,48 +158,14 @@ def _code(text: str) -> str:
 # --- examples, from the tests
 
 
-class Recorder:
-    """A plugin of pytest: every fault's message, by the file that made it."""
-
-    def __init__(self) -> None:
-        self.seen: dict[str, set[str]] = {}
-
-    def pytest_configure(self) -> None:
-        from alignment.errors import Fault as Known
-
-        recorder, make = self, Known.__init__
-
-        def noted(self: Known, *arguments: object) -> None:
-            make(self, *arguments)
-            recorder.note(str(self))
-
-        Known.__init__ = noted  # type: ignore[method-assign]
-
-    def note(self, message: str) -> None:
-        """Keep a message with the first file of ours, from within, that is no `errors.py`."""
-        frame = sys._getframe(2)
-        while frame is not None:
-            path = Path(frame.f_code.co_filename)
-            if path.is_relative_to(ROOT) and path.name != "errors.py" and path != Path(__file__):
-                if path.relative_to(ROOT).parts[0] in PACKAGES:
-                    file = path.relative_to(ROOT).as_posix()
-                    self.seen.setdefault(file, set()).add(_PATHS.sub("", message))
-                return
-            frame = frame.f_back  # type: ignore[assignment]
-
-    def pytest_sessionfinish(self) -> None:
-        kept = {}
-        for fault in faults():
-            fitting = sorted((m for m in self.seen.get(fault.file, ()) if fault.fits(m)), key=_rank)
-            if fitting:
-                kept.setdefault(fault.file, {})[fitting[0]] = None
-        EXAMPLES.parent.mkdir(parents=True, exist_ok=True)
-        text = json.dumps({k: list(v) for k, v in sorted(kept.items())}, indent=1,
-                          ensure_ascii=False)  # fmt: skip
-        EXAMPLES.write_text(text + "\n", encoding="utf-8")
-
-
-_PATHS = re.compile(r"/[\w./-]*/(?=[\w.-])")  # of the machine that made the examples
+def kept(seen: Mapping[str, Iterable[str]], known: Sequence[Fault]) -> dict[str, list[str]]:
+    """One message of each fault that was seen, by file: the first that fits."""
+    found: dict[str, dict[str, None]] = {}
+    for fault in known:
+        fitting = [message for message in seen.get(fault.file, ()) if fault.fits(message)]
+        if fitting:
+            found.setdefault(fault.file, {})[fitting[0]] = None
+    return {file: list(messages) for file, messages in sorted(found.items())}
 
 
 def _rank(message: str) -> tuple[bool, int, str]:
@@ -180,20 +173,23 @@ def _rank(message: str) -> tuple[bool, int, str]:
     return "pytest" in message, len(message), message
 
 
-_IN_PYTEST = """
-import sys
-sys.path.insert(0, "tools/site")
-import faults, pytest
-sys.exit(pytest.main([*sys.argv[1:], "-q", "-p", "no:cacheprovider"], plugins=[faults.Recorder()]))
-"""
-
-
-def _main() -> int:
-    """In a process of its own, in which this module is no script: examples are by its name."""
-    arguments = sys.argv[1:] or ["tests", "-m", "not slow"]
-    command = [sys.executable, "-c", _IN_PYTEST, *arguments]
-    return subprocess.run(command, cwd=ROOT, check=False).returncode
+def _harvest(arguments: Sequence[str]) -> int:
+    """Run tests with `recorder.py`; what they saw joins what is kept while it fits."""
+    with TemporaryDirectory() as folder:
+        places = [str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]
+        code = subprocess.run(
+            [sys.executable, "-m", "pytest", "-q", "-p", "recorder", *arguments],
+            cwd=ROOT, check=False,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(places), "STAND_FAULTS": folder},
+        ).returncode  # fmt: skip
+        seen: dict[str, list[str]] = examples()
+        for path in sorted(Path(folder).glob("*.json")):
+            for file, messages in json.loads(path.read_text(encoding="utf-8")).items():
+                seen[file] = [*seen.get(file, []), *sorted(messages, key=_rank)]
+    text = json.dumps(kept(seen, faults()), indent=1, ensure_ascii=False)
+    EXAMPLES.write_text(text + "\n", encoding="utf-8")
+    return code
 
 
 if __name__ == "__main__":
-    sys.exit(_main())
+    sys.exit(_harvest(sys.argv[1:] or ["tests", "-m", "not slow"]))

@@ -160,6 +160,7 @@ def test_a_recording_gives_parameters_with_errors(recording, stand_command, tmp_
     assert len(means) == 3
 
 
+@pytest.mark.slow
 def test_options_change_what_they_say(recording):
     run = stand.read(recording)
     plain = stand.calibrate(run)
@@ -214,6 +215,7 @@ gravity_m_s2 = 9.80936
 """
 
 
+@pytest.mark.slow
 def test_a_log_of_ones_own_with_stretches_and_joint_angles(recording, tmp_path):
     """The same recording as a plain table of numbers, its stretches named by hand."""
     run = stand.read(recording)
@@ -243,6 +245,9 @@ def test_a_log_of_ones_own_with_stretches_and_joint_angles(recording, tmp_path):
         if p.key.term in ("bias", "scale") and p.basis == "data":
             # rests alone against rests, turns and spins
             assert abs(p.value - own[p.key].value) < 5 * np.hypot(p.sigma, own[p.key].sigma)
+
+
+COLUMNS = "t=t_s,gx=gx_rad_s,gy=gy_rad_s,gz=gz_rad_s,ax=ax_m_s2,ay=ay_m_s2,az=az_m_s2"
 
 
 def test_turns_of_a_log_of_ones_own(recording, stand_command, tmp_path):

@@ -23,7 +23,7 @@ from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.accuracy import predict
 from stand.rehearsal.rehearse import prepared, rehearse
-from stand.rehearsal.rocking import turned_by_heading
+from stand.rehearsal.rocking import tilt_doubt, turned_by_heading
 from stand.rehearsal.rounding import Rounding, roundings_of
 from stand.rehearsal.verify import with_verification
 from stand.simulation.settings import assembled
@@ -583,6 +583,24 @@ def test_tilts_that_a_heading_turns_by_monte_carlo():
         assert told["gyro bias"][0, 0] == pytest.approx(np.mean(north**2), rel=0.013)
         assert told["gyro bias"][1, 1] == pytest.approx(np.mean(east**2), rel=0.013)
         assert told["gyro bias"][2, 2] == h**2
+
+
+@pytest.mark.parametrize(
+    ("heading", "accelerometers", "doubt"),
+    [(0.4, 0.0, False), (70.0, 0.0, True), (70.0, 0.03, False)],
+    ids=["determined", "follows", "accelerometers"],
+)
+def test_no_tilt_is_predicted_where_heading_follows_the_gyros(heading, accelerometers, doubt):
+    """Then both horizontal components tilt: twice the variance of the one that first order has.
+
+    Where accelerometers make nine parts of ten the tenth may double: 5 % of a sigma.
+    """
+    level = np.diag([1.0, 1.0, 0.0]) * accelerometers**2
+    made = {
+        "gyro turn-on bias": np.diag([0.01**2, 0.0, heading**2]),
+        "accelerometer turn-on bias": level,
+    }
+    assert bool(tilt_doubt(made)) is doubt
 
 
 def test_ten_degrees_are_of_first_order():

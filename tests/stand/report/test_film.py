@@ -1,5 +1,6 @@
 """A recording as a film: what each picture shows, how many there are, what is refused."""
 
+import shutil
 from base64 import b64decode
 from io import BytesIO
 from pathlib import Path
@@ -12,6 +13,7 @@ from PIL import Image as Picture
 from stand import api
 from stand.errors import StandError
 from stand.physics import picture as drawing
+from stand.physics.mjcf import models_folder
 from stand.recording.mcap.reader import JointLog
 from stand.report import film as films
 from stand.report.encoding import KINDS, decode, encode
@@ -248,6 +250,23 @@ def test_a_film_that_cannot_be_finished_leaves_nothing(log, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         films.write_film(log, Path(tmp_path / "x.mp4"), size=SIZE, speed=100, progress=stop)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow  # a process that draws
+def test_a_ball_of_a_stand_of_ones_own_is_round(tmp_path):
+    """Drawn with two corners along it, as cylinders are, its outline would be a diamond: 2/pi of
+    the round one's points. Seen from afar, beside the stand and larger than it."""
+    shutil.copytree(models_folder(), tmp_path / "own")
+    main = tmp_path / "own" / "turntable.xml"
+    ball = '<geom type="sphere" pos="0 0 5" size="1" mass="0" rgba="1 0 1 1"/></worldbody>'
+    main.write_text(main.read_text().replace("</worldbody>", ball))
+    (image,) = drawing.pictures(np.zeros((1, 6)), "0,0,14", 160, 160, main)
+    red, green, blue = (image[..., k].astype(int) for k in range(3))
+    of_ball = (red > green + 25) & (blue > green + 25)
+    down, across = (of_ball.any(axis=k).sum() for k in (1, 0))
+    assert min(down, across) > 20
+    # an ellipse in that box; its edge of a point's width is counted or not: 4 / 20 at the most
+    assert of_ball.sum() == pytest.approx(np.pi / 4 * down * across, rel=0.1)
 
 
 @pytest.mark.slow  # a process that draws
