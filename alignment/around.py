@@ -36,6 +36,18 @@ def by_direction(errors: Array) -> float:
     return _rms(np.arctan2(b, 1 + a))
 
 
+def by_length(sigma: float) -> float:
+    """Mean square of ``|(1 + a, b)| - 1``, a and b normal of `sigma`, over that of a.
+
+    What is left along a direction that follows the error: one where it is small, two where it is
+    all, for then both components lie along it.
+    """
+    if sigma < _SMALL:
+        return 1.0
+    a, b = _drawn(sigma**2 * np.eye(2))
+    return (_rms(np.hypot(1 + a, b) - 1) / sigma) ** 2
+
+
 def by_one_gyro(azimuth: float, errors: Array) -> float:
     """Root mean square [rad] of an azimuth that one gyro tells, and another gyro its side.
 

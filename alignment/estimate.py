@@ -89,8 +89,8 @@ class AttitudeEstimate:
     flags : tuple of str
         Doubts a reader must see.
     biases, bias_sigmas : (6,) or None
-        Of gyros [rad/s], then accelerometers [m/s^2], on X1, Y1, Z1, where the method finds
-        them, with their standard deviations.
+        Of gyros [rad/s], then accelerometers [m/s^2], on X1, Y1, Z1, as they were switched on,
+        where the method finds them, with their standard deviations.
     sway : mapping or None
         What a method found of the base's rocking, by name, SI.
     calibration : Calibration or None

@@ -5,6 +5,7 @@ import re
 import shlex
 import shutil
 from pathlib import Path
+from runpy import run_path
 
 import numpy as np
 import pytest
@@ -43,7 +44,8 @@ def text_of(page):
     return page.read_text(encoding="utf-8")
 
 
-PYTHON = [page for page in PAGES if "```python" in text_of(page)]
+EXPLAINED = sorted((ROOT / "docs" / "site").rglob("*.md"))  # their notebooks run in the build
+PYTHON = [page for page in [*PAGES, *EXPLAINED] if "```python" in text_of(page)]
 
 
 def blocks(page):
@@ -137,9 +139,7 @@ def test_every_command_runs_as_shown(page, tmp_path, monkeypatch, stand_command)
             assert answer_of_jq(shlex.split(pipe)[1], told.out)
 
 
-@pytest.mark.parametrize(
-    "page", [p for p in PAGES if "```python" in text_of(p)], ids=lambda p: p.name
-)
+@pytest.mark.parametrize("page", PYTHON, ids=lambda p: p.name)
 def test_every_line_of_python_runs_as_shown(page, tmp_path, monkeypatch):
     furnish(tmp_path)
     save_files(tmp_path)
@@ -161,6 +161,25 @@ def test_every_option_and_file_exists(page, stand_command):
         assert (page.parent / name).exists(), f"{page.name}: {name}"
     for name in re.findall(r"`((?:stand|alignment|tools|models|tests)/[\w/.-]*)`", text_of(page)):
         assert (ROOT / name).exists(), f"{page.name}: {name}"
+
+
+def test_every_picture_is_shown_and_made_by_a_command():
+    """`python tools/pictures.py NAME` makes it anew, or the page of its target says it does."""
+    pictures = {p.name for kind in ("png", "webp") for p in (ROOT / "docs").glob(f"*.{kind}")}
+    shown = {name for page in PAGES for name in re.findall(r"!\[[^]]*\]\((?:docs/)?([^)]+)\)",
+                                                           text_of(page))}  # fmt: skip
+    assert shown == pictures
+    listed = run_path(str(ROOT / "tools" / "pictures.py"))["COMMANDS"]
+    assert set(listed) == pictures
+    targets = set(re.findall(r"^(\w+):", text_of(ROOT / "Makefile"), re.MULTILINE))
+    for lines in listed.values():
+        for line in lines:
+            program, *words = shlex.split(line)
+            assert program in ("stand", "python", "make", "screenshot", "cp"), line
+            if program == "python":
+                assert (ROOT / words[0]).is_file(), line
+            if program == "make":
+                assert words[0] in targets, line
 
 
 def test_the_readme_is_a_tour():

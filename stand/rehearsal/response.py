@@ -73,15 +73,23 @@ class ReadingErrors:
     (l,) of those drawn, values (l,) of those `known`, `readings` (m, l), and the turn (s, 3, l) in
     b that each gives the attitude of every stretch where it is judged: at its end, of a turning one
     taken back to encoder angle zero. `noises` by name: covariances (m, m) of the coefficients.
+    `gravity` [m/s^2]: how far it may be off what the method takes it for.
 
     Coefficients are of rounded readings: a coarse step hides what moves the truth within it.
     """
 
     def __init__(
-        self, answer: Answer, table: "TableTurns", scene: Scene, unit: InstrumentErrors
+        self,
+        answer: Answer,
+        table: "TableTurns",
+        scene: Scene,
+        unit: InstrumentErrors,
+        gravity: float = 0.0,
     ) -> None:
         stretches = answer.stretches
-        self.true = information(stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
+        self.true = information(
+            stretches, _NORTH, scene.site, unit, Setting(attitude=0.0, gravity=gravity)
+        )
         seen = [sensor_inputs(s, _NORTH, scene.site) for s in stretches]
         self.sources, self.sigmas, self.known = table.sources, table.sigmas, table.known
         readings = []

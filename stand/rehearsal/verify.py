@@ -40,6 +40,7 @@ from stand.simulation.work import Engine
 
 Progress = Callable[[float], None]
 _RUNS_BITS = 20
+FREE_AIR = 3.086e-6  # 1/s^2: by which gravity falls with height
 _GRAVITY = 4  # of the random streams; a table has 3, sensors 0 to 2
 BIASES = tuple(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in AXES)
 
@@ -269,12 +270,14 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
 
 def _site_told(settings: Settings, method: str, seed: int) -> Site:
     """The site with gravity as wrong as it is said to be, for a method that is told how wrong."""
-    bench = settings.options.bench
-    if ESTIMATORS[method].design is None or not isinstance(bench, Bench):
-        return settings.site
+    site, bench, own = settings.site, settings.options.bench, ESTIMATORS[method]
     sequence = np.random.SeedSequence(seed, spawn_key=(_GRAVITY,))
-    off = bench.gravity_sigma * float(np.random.default_rng(sequence).standard_normal())
-    return replace(settings.site, local_gravity=settings.site.gravity + off)
+    normal = float(np.random.default_rng(sequence).standard_normal())
+    if own.design is not None and isinstance(bench, Bench):
+        return replace(site, local_gravity=site.gravity + bench.gravity_sigma * normal)
+    if site.local_gravity is None and own.anomaly:  # off its normal value, by a wrong height
+        return replace(site, height=site.height - own.anomaly * normal / FREE_AIR)
+    return site
 
 
 def _true_constants(trials: Trials, seed: int, keys: Sequence[ConstantKey]) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 from alignment.allan import Channel, FoundTerm, MissingTerm
 from stand.evaluation.allan import DEVIATION, ORDER, UNITS, AllanReport, needs_hours
 from stand.folder import write_files
+from stand.report.judged import Judged
 from stand.report.page import INKS, data_uri, render
 from stand.report.tables import TableData
 
@@ -159,6 +160,28 @@ def verdict(report: AllanReport, sensor: str, term: str) -> str:
     if len(words) == 1:
         return next(iter(words))
     return ", ".join(f"{''.join(axes)} {word}" for word, axes in words.items())
+
+
+def judged(report: AllanReport) -> Judged:
+    """The record against its data sheet in one word, and the terms that say it."""
+    told = [
+        (f"{NAMES[term][sensor]} of the {TITLES[sensor].lower()}", verdict(report, sensor, term))
+        for sensor, term in report.sheet
+    ]
+    if not told:
+        return Judged(
+            "plain", "NO DATA SHEET", ("Nothing is known to hold these numbers against.",)
+        )
+    bad = [f"{name}: {word}" for name, word in told if "worse" in word]
+    shown = [word for _, word in told if word in ("agrees", "better")]
+    count = f"{len(shown)} of {len(told)} stated terms are as stated or better."
+    hidden = [f"{name}: {word}" for name, word in told if word not in ("agrees", "better")]
+    rest = (f"{'; '.join(hidden)}.",) if hidden else ()
+    if bad:
+        return Judged("bad", "WORSE THAN STATED", (count, *rest))
+    if not shown:
+        return Judged("open", "NOT SHOWN BY THIS RECORD", (count, *rest))
+    return Judged("good", "AS STATED", (count, *rest))
 
 
 def _judged(outcome: FoundTerm | MissingTerm, stated: float) -> str:
@@ -324,6 +347,7 @@ def _content(report: AllanReport, light: bytes, dark: bytes) -> dict[str, Any]:
         "path": report.path,
         "topic": report.topic,
         "sheet_title": report.sheet_title,
+        "judged": judged(report),
         "duration": _hours(result.duration),
         "rate": f"{1 / result.interval:.6g}",
         "samples": f"{result.samples:,}".replace(",", "\u202f"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from alignment import DEFAULT_METHOD, Dwell
+from alignment import DEFAULT_METHOD, AttitudeEstimate, Dwell
 from alignment.errors import Fault
+from alignment.estimate import ANGLES
 from alignment.units import DEG, DEG_PER_HOUR
 from stand.arguments import site_with
 from stand.evaluation.aligned import Alignment, align
@@ -24,6 +26,7 @@ from stand.report.allan import picture
 from stand.report.allan import tables as allan_tables
 from stand.report.document import ANGLE_NOTE, refusal_lines, score_tables
 from stand.report.figures import channels
+from stand.report.judged import Judged
 from stand.report.page import data_uri, render, span_text
 from stand.report.stretches import stretches_table
 
@@ -78,7 +81,7 @@ def page(log: Log, imu: str | None = None, latitude_deg: float | None = None) ->
         "path": log.path,
         "subtitle": f"Topic {log.topic}" if log.topic else "Samples of one IMU",
         "facts": _facts(log, latitude),
-        "doubts": doubts,
+        "verdict": _verdict(answer, refusals, doubts),
         "channels": channels(log.readings, [(d.t_from, d.t_to) for d in rests.dwells]),
         "stretches": stretches_table(found),
         "refusals": refusal_lines(refusals),
@@ -87,6 +90,40 @@ def page(log: Log, imu: str | None = None, latitude_deg: float | None = None) ->
         "noise": _noise(log, rests, imu),
     }
     return render("log.html.j2", content)
+
+
+def _verdict(
+    answer: Alignment | None, refusals: Sequence[Refusal], doubts: Sequence[str]
+) -> Judged:
+    """What was found in one sentence, or why nothing was; then what speaks against it."""
+    scores = answer.scores if answer is not None else []
+    answered = [s.estimate for s in scores if _found(s.estimate)]
+    if not answered:
+        return Judged("bad", "NO ATTITUDE", (*refusal_lines(refusals)[:1], *doubts))
+    longest = max(answered, key=lambda e: e.t_to - e.t_from)
+    sentence = f"Of the longest stretch: {_found(longest)}."
+    if doubts:
+        return Judged("open", "FOUND, WITH DOUBTS", (sentence, *doubts))
+    return Judged("good", "ATTITUDE FOUND", (sentence,))
+
+
+def _found(e: AttitudeEstimate) -> str:
+    """'rest 1, 50 s: heading 22.8° ± 0.3°, by triad'; '' of an estimate without an attitude."""
+    if e.C_nb is None or e.angles is None:
+        return ""
+    over = f"{e.label}, {span_text(e.t_to - e.t_from)}"
+    told = [("heading", e.heading, e.heading_sigma)] if e.heading is not None else []
+    sigmas = [None] * 3 if e.sigmas is None else e.sigmas.tolist()
+    told += [(ANGLES[k], float(e.angles[k]), sigmas[k]) for k in (0, 2)]
+    words = [_angle(*one) for one in told if one[1] is not None and np.isfinite(one[1])]
+    return f"{over}: {', '.join(words)}, by {e.method}" if words else ""
+
+
+def _angle(name: str, value: float, sigma: float | None) -> str:
+    if sigma is None or not np.isfinite(sigma) or sigma <= 0:
+        return f"{name} {value / DEG:.4g}°"
+    digits = max(0, 1 - int(np.floor(np.log10(sigma / DEG))))
+    return f"{name} {value / DEG:.{digits}f}° ± {sigma / DEG:.{digits}f}°"
 
 
 def _facts(log: Log, latitude: float | None) -> list[tuple[str, str]]:

@@ -5,7 +5,7 @@ from math import pi, radians, sqrt
 import numpy as np
 import pytest
 
-from alignment.around import by_direction, by_one_gyro, whole_circle
+from alignment.around import by_direction, by_length, by_one_gyro, whole_circle
 
 
 def test_small_errors_are_first_order():
@@ -26,6 +26,13 @@ def test_direction_of_two_errors_that_are_alike(degrees, ratio):
 def test_direction_that_turns_round_half_the_time():
     """An error along the rate of ten times itself: 46 of 100 are reversed, Q(0.1) of a normal."""
     assert by_direction(np.diag([100.0, 1e-6])) == pytest.approx(sqrt(0.4602) * pi, rel=0.03)
+
+
+def test_length_of_an_error_that_is_all():
+    """``E (|s z| - 1)^2 / s^2`` of two normals: ``2 - 2 sqrt(pi/2)/s + 1/s^2`` where s is large."""
+    assert by_length(0.05) == 1.0
+    s = 50.0
+    assert by_length(s) == pytest.approx(2 - 2 * sqrt(pi / 2) / s + 1 / s**2, rel=0.005)
 
 
 @pytest.mark.parametrize("azimuth", [90.0, -60.0])

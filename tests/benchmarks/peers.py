@@ -225,8 +225,8 @@ def pairs(folder: Path, ours: Side, theirs: Side) -> list[Pair]:
     unit.write_text(UNIT)
     works = (
         ("rest, 20 min at 200 Hz", rest(1200), 200),
-        ("random sway, 5 min at 200 Hz", sway(300), 200),
-        ("random sway, 1 min at 1 kHz", sway(60), 1000),
+        ("random sway, 10 min at 200 Hz", sway(600), 200),
+        ("random sway, 5 min at 1 kHz", sway(300), 1000),
         ("coning of 1 deg at 5 Hz, 2 min at 100 Hz", coning(120, nimble(folder)), 100),
         ("coning of 1 deg at 5 Hz, 2 min at 1 kHz", coning(120, nimble(folder)), 1000),
         ("five rests and turns, 200 Hz", turning(30), 200),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
+import pkgutil
 import re
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -358,14 +360,10 @@ def python_pages() -> Pages:
     names = [n for n in stand.__all__ if n != "__version__"]
     functions = [n for n in names if inspect.isroutine(getattr(stand, n))]
     classes = [n for n in names if n not in functions]
-    results = [
-        name
-        for name, kind in vars(stand.results).items()
-        if inspect.isclass(kind) and kind.__module__ == "stand.results" and name[0] != "_"
-    ]
+    results = result_classes()
     directives = [f".. autofunction:: stand.{n}" for n in functions]
     directives += [f".. autoclass:: stand.{n}" for n in classes]
-    answers = [f".. autoclass:: stand.results.{n}\n   :members:" for n in results]
+    answers = [f".. autoclass:: {name}\n   :members:" for name in results]
     pages = {
         "reference/stand": f"# The Python face: `stand`\n\n{_rst(directives)}",
         "reference/results": f"# What the functions answer\n\n{_rst(answers)}",
@@ -382,6 +380,19 @@ def python_pages() -> Pages:
         "log.\n\n" + toctree(inner)
     )
     return pages
+
+
+def result_classes() -> list[str]:
+    """Every class that the functions answer with: `stand.results` has a module for each."""
+    found = []
+    for module in pkgutil.iter_modules(stand.results.__path__, "stand.results."):
+        loaded = importlib.import_module(module.name)
+        found += [
+            f"{module.name}.{name}"
+            for name, kind in vars(loaded).items()
+            if inspect.isclass(kind) and kind.__module__ == module.name and name[0] != "_"
+        ]
+    return found  # fmt: skip
 
 
 def _is_package(module: str) -> bool:

@@ -15,6 +15,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,11 +23,12 @@ from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "docs" / "site" / "faults.json"
+REMEDIES = ROOT / "docs" / "site" / "remedies.toml"
 PACKAGES = ("alignment", "stand")
 HOLE = "…"  # what the input puts into a message
 LEAST_WORDS = 8  # letters of a message outside of its holes: else it is made elsewhere
 # where a message begins to say what would do
-REMEDIES = re.compile(
+REMEDY = re.compile(
     r"(must|known:|did you mean|allowed|at least|at most|choose|install|needs?\b|leave|would do"
     r"|--\w|give |name |use )"
 )
@@ -50,10 +52,17 @@ class Fault:
         return re.search(pattern, message) is not None
 
     @property
-    def remedy(self) -> str:
-        """The part of the message that says what is allowed."""
-        found = REMEDIES.search(self.template)
+    def allowed(self) -> str:
+        """The part of the message that says what is allowed; '' where none does."""
+        found = REMEDY.search(self.template)
         return self.template[found.start() :] if found else ""
+
+    def remedy(self, stated: Mapping[str, str]) -> str:
+        """What would do, as markdown: the message says it, or `stated` does (`remedies`)."""
+        if self.allowed:
+            return f"`{_code(self.allowed)}`"
+        own = f"{self.file} {self.template}"
+        return next((text for pattern, text in stated.items() if re.search(pattern, own)), "")
 
 
 def faults() -> list[Fault]:
@@ -108,9 +117,14 @@ def examples() -> dict[str, list[str]]:
     return json.loads(text)
 
 
+def remedies() -> dict[str, str]:
+    """What would do, by a pattern of the messages that do not say it; the first counts."""
+    return tomllib.loads(REMEDIES.read_text(encoding="utf-8"))["remedies"]
+
+
 def fault_page() -> str:
     """The index as markdown, by where the faults arise."""
-    seen = examples()
+    seen, stated = examples(), remedies()
     groups: dict[str, list[Fault]] = {}
     for fault in faults():
         groups.setdefault("/".join(fault.file.split("/")[:2]).removesuffix(".py"), []).append(fault)
@@ -129,8 +143,9 @@ def fault_page() -> str:
             example = next((m for m in seen.get(fault.file, []) if fault.fits(m)), "")
             if example:
                 lines.append(f"  Seen: `{_code(example)}`")
-            if fault.remedy:
-                lines.append(f"  Remedy: `{_code(fault.remedy)}`")
+            remedy = fault.remedy(stated)
+            if remedy:
+                lines.append(f"  Remedy: {remedy}")
             parts.append("\n\n".join(lines))
     return "\n\n".join(parts) + "\n"
 

@@ -13,9 +13,16 @@ from matplotlib.image import imread
 from pages import Page
 from rehearsed import answer, verified
 
+import stand
+from stand.evaluation.allan import analyse
 from stand.physics.picture import NoDriver
+from stand.recording.mcap.writer import write_imu_log
 from stand.rehearsal.result import Verdict
 from stand.report import gallery
+from stand.report.allan import page as allan_page
+from stand.report.allan import picture as allan_picture
+from stand.report.certificate import page as certificate
+from stand.report.log_page import page as log_page
 from stand.report.rehearsal import page
 from stand.report.run_page import write_run_page
 
@@ -95,7 +102,7 @@ def test_a_rehearsal_opens_without_complaint(by_theme, theme):
     assert "Verified by 400 runs 4 of 5 predictions agree with the runs" in opened.dom.said
     assert "0.70 (0.65 to 0.75) contradicted" in opened.dom.said
     assert len(opened.dom.of("svg")) == 4
-    assert len(opened.dom.of("img")) == 2
+    assert len(opened.dom.of("img")) == 3  # two positions, the first on the first screen too
     corner = tuple(opened.screen[2, 2])
     assert corner == PAPER[theme]
     # Bars of the timeline and of the budget: two thirds of the width, 4 rows of 20 pixels and
@@ -142,24 +149,66 @@ def test_a_narrow_screen_scrolls_tables_and_not_the_page(tmp_path, undrawn):
     assert accent.nonzero()[0].max() == pytest.approx(500 - 15, abs=4)
 
 
-def test_on_a_telephone_nothing_is_wider_than_the_screen(tmp_path, undrawn):
-    # The browser's own windows are 500 wide at least: a frame may be narrower.
+def noise_alone(path):
+    """A minute of rest at 20 Hz, Y1 up: white noise of 1e-4 rad/s and 1e-2 m/s^2."""
+    rng = np.random.default_rng(2)
+    n = 1200
+    f = [0, 9.81, 0] + 1e-2 * rng.standard_normal((n, 3))
+    w = 1e-4 * rng.standard_normal((n, 3))
+    write_imu_log(path, t_ns=(np.arange(n) + 1) * 50_000_000, w_ib_b=w, f_b=f, metadata={})
+    return path
+
+
+def run_page(folder, out):
+    return write_run_page(folder, out).read_text(encoding="utf-8")
+
+
+def kinds(recorded, log):
+    """A page of each kind that a command writes, by its name."""
+    copy = stand.read(log)
+    allan = analyse(log, imu="stim300")
+    picture = allan_picture(allan)
+    edges = stand.simulate(stand.settings("tumble-6", imu="stim300", rate_hz=5, seed=3))
+    return {
+        "rehearsal": page(verified(Verdict.FAIL, heading=0.7)),
+        "run": run_page(recorded.folder, log.with_name("run.html")),
+        "log": log_page(copy, "stim300"),
+        "allan": allan_page(allan, picture, picture),
+        "certificate": certificate(stand.calibrate(edges)),
+    }
+
+
+def test_no_page_of_any_kind_is_wider_than_the_screen(recorded, tmp_path, undrawn):
+    """Telephone, tablet, desk: the browser's own windows are 500 wide at least, frames are not.
+
+    The first screen of each has its verdict, and below it or beside it begins what is seen; on a
+    telephone no frame of a verdict ends beyond the margin of 16 points.
+    """
     folder = tmp_path / "page"
     folder.mkdir()
-    inner = folder / "inner.html"
-    inner.write_text(page(verified(Verdict.FAIL, heading=0.7)), encoding="utf-8")
+    rest = noise_alone(tmp_path / "rest.mcap")
+    for name, text in kinds(recorded, rest).items():
+        (folder / f"{name}.html").write_text(text, encoding="utf-8")
     measure = (
-        "const root = document.querySelector('iframe').contentDocument.documentElement;"
-        "document.querySelector('p').textContent = `${root.clientWidth} ${root.scrollWidth}`"
+        "const d = this.contentDocument, r = d.documentElement;"
+        "const v = d.querySelector('#verdict').getBoundingClientRect();"
+        "document.querySelector('p').textContent += [this.title, this.clientWidth, r.scrollWidth,"
+        "Math.round(v.right), v.top < 400].join(' ') + '; '"
     )
-    opened = seen(
-        f'<iframe src="{inner.name}" style="width: 400px; height: 3000px; border: 0" '
-        f'onload="{measure}"></iframe><p>not measured</p>',
-        folder,
-        flags=("--allow-file-access-from-files",),
+    frames = "".join(
+        f'<iframe title="{file.stem}" src="{file.name}" onload="{measure}" '
+        f'style="width: {width}px; height: 3000px; border: 0"></iframe>'
+        for file in sorted(folder.glob("*.html"))
+        for width in (390, 768, 1440)
     )
-    assert opened.dom.said == "400 400"
+    opened = seen(f"<p></p>{frames}", folder, flags=("--allow-file-access-from-files",))
     assert opened.console == []
+    told = [row.split() for row in opened.dom.said.split(";") if row.strip()]
+    assert len(told) == 5 * 3
+    for name, width, scrolled, right, high in told:
+        assert scrolled == width, (name, width, scrolled)
+        assert int(right) <= int(width) - 16, (name, width, right)
+        assert high == "true", name
 
 
 def test_a_recorded_run_opens_without_complaint(recorded, tmp_path, undrawn):

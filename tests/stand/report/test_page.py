@@ -64,7 +64,8 @@ def test_the_page_is_whole_and_says_the_verdict_first(quick_pictures, verdict):
         assert heading in rest
     # requirements, timeline and budget; and the ratios of what runs contradict
     assert len(shown.of("svg")) == (4 if verdict is Verdict.CONTRADICTED else 3)
-    assert len(shown.of("img")) == 2  # two different positions of three steps
+    # two different positions of three steps, the first on the first screen as well
+    assert len(shown.of("img")) == 3
 
 
 def test_the_page_says_what_the_answer_says(quick_pictures):
