@@ -1,4 +1,4 @@
-.PHONY: demo test lint bench peers proof docs mutants fuzz clean
+.PHONY: demo test lint bench peers proof docs mutants survive fuzz clean
 
 VENV := .venv
 PEERS := .venv-peers
@@ -43,8 +43,9 @@ mutants: $(READY)
 	$(PY) tests/benchmarks/mutants.py $(ARGS)
 
 survive: $(READY)
-	STAND_DISK_SWEEP=1 STAND_KILLS=50 STAND_KERNELS=all $(PY) -m pytest -q tests/stand/test_full_disk.py \
-		tests/stand/test_recovered.py tests/test_any_processor.py
+	STAND_DISK_SWEEP=1 STAND_KILLS=50 STAND_KERNELS=all STAND_INTERRUPTS=20 $(PY) -m pytest -q \
+		tests/stand/test_full_disk.py tests/stand/test_recovered.py tests/test_any_processor.py \
+		tests/stand/cli/test_interrupts.py
 
 fuzz: $(READY)
 	$(PY) tests/benchmarks/fuzz.py

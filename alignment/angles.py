@@ -17,6 +17,7 @@ from alignment.arrays import Array
 
 # Columns are north, up, east in NED: takes NUE components to NED components.
 C_N_NUE = Rotation.from_matrix([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+_C_NUE_N = C_N_NUE.inv()
 
 SINGULAR = np.radians(0.5)  # nearer than this to +-90 deg the first and third turn merge
 X1_VERTICAL = np.cos(np.radians(45.0))  # |up . X1| above this counts as "X1 vertical"
@@ -67,7 +68,7 @@ def angles_from_C_nb(sequence: Sequence, C_nb: Rotation) -> Array:
     Yaw and the last turn lie in [-pi, pi], the middle turn in [-pi/2, pi/2]. At the sequence's
     singularity only the sum or difference of the outer turns means anything (`near_singular`).
     """
-    R = (C_N_NUE.inv() * C_nb).as_matrix()
+    R = (_C_NUE_N * C_nb).as_matrix()
     if sequence is Sequence.YAW_PITCH_ROLL:
         pitch = np.arctan2(R[..., 1, 0], np.hypot(R[..., 1, 1], R[..., 1, 2]))
         roll = np.arctan2(-R[..., 1, 2], R[..., 1, 1])

@@ -7,6 +7,7 @@ one attitude what they add looks like a bias, in the next it is another one.
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -97,16 +98,30 @@ def constant_columns(w_b: Array, f_b: Array, priors: Priors) -> Array:
     (..., 6, q)
         One column per error that `priors` state: three axes, or nine coefficients, of each term.
     """
-    parts = [np.zeros((*w_b.shape[:-1], 6, 0))]
-    for sensor, x, at in (("gyro", w_b, 0), ("accel", f_b, 3)):
-        for name in ERRORS_OF[sensor]:
-            sigma = getattr(priors, f"{sensor}_{name}")
-            if sigma > 0:
-                own = _of_triad(name, x, f_b, getattr(priors, f"{sensor}_axes"))
-                part = np.zeros((*w_b.shape[:-1], 6, own.shape[-1]))
-                part[..., at : at + 3, :] = sigma * own
-                parts.append(part)
-    return np.concatenate(parts, axis=-1)
+    columns = np.zeros((*w_b.shape[:-1], 6, constant_count(priors)))
+    felt = {"gyro": (w_b, slice(0, 3)), "accel": (f_b, slice(3, 6))}
+    first = 0
+    for sensor, name, sigma in _stated(priors):
+        x, rows = felt[sensor]
+        own = sigma * _of_triad(name, x, f_b, getattr(priors, f"{sensor}_axes"))
+        columns[..., rows, first : first + own.shape[-1]] = own
+        first += own.shape[-1]
+    return columns
+
+
+@lru_cache(maxsize=16)  # a fit asks at each of its steps
+def _stated(priors: Priors) -> tuple[tuple[str, str, float], ...]:
+    """Sensor, name and standard deviation of each error that `priors` state."""
+    every = ((sensor, name) for sensor in ERRORS_OF for name in ERRORS_OF[sensor])
+    found = ((sensor, name, getattr(priors, f"{sensor}_{name}")) for sensor, name in every)
+    return tuple(one for one in found if one[2] > 0)
+
+
+@lru_cache(maxsize=16)
+def constant_count(priors: Priors) -> int:
+    """How many columns `constant_columns` has."""
+    none = np.zeros(3)
+    return sum(BY_AXIS[name](none, none).shape[-1] for _, name, _ in _stated(priors))
 
 
 # --- in one attitude -----------------------------------------------------------------------------

@@ -89,8 +89,8 @@ class AttitudeEstimate:
     flags : tuple of str
         Doubts a reader must see.
     biases, bias_sigmas : (6,) or None
-        Of gyros [rad/s], then accelerometers [m/s^2], on X1, Y1, Z1, where the method finds
-        them, with their standard deviations.
+        Of gyros [rad/s], then accelerometers [m/s^2], on X1, Y1, Z1, as they were switched on,
+        where the method finds them, with their standard deviations.
     sway : mapping or None
         What a method found of the base's rocking, by name, SI.
     calibration : Calibration or None
@@ -115,6 +115,8 @@ class AttitudeEstimate:
     # read off once: reports ask for them dozens of times
     _turns: Array | None = field(init=False, repr=False, default=None)
     _sigmas: Array | None = field(init=False, repr=False, default=None)
+    _heading: float | None = field(init=False, repr=False, default=None)
+    _heading_sigma: float | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         shapes = {"covariance": (3, 3), "biases": (6,), "bias_sigmas": (6,)}
@@ -126,8 +128,16 @@ class AttitudeEstimate:
             if self.covariance is not None and not self.singular:
                 sigmas = angle_sigmas(self.sequence, turns, self.covariance)
                 set_owned(self, _sigmas=(sigmas, (3,), float))
+            self._read_heading(self.C_nb)
         if "latitude" in self.undetermined:
             object.__setattr__(self, "latitude", None)
+
+    def _read_heading(self, C_nb: Rotation) -> None:
+        heading = heading_from_C_nb(C_nb)
+        object.__setattr__(self, "_heading", heading)
+        if heading is not None and self.covariance is not None:
+            sigma = float(heading_sigmas(C_nb, self.covariance))
+            object.__setattr__(self, "_heading_sigma", sigma)
 
     @property
     def angles(self) -> Array | None:
@@ -145,17 +155,13 @@ class AttitudeEstimate:
 
         None for a vertical X1, and where it is not determined.
         """
-        sigma = self.heading_sigma
-        if self.C_nb is None or not (sigma is None or determined(sigma)):
-            return None
-        return heading_from_C_nb(self.C_nb)
+        sigma = self._heading_sigma
+        return self._heading if sigma is None or determined(sigma) else None
 
     @property
     def heading_sigma(self) -> float | None:
         """Standard deviation of `heading` [rad]; None where there is none, as of a vertical X1."""
-        if self.C_nb is None or self.covariance is None or heading_from_C_nb(self.C_nb) is None:
-            return None
-        return float(heading_sigmas(self.C_nb, self.covariance))
+        return self._heading_sigma
 
     @property
     def singular(self) -> bool:

@@ -11,7 +11,7 @@ from alignment.methods.fine import fine, fine_tracks, innovations
 from alignment.methods.inertial import inertial, inertial_tracks
 from alignment.methods.integration import integration_gains, rk4, rk4_tracks
 from alignment.methods.position_gains import multi_position_gains, two_position_gains
-from alignment.methods.positions import multi_position, two_position
+from alignment.methods.positions import ANOMALY, multi_position, two_position
 from alignment.methods.rocking_gains import fine_functional, inertial_functional
 from alignment.methods.single_gyro import single_gyro, single_gyro_gains
 from alignment.methods.six_position import six_position, six_position_gains, six_position_tracks
@@ -84,6 +84,7 @@ ESTIMATORS = {
         estimate=two_position,
         gains=two_position_gains,
         turns_cancel_bias=True,
+        anomaly=ANOMALY,
     ),
     "multi-position": Method(
         title="All positions in one least squares fit with the biases",
@@ -92,6 +93,7 @@ ESTIMATORS = {
         estimate=multi_position,
         gains=multi_position_gains,
         turns_cancel_bias=True,
+        anomaly=ANOMALY,
         fits_positions=True,
     ),
     "carousel": Method(

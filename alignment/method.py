@@ -78,6 +78,8 @@ class Method:
         How many find the heading: 2 across the vertical, or the 1 nearest to east or west.
     turns_cancel_bias : bool
         Turning the unit between or within stretches takes constant biases out of its heading.
+    anomaly : float
+        How far gravity that nobody measured may be off its normal value to the method [m/s^2].
     fits_positions : bool
         It fits all positions there are, so that one more makes it surer.
     azimuth_matters : bool
@@ -118,6 +120,7 @@ class Method:
     carries_nominal: bool = False
     gyros: Literal[1, 2] = 2
     turns_cancel_bias: bool = False
+    anomaly: float = 0.0
     fits_positions: bool = False
     azimuth_matters: bool = False
     tells_mean: bool = False

@@ -7,13 +7,15 @@ in the band that a mean lets through.
 
 from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from alignment.arrays import Array
 from alignment.doubts import drift_doubt, drift_words
 from alignment.errors import NotAtRest, TooShort
-from alignment.parts import excerpts, mean, parts, release, sums_between
+from alignment.once import once
+from alignment.parts import PART, excerpts, mean, parts, release, sums_between
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import rounding_variance
 from alignment.sampling import step_of
@@ -67,20 +69,52 @@ def mean_variance(values: Array) -> Array:
     samples or fewer give the textbook variance. A constant bias is not in it, nor a drift below
     the noise.
     """
+    shown = _shown_by(values)
+    return shown.variance + _drift(shown.cosines, shown.sines, len(values)) ** 2
+
+
+class _Shown(NamedTuple):
+    """What columns (n, k) show: the variances (k,) of their means but for drifts, and `_waves`."""
+
+    variance: Array
+    cosines: Array
+    sines: Array
+
+
+def _shown_by(values: Array) -> _Shown:
     n = len(values)
     if n <= BLOCKS:
-        return np.asarray(values.var(axis=0, ddof=1) / n)
+        none = np.zeros((_ORDERS, values.shape[1]))
+        return _Shown(values.var(axis=0, ddof=1) / n, none, none)
     sums, edges = _sums(values)
     level, cosines, sines = _level(sums, edges)
-    wander = 2 * _integral_variance(sums, edges) / n**2
-    return np.asarray(13 / 15 * level + wander + _drift(cosines, sines, n) ** 2)
+    variance = 13 / 15 * level + 2 * _integral_variance(sums, edges) / n**2
+    return _Shown(variance, cosines, sines)
 
 
+@once
+def _means_and_shown(readings: ImuReadings) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Means (6,), their variances but for drifts, and drifts (3,) of gyros and accelerometers.
+
+    Of all channels together, which is faster, where they are not many.
+    """
+    n, both = len(readings), (readings.w_ib_b, readings.f_b)
+    columns = (np.hstack(both),) if n <= PART else both
+    means = np.concatenate([mean(values) for values in columns])
+    shown = [_shown_by(values) for values in columns]
+    variances = np.concatenate([one.variance for one in shown])
+    cosines, sines = (np.hstack([one[k] for one in shown]) for k in (1, 2))
+    gyro, accel = (_drift(cosines[:, own], sines[:, own], n) for own in (slice(3), slice(3, 6)))
+    return means, variances, (gyro, accel)
+
+
+@once
 def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     """Means (6,) of rates and forces, and the variances (6,) of those means, as `mean_variance`."""
-    values = readings.w_ib_b, readings.f_b
-    means = np.concatenate([mean(v) for v in values])
-    return means, np.concatenate([mean_variance(v) for v in values])
+    means, variances, drifts = _means_and_shown(readings)
+    variances = variances + np.concatenate(drifts) ** 2
+    means.flags.writeable = variances.flags.writeable = False  # there is one for all who ask
+    return means, variances
 
 
 def dwell_mean_and_variance(dwell: Dwell, window: ImuReadings) -> tuple[Array, Array]:
@@ -212,11 +246,12 @@ def _pairs(cosines: Array) -> Array:
 
 
 def _integral_variance(sums: Array, edges: np.ndarray) -> Array:
-    integral = np.concatenate([np.zeros((1, sums.shape[1])), np.cumsum(sums, axis=0)])
-    integral -= integral.mean(axis=0)
+    integral = np.zeros((sums.shape[1], len(sums) + 1))  # by columns: sums go along memory
+    np.cumsum(sums.T, axis=1, out=integral[:, 1:])
+    integral -= integral.mean(axis=1, keepdims=True)
     line = edges - edges.mean()
-    slope = line @ integral / (line @ line)
-    return np.asarray(np.mean((integral - np.outer(line, slope)) ** 2, axis=0))
+    integral -= np.outer(integral @ line / (line @ line), line)
+    return np.asarray(np.mean(integral**2, axis=1))
 
 
 def _drift(cosines: Array, sines: Array, n: int) -> Array:
@@ -234,9 +269,10 @@ def _drift(cosines: Array, sines: Array, n: int) -> Array:
 
 def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
     """A flag where readings at rest drift, as `drift_of` has it."""
-    return drift_doubt(drift_of(readings.w_ib_b), drift_of(readings.f_b))
+    return drift_doubt(*_means_and_shown(readings)[2])
 
 
+@once
 def gap_doubt(readings: ImuReadings) -> tuple[str, ...]:
     """A flag where a step between stamps is above ten times the usual one."""
     t, gap, before, shortest = readings.t, 0.0, 0.0, np.inf
@@ -274,29 +310,38 @@ def check_rest(readings: ImuReadings, label: str) -> None:
     motion. About the vertical that cannot be seen: there a drift is believed up to `ALIKE` times
     that of the other gyros. A steady turn about the vertical looks like a gyro bias.
     """
+    moved = _motion(readings)
+    if moved:
+        raise NotAtRest(f"{label}: {moved}")
+
+
+@once
+def _motion(readings: ImuReadings) -> str:
+    """Why readings are not at rest, in words; '' where they are."""
     blocks = _blocks(readings)
     f, w = block_means(readings.f_b, blocks), block_means(readings.w_ib_b, blocks)
     mean_f = f.mean(axis=0)
     size = float(np.linalg.norm(mean_f))
     if not size or not np.linalg.norm(f, axis=1).all():
-        raise NotAtRest(f"{label}: specific force is zero: falling, or no accelerometers")
+        return "specific force is zero: falling, or no accelerometers"
     tilts = np.arctan2(np.linalg.norm(np.cross(f, mean_f), axis=1), f @ mean_f)
     rates = np.linalg.norm(w - w.mean(axis=0), axis=1)
     if tilts.max() <= REST_TILT and rates.max() <= REST_RATE:  # whatever the noise would excuse
-        return
+        return ""
     tilt = max(REST_TILT, _scatter(readings.f_b, f) / size)
     rate = max(REST_RATE, _scatter(readings.w_ib_b, w))
     span = readings.interval * len(readings) / blocks
     if tilts.max() <= tilt and _is_drift(w, mean_f / size, rate, span):
         rates = np.zeros(blocks)
     worst = int(np.argmax(np.maximum(tilts / tilt, rates / rate)))
-    if tilts[worst] > tilt or rates[worst] > rate:
-        at = float(readings.t[worst * len(readings) // blocks])
-        raise NotAtRest(
-            f"{label}: not at rest near {at:.1f} s: tilt {np.degrees(tilts[worst]):.2f} deg, "
-            f"rate {np.degrees(rates[worst]):.3f} deg/s off their means "
-            f"(allowed {np.degrees(tilt):.2g} deg, {np.degrees(rate):.2g} deg/s)"
-        )
+    if not (tilts[worst] > tilt or rates[worst] > rate):
+        return ""
+    at = float(readings.t[worst * len(readings) // blocks])
+    return (
+        f"not at rest near {at:.1f} s: tilt {np.degrees(tilts[worst]):.2f} deg, "
+        f"rate {np.degrees(rates[worst]):.3f} deg/s off their means "
+        f"(allowed {np.degrees(tilt):.2g} deg, {np.degrees(rate):.2g} deg/s)"
+    )
 
 
 def longest_rest(readings: ImuReadings, shortest: float = 10.0) -> tuple[float, float] | None:

@@ -108,10 +108,12 @@ class Options:
 
     `offset_window` [s]: how much of each dwell gives the zero offsets. `rule`: which order of
     turns each position is read by. `priors`: what is known of instrument and table. `bench`: what a
-    calibration is told instead, an `alignment.calibration.bench.Bench`.
+    calibration is told instead, an `alignment.calibration.bench.Bench`. `verdicts`: whether
+    estimates say what their turns were worth, which takes as long as a fit and changes no number.
     """
 
     offset_window: float = 10.0
     rule: SequenceRule = SequenceRule.REGULAR
     priors: Priors = field(default_factory=Priors)
     bench: object | None = field(default=None, repr=False)
+    verdicts: bool = True

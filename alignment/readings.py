@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
 from alignment.errors import TooShort
+from alignment.once import once
 from alignment.parts import parts, release
 
 EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
@@ -23,7 +24,7 @@ class Grain:
     noise: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class ImuReadings:
     """Samples of one IMU.
 
@@ -92,6 +93,8 @@ class ImuReadings:
             first = 0
         last = max(first, np.searchsorted(self.t, t_to + EDGE))
         part = slice(int(first), int(last))
+        if part == slice(0, len(self)):
+            return self
         return replace(self, t=self.t[part], w_ib_b=self.w_ib_b[part], f_b=self.f_b[part])
 
 
@@ -139,7 +142,7 @@ class JointAngles:
             set_owned(self, axis_b=(self.axis_b, (3,), float))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Dwell:
     """Readings of an instrument that was told to stand still, or to turn at a constant rate.
 
@@ -179,6 +182,9 @@ class Dwell:
 
     def window(self, start: float = 0.0, stop: float | None = None) -> ImuReadings:
         """Samples from `start` to `stop` seconds after the dwell began (to its end if None)."""
+        return _all_of(self) if (start, stop) == (0.0, None) else self._part(start, stop)
+
+    def _part(self, start: float, stop: float | None) -> ImuReadings:
         t_to = self.t_to if stop is None else min(self.t_to, self.t_from + stop)
         part = self.readings.between(self.t_from + start, t_to)
         if len(part) < 2:
@@ -187,6 +193,11 @@ class Dwell:
                 f"{t_to:.3f} s, at least 2 are needed"
             )
         return part
+
+
+@once  # several methods look at the same samples
+def _all_of(dwell: Dwell) -> ImuReadings:
+    return dwell._part(0.0, None)
 
 
 BoolArray = NDArray[np.bool_]

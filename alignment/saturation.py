@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from alignment.arrays import Array
 from alignment.errors import Saturated
+from alignment.once import once
 from alignment.parts import excerpts, in_parts, parts, release
 from alignment.readings import ImuReadings
 from alignment.sampling import step_of
@@ -59,19 +60,23 @@ def saturation_doubt(label: str, readings: ImuReadings) -> tuple[str, ...]:
     A channel that never leaves full scale cannot be told from a perfect sensor at rest.
     """
     flags = []
-    triads = (readings.w_ib_b, readings.f_b)
-    for first, triad, stated in zip((0, 3), triads, readings.ranges, strict=True):
-        for axis in range(triad.shape[1]):
-            count = _at_full_scale(triad[:, axis], stated)
-            if not count:
-                continue
-            share = count / len(readings)
-            percent = f"{100 * share:.2g}" if share < 0.1 else f"{100 * share:.0f}"
-            told = f"{CHANNELS[first + axis]} at full scale in {percent} % of the samples"
-            if share > LARGEST_SHARE:
-                raise Saturated(f"{label}: {told}: what it felt there is lost")
-            flags.append(told)
+    for channel, count in zip(CHANNELS, _clipped_counts(readings), strict=True):
+        if not count:
+            continue
+        share = count / len(readings)
+        percent = f"{100 * share:.2g}" if share < 0.1 else f"{100 * share:.0f}"
+        told = f"{channel} at full scale in {percent} % of the samples"
+        if share > LARGEST_SHARE:
+            raise Saturated(f"{label}: {told}: what it felt there is lost")
+        flags.append(told)
     return tuple(flags)
+
+
+@once
+def _clipped_counts(readings: ImuReadings) -> tuple[int, ...]:
+    """How many samples of each channel are clipped."""
+    triads = zip((readings.w_ib_b, readings.f_b), readings.ranges, strict=True)
+    return tuple(_at_full_scale(channel, stated) for triad, stated in triads for channel in triad.T)
 
 
 def clipped(readings: ImuReadings) -> NDArray[np.bool_]:

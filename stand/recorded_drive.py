@@ -35,8 +35,8 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Driven:
-    """What was simulated."""
+class DriveSamples:
+    """What the solutions of a drive are given: readings, fixes, the start as programmed."""
 
     readings: ImuReadings
     fixes: Fixes
@@ -77,15 +77,30 @@ def run_drive(
     refuse_existing(folder, force)
     with folder_beside(folder) as beside, _opened(beside / "run.mcap", settings) as file:
         driven = _simulated(settings, file, lambda done: progress(0.5 * done))
-        matchings, refusals = _solved(settings, driven, lambda d: progress(0.5 + 0.4 * d))
-        result = _scored(settings, folder, driven, matchings, refusals)
+        result = solved(settings, driven, folder, lambda d: progress(0.5 + 0.4 * d))
         text = json.dumps(result_json(result), indent=1, allow_nan=False)
         write_file(beside / "result.json", text + "\n")
-        path = settings.drive.path
-        title = f"{settings.drive.title}: {settings.imu.title}, seed {settings.seed}"
-        write_file(beside / PICTURE, picture(title, matchings, driven.fixes, path))
+        write_file(beside / PICTURE, drawn(result))
     progress(1.0)
     return result
+
+
+def solved(
+    settings: DriveSettings,
+    driven: DriveSamples,
+    out: Path,
+    progress: Progress = lambda done: None,
+) -> DriveResult:
+    """The drive's solutions of what was simulated, or of what is left of it."""
+    matchings, refusals = _solved(settings, driven, progress)
+    return _scored(settings, out, driven, matchings, refusals)
+
+
+def drawn(result: DriveResult, note: str = "") -> bytes:
+    """The errors of each solution over time as a PNG; `note` behind its title."""
+    s = result.settings
+    title = f"{s.drive.title}: {s.imu.title}, seed {s.seed}{note}"
+    return picture(title, result.matchings, result.fixes, s.drive.path)
 
 
 def _opened(path: Path, s: DriveSettings) -> DriveWriter:
@@ -118,14 +133,14 @@ def _start(settings: DriveSettings) -> Rotation:
     return started(settings.drive, START_SIGMA, _stream(settings.seed, _START))
 
 
-def _simulated(settings: DriveSettings, file: DriveWriter, progress: Progress) -> _Driven:
+def _simulated(settings: DriveSettings, file: DriveWriter, progress: Progress) -> DriveSamples:
     """Block by block into the recording."""
     path, unit, blocks = settings.drive.path, _unit(settings), []
     for sensed in sense_blocks(path, settings.rate_hz):
         blocks.append(unit.report(sensed))
         file.write(_truth(path, sensed), blocks[-1])
         progress(float(sensed.t_ns[-1]) * 1e-9 / path.duration)
-    return _Driven(readings_of(joined(blocks)), _fixes(settings), _start(settings))
+    return DriveSamples(readings_of(joined(blocks)), _fixes(settings), _start(settings))
 
 
 def _truth(path: Driven, sensed: Sensed) -> TruthBlock:
@@ -145,7 +160,7 @@ def _stream(seed: int, source: int) -> np.random.Generator:
 
 
 def _solved(
-    settings: DriveSettings, driven: _Driven, progress: Progress
+    settings: DriveSettings, driven: DriveSamples, progress: Progress
 ) -> tuple[dict[str, Matching], dict[str, str]]:
     """Every solution, or why there is none."""
     options = options_of(settings.priors, START_SIGMA)
@@ -162,7 +177,7 @@ def _solved(
 def _scored(
     settings: DriveSettings,
     out: Path,
-    driven: _Driven,
+    driven: DriveSamples,
     matchings: Mapping[str, Matching],
     refusals: Mapping[str, str],
 ) -> DriveResult:

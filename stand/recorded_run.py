@@ -37,6 +37,7 @@ from stand.recording.metadata import (
     SETTLED,
     describe_estimate,
     describe_schedule,
+    describe_settings,
     describe_site,
 )
 from stand.recording.reviewing import open_review
@@ -46,7 +47,7 @@ from stand.samples import CHANNELS, ImuBlock, TruthBlock
 from stand.simulation.collector import DwellCollector, TrueAttitudes
 from stand.simulation.settings import Settings, follows_moves, methods_of, run_id
 from stand.simulation.simulation import Simulation, begins_of
-from stand.simulation.step_record import StepRecord
+from stand.simulation.step_record import StepRecord, describe_followed
 from stand.table.kinematics import C_NW
 from stand.versions import versions
 
@@ -190,11 +191,12 @@ class _Run:
         return collector
 
     def _note_settling(self, mcap: McapWriter, t: float, first: int) -> int:
-        """From when the rests count that are over by `t` [s], from step `first` on: for who finds
-        the recording interrupted. How many steps are over.
+        """How the table did in the steps that are over by `t` [s], from step `first` on, and from
+        when their rests count: for who finds the recording interrupted. How many steps are over.
         """
         records = self.simulation.records_until(t, first)
-        for name, values in _settled(begins_of(records)).items():
+        told = _settled(begins_of(records)) | describe_followed(first, records)
+        for name, values in told.items():
             mcap.metadata(name, values)
         return first + len(records)
 
@@ -264,16 +266,10 @@ class _Run:
 
     def _metadata(self) -> dict[str, dict[str, str]]:
         s = self.settings
+        told = describe_settings(s)
         return {
             RUN: {
-                "procedure": s.procedure.id,
-                "imu": s.imu.id,
-                "table": s.table.id,
-                "seed": str(s.seed),
-                "rate_hz": str(s.rate_hz),
-                "sampling": s.sampling.value,
-                "without": ",".join(s.without),
-                "motion": s.motion.value,
+                **told.pop(RUN),
                 "epoch_ns": str(EPOCH_NS),
                 "frame_n": "north-east-down",
                 "frame_b": "X1 forward, Y1 up, Z1 right at zero table angles",
@@ -284,9 +280,7 @@ class _Run:
             "site": describe_site(s.site),
             "estimate": describe_estimate(s.options, methods_of(s)),
             "schedule": describe_schedule(self.plan.steps),
-            "procedure": {"toml": s.procedure.text},
-            "imu": {"toml": s.imu.text},
-            "table": {"toml": s.table.text},
+            **told,
             "unit": unit_record(self.simulation.imu.gyro_errors, self.simulation.imu.accel_errors),
             "table_errors": self.simulation.errors.record(),
         }

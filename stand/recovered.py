@@ -22,6 +22,8 @@ from alignment.readings import EDGE
 from alignment.units import DEG
 from stand.errors import StandError, located
 from stand.evaluation.aligned import sheet_beside
+from stand.evaluation.drive_result import DriveSettings
+from stand.evaluation.drive_result import result_json as drive_json
 from stand.evaluation.review_curves import method_curves, method_innovations
 from stand.evaluation.score import (
     Refusal,
@@ -41,8 +43,11 @@ from stand.folder import (
     write_file,
 )
 from stand.imu import unstated
-from stand.motion.polynomial import MotionKind
+from stand.motion.planner import plan
+from stand.motion.polynomial import Motion, MotionKind
 from stand.physics.mjcf import describe, load_model
+from stand.procedure.procedure import procedure_from
+from stand.recorded_drive import PICTURE, DriveSamples, drawn, solved
 from stand.recording.attached_model import attached_model
 from stand.recording.content import MCAP, kind_of
 from stand.recording.curves import Phase
@@ -66,8 +71,13 @@ from stand.recording.metadata import (
 )
 from stand.recording.reviewing import MISSING, open_review
 from stand.report.document import files_document, score_tables, verdict_document
-from stand.samples import CHANNELS
+from stand.samples import CHANNELS, TruthBlock
+from stand.simulation.step_record import followed_steps, record_to_json
+from stand.table.joints import StandModel
 from stand.table.kinematics import C_NW
+from stand.table.table import table_from
+from stand.toml_files import Source
+from stand.vehicle.scenario import drive_from
 
 RECORD, REVIEW, RESULT = "run.mcap", "run.rrd", "result.json"
 NOTHING = "holds no whole second of samples"
@@ -239,17 +249,46 @@ def _of_folder(path: Path, target: Path) -> Recovered:
 
 
 def _add_result(log: Log, folder: Path) -> str:
-    """Estimates of the stretches that are whole, and of a run its review; what is left out."""
+    """Estimates of the stretches that are whole, of a run its review and of a drive its picture;
+    what is missing, and why.
+    """
+    metadata = log.imu.metadata
     methods = [name for name in log.methods if name in ESTIMATORS]
     scores, refused = evaluate_each(log.dwells, log.truths, log.site, log.options, methods)
     refusals = [*log.lost, *refused]
-    saturated = np.zeros(len(CHANNELS), int)
-    reason = ""
-    if DRIVE not in log.imu.metadata and "procedure" in log.imu.metadata[RUN]:
-        saturated, reason = _add_review(log, scores, refusals, folder / REVIEW)
-    answer = _result_json(log, scores, refusals, saturated.tolist())
+    saturated, missing, own = np.zeros(len(CHANNELS), int), [], {}
+    if DRIVE in metadata:
+        own, missing = _add_drive(log, folder)
+    elif "procedure" in metadata[RUN]:
+        saturated, missing = _add_review(log, scores, refusals, folder / REVIEW)
+        until = interrupted_at(metadata) + EDGE
+        steps = followed_steps(log.path, metadata)
+        own["steps"] = [record_to_json(step) for step in steps if step.t_to <= until]
+    told = _result_json(log, scores, refusals, saturated.tolist())
+    answer = told | own | {"interrupted_at_s": told["interrupted_at_s"], "missing": missing}
+    answer["versions"] = told["versions"]  # who recorded it, not who brings it back
     write_file(folder / RESULT, json.dumps(answer, indent=1, allow_nan=False) + "\n")
-    return reason
+    return f"({'; '.join(missing)})" if missing else ""
+
+
+def _add_drive(log: Log, folder: Path) -> tuple[dict[str, Any], list[str]]:
+    """What `stand drive` says of a drive, of the fixes that are left, and its picture."""
+    run, dwell = log.imu.metadata[RUN], log.dwells[0]
+    try:
+        text = log.imu.metadata[DRIVE].get("toml", "")
+        drive = drive_from(Source(run.get("drive", ""), log.path, text))
+        imu = sheet_beside(log.imu.metadata)
+        if imu is None or dwell.fixes is None or dwell.nominal is None:
+            raise StandError("its unit, fixes or start are not in the recording")
+        settings = DriveSettings(drive, imu, int(run["rate_hz"]), int(run["seed"]))
+        result = solved(settings, DriveSamples(log.readings, dwell.fixes, dwell.nominal), folder)
+        until = interrupted_at(log.imu.metadata)
+        note = f", interrupted at {until:.0f} s" if until < inf else ""
+        write_file(folder / PICTURE, drawn(result, note))
+    except (Fault, KeyError, ValueError) as error:
+        reason = str(error).removeprefix(f"{log.path}: ")
+        return {}, [f"no solutions and no {PICTURE}: {reason}"]
+    return drive_json(result), []
 
 
 def _result_json(
@@ -285,16 +324,18 @@ def _result_json(
 
 def _add_review(
     log: Log, scores: Sequence[Score], refusals: Sequence[Refusal], path: Path
-) -> tuple[Array, str]:
-    """Write the review; how many samples of each channel were beyond their range, what to say."""
+) -> tuple[Array, list[str]]:
+    """Write the review; how many samples of each channel were beyond their range, what it lacks."""
     metadata, file = log.imu.metadata, path.with_name(RECORD)
-    review = _opened_review(log, path)
+    model = _model(log, file)
+    planned, missing = _planned(log, model)
+    review = _opened_review(log, path, model, following=planned is not None)
     saturated = np.zeros(len(CHANNELS), int)
     with review as rrd:
         for truth, imu in replayed(file, epoch_of(metadata)):
             assert imu.saturated is not None
             saturated += imu.saturated.sum(axis=0)
-            rrd.write(truth, imu)
+            rrd.write(truth, imu, _following(planned, truth))
         end = interrupted_at(metadata)
         if end < inf:
             rrd.event(round(end * 1e9), "WARN", "the recording was interrupted here")
@@ -303,19 +344,51 @@ def _add_review(
         rrd.angles(_curves(log, answered, file))
         rrd.innovations(method_innovations(answered, log.dwells, log.site, log.options))
         rrd.documents(_verdict(log, scores, refusals), files_document(_parts(metadata)))
-    return saturated, "" if path.exists() else f"({MISSING})"
+    return saturated, missing if path.exists() else [MISSING, *missing]
 
 
-def _opened_review(log: Log, path: Path) -> Any:
-    metadata, file = log.imu.metadata, path.with_name(RECORD)
-    run, until = metadata[RUN], float(log.imu.t_ns[-1] - epoch_of(metadata)) * 1e-9
+def _following(planned: Motion | None, truth: TruthBlock) -> Array | None:
+    """Demanded minus realised joint angles (n, 6) [rad]."""
+    return None if planned is None else planned.joints(truth.t_ns * 1e-9)[0] - truth.joints
+
+
+def _model(log: Log, file: Path) -> StandModel:
+    own = log.imu.metadata[RUN].get("model")
     with TemporaryDirectory() as folder:
-        own = run.get("model")
         model = None if own is None else attached_model(file, MODEL_FOLDER + own, Path(folder))
-        described = describe(load_model(model))
+        return describe(load_model(model))
+
+
+def _planned(log: Log, model: StandModel) -> tuple[Motion | None, list[str]]:
+    """What the joints of a servo were told to do, which is not recorded but planned anew; or why
+    it cannot be.
+    """
+    metadata = log.imu.metadata
+    run = metadata[RUN]
+    if run.get("motion") != MotionKind.SERVO.value:
+        return None, []
+    try:
+        # without a folder in which files of its own would be found
+        procedure = procedure_from(
+            Source(run["procedure"], log.path, metadata["procedure"]["toml"])
+        )
+        table = table_from(Source(run["table"], log.path, metadata["table"]["toml"]))
+        planned = plan(procedure, model, table, int(run["seed"]))
+    except (StandError, KeyError, ValueError) as error:
+        reason = str(error).removeprefix(f"{log.path}: ")  # which is to have another name
+        return None, [f"no following error: the motion cannot be planned again: {reason}"]
+    told = [(step.t_from_s, step.t_to_s) for step in recorded_steps(metadata)]
+    if told != [(step.t_from, step.t_to) for step in planned.steps]:
+        return None, ["no following error: this version plans the motion otherwise"]
+    return planned.motion, []
+
+
+def _opened_review(log: Log, path: Path, model: StandModel, *, following: bool) -> Any:
+    metadata = log.imu.metadata
+    run, until = metadata[RUN], float(log.imu.t_ns[-1] - epoch_of(metadata)) * 1e-9
     return open_review(
         path,
-        model=described,
+        model=model,
         run_id=f"{path.parent.name}_{log.imu.t_ns[-1]}",
         title=_title(metadata),
         duration_s=until,
@@ -323,6 +396,7 @@ def _opened_review(log: Log, path: Path) -> Any:
         phases=_phases(metadata, until),
         w_ie_enu=C_NW.inv().apply(log.site.w_ie_n),
         properties=run,
+        following=following,
     )
 
 

@@ -95,5 +95,5 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """From the fast to the slow: what takes more than 5 s comes last."""
+    """From the fast to the slow: what takes more than 2 s comes last."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is not None)

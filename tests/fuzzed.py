@@ -43,8 +43,8 @@ def whole(folder: Path) -> dict[str, list[tuple[bytes, LogForm]]]:
     for separator in (",", "\t", "; "):
         np.savetxt(path, rows, "%.9g", separator, header=HEAD.replace(",", separator), comments="")
         keep("text")
-    for ros1 in (False, True):
-        mcap(path, t_ns, w, f, ros1=ros1)
+    for ros1, bare in ((False, False), (True, False), (False, True), (True, True)):
+        mcap(path, t_ns, w, f, ros1=ros1, bare=bare)
         keep("MCAP")
     for compression in (None, *Writer.CompressionFormat):
         ros1_bag(path, t_ns, w, f, compression=compression)

@@ -14,10 +14,10 @@ KERNELS = ("Prescott", "Haswell")
 if os.environ.get("STAND_KERNELS"):
     KERNELS = (*KERNELS, "SkylakeX", "Nehalem", "")
 
-# an ideal run with a filter on a base that sways, a servo run on an imperfect table, and a cone:
-# units that round finely, so that nothing is hidden
+# an ideal run with a filter on a base that sways, a servo run on an imperfect table, a cone, a
+# motion from a file and a drive: units that round finely, so that nothing is hidden
 RUNS = """
-import hashlib, json, sys
+import hashlib, json, os, sys
 import numpy as np
 import stand
 from stand.procedure.procedure import procedure_from
@@ -30,13 +30,21 @@ CONE = '[[step]]\\nkind = "coning"\\nlabel = "c"\\naxis = "X1"\\nhalf_angle_deg 
 CONE += 'frequency_hz = 1.0\\nduration_s = 10\\n'
 SWAY = '[[background]]\\nkind = "sway"\\nfade_s = 5\\n'
 SWAY += 'axes = { base_roll = { rms_deg = 2, frequency_hz = 0.2 } }\\n'
+PROFILE = '[[step]]\\nkind = "profile"\\nlabel = "p"\\nfile = "p.csv"\\n'
+rows = [f"{k / 10},{5 * (1 - np.cos(np.pi * k / 50)) ** 2:.9f}" for k in range(101)]
+os.makedirs(sys.argv[1])
+with open(f"{sys.argv[1]}/p.csv", "w") as file:
+    file.write("\\n".join(["time_s,inner_deg", *rows]))
 texts = {"sway": (HEAD + DWELL + SWAY, "ideal", "stim300"), "servo": (HEAD + MOVE + DWELL, "servo",
-    "ring-laser"), "cone": (HEAD + CONE + DWELL.replace('"a"', '"b"'), "ideal", "ring-laser")}
+    "ring-laser"), "cone and profile": (HEAD + CONE + PROFILE + DWELL.replace('"a"', '"b"'),
+    "ideal", "ring-laser")}
 found = {}
 for name, (text, motion, imu) in texts.items():
-    procedure = procedure_from(Source(name, f"{name}.toml", text))
+    procedure = procedure_from(Source(name, f"{sys.argv[1]}/{name}.toml", text))
     settings = stand.settings(procedure, imu, motion=motion, rate_hz=50, seed=3)
     stand.run(settings, f"{sys.argv[1]}/{name}")
+stand.drive("weaving", imu="ring-laser", rate_hz=20, seed=3, out=f"{sys.argv[1]}/drive")
+for name in (*texts, "drive"):
     data = open(f"{sys.argv[1]}/{name}/run.mcap", "rb").read()
     found[name] = hashlib.sha256(data).hexdigest()
 A = np.random.default_rng(0).standard_normal((64, 64))

@@ -213,6 +213,7 @@ def unnamed(trees: dict[str, ast.Module]) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_fields_beyond_the_fourth_are_named():
     trees = sources(ROOT)
     assert len(wide(trees)) > 50  # the search found the classes at all

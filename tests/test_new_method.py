@@ -76,6 +76,7 @@ def test_it_is_compared_as_its_twin(command):
     assert rows[ID]["floor_heading_deg"] == rows["triad"]["floor_heading_deg"]
 
 
+@pytest.mark.slow
 def test_it_is_rehearsed_with_its_prediction(command, tmp_path):
     command.enter(gains=gains)
     options = ("new.toml", "--imu", "hg9900", "--report", "pages", "--json")

@@ -70,9 +70,10 @@ def ros1_bag(path, t_ns, w, f, *, compression=None, frames=("imu_link",), log_ns
     return path
 
 
-def mcap(path, t_ns, w, f, *, ros1=False, frames=("imu_link",), log_ns=None, **more):
-    """By the mcap package, messages by rosbags: as ROS 2 or as ROS 1 has them."""
-    from mcap.writer import Writer
+def mcap(path, t_ns, w, f, *, ros1=False, frames=("imu_link",), log_ns=None, bare=False, **more):
+    """By the mcap package, messages by rosbags: as ROS 2 or as ROS 1 has them; `bare`: without
+    compression and checksums, so that what is damaged in it is read."""
+    from mcap.writer import CompressionType, Writer
 
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     log_ns = t_ns + 500 if log_ns is None else log_ns
@@ -82,7 +83,8 @@ def mcap(path, t_ns, w, f, *, ros1=False, frames=("imu_link",), log_ns=None, **m
         else ("sensor_msgs/msg/Imu", "cdr", "ros2msg")
     )
     with open(path, "wb") as file:
-        writer = Writer(file)
+        said = {"compression": CompressionType.NONE, "enable_crcs": False} if bare else {}
+        writer = Writer(file, **said)
         writer.start(profile="ros1" if ros1 else "ros2", library="test")
         schema = writer.register_schema(name, kind, b"")
         channel = writer.register_channel("/imu/raw", encoding, schema)

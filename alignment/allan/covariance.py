@@ -96,7 +96,7 @@ def pooled(lengths: tuple[int, ...], m: tuple[int, ...]) -> Array:
 
 def covariance(T: Array, weights: Array) -> Array:
     """Covariance (k, k) of Allan variances from `table` for the terms' weights (5,)."""
-    products = np.outer(weights, weights).ravel()
+    products = (weights[:, None] * weights).ravel()
     return (products @ T.reshape(len(products), -1)).reshape(T.shape[2:])
 
 

@@ -129,7 +129,7 @@ def _bending(x: Array, lag: int) -> float:
     count, total = len(x) - 2 * lag, 0.0
     for a in range(0, count, BLOCK):
         b = min(a + BLOCK, count)
-        bends = x[a + 2 * lag : b + 2 * lag] - 2 * x[a + lag : b + lag]
-        bends += x[a:b]
+        steps = x[a + lag : b + 2 * lag] - x[a : b + lag]
+        bends = steps[lag:] - steps[: b - a]
         total += float(np.einsum("i,i", bends, bends))
     return total / count

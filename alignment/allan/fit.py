@@ -107,9 +107,10 @@ class Problem:
     def whiten(self, weights: Array) -> "White":
         """The residuals for `weights` and their derivative, scaled to unit covariance."""
         mu = self.design @ weights
-        relative = covariance(self.T, weights) / np.outer(mu, mu)
-        centre = 1 - np.diag(relative) / 9  # 2/(9 nu) with nu = 2 / relative variance
-        relative[np.diag_indices_from(relative)] += self.excess**2 + ROUNDING**2
+        relative = covariance(self.T, weights)
+        relative /= mu[:, None] * mu
+        centre = 1 - relative.diagonal() / 9  # 2/(9 nu) with nu = 2 / relative variance
+        _on_diagonal(relative)[:] += self.excess**2 + ROUNDING**2
         return White(self, centre, *_whitener(relative))
 
 
@@ -153,17 +154,17 @@ class White:
         ratio = np.cbrt(self.problem.variance / mu)
         residuals = self.whitener @ (3 * (ratio - self.centre))
         J = self.whitener @ (ratio[:, None] * slope)
-        relative = covariance(self.problem.T, weights) / np.outer(mu, mu)
-        T = self.problem.T
+        T, squares = self.problem.T, mu[:, None] * mu
+        relative = covariance(T, weights) / squares
         rows = (weights @ T.reshape(*T.shape[:2], -1))[free].reshape(-1, *T.shape[2:])
-        rows *= 2 / np.outer(mu, mu)
+        rows *= 2 / squares
         rows -= relative * (slope.T[:, :, None] + slope.T[:, None, :])
         S = self.whitener @ rows @ self.whitener.T
         gradient = J.T @ residuals - self.problem.root_slope * slope.sum(axis=0)
         gradient += (np.einsum("pij,i,j->p", S, residuals, residuals) - np.einsum("pii->p", S)) / 2
         information = J.T @ J + np.einsum("pij,qij->pq", S, S) / 2
         # A trace keeps terms that the curve cannot tell apart from making it singular.
-        information[np.diag_indices_from(information)] *= 1 + 1e-9
+        _on_diagonal(information)[:] *= 1 + 1e-9
         return gradient, information
 
 
@@ -200,14 +201,19 @@ class Fit:
         return self.problem.physical(self.solution)
 
 
+def _on_diagonal(matrix: Array) -> Array:
+    """The diagonal, to be changed in place: of matrices this small looking for it takes longest."""
+    return matrix.reshape(-1)[:: len(matrix) + 1]
+
+
 def _whitener(relative: Array) -> tuple[Array, float]:
     """W (k, k) with ``W C W' = 1`` and log det C; correlations are kept from being singular.
 
     Noise alone has eigenvalues above 0.007. Long taus of a ramp share one error, the noise of its
     slope: what they differ by is known less well than the table is exact.
     """
-    sigma = np.sqrt(np.diag(relative))
-    values, vectors = np.linalg.eigh(relative / np.outer(sigma, sigma))
+    sigma = np.sqrt(relative.diagonal())
+    values, vectors = np.linalg.eigh(relative / (sigma[:, None] * sigma))
     values = np.maximum(values, LEAST_EIGENVALUE)
     log_det = float(np.sum(np.log(values)) + 2 * np.sum(np.log(sigma)))
     return (vectors / np.sqrt(values)).T / sigma, log_det

@@ -57,7 +57,7 @@ def peculiar(sensor: str, parts: Sequence[ImuReadings], interval: float) -> list
             if len(own) < BLOCK or np.ptp(own) <= SILENT * largest(own):
                 continue
             shaken = bool((spread[:, k] > SHAKEN * usual[k]).any())
-            told = [*_stuck(name, part.t, own), *_lines(name, own, window, interval)]
+            told = [*_stuck(name, part.t, own, spread[:, k]), *_lines(name, own, window, interval)]
             told += [] if shaken else _outliers(name, part.t, own)
             notes += told if told or shaken else _steps(name, part.t, own)
     return notes
@@ -74,9 +74,12 @@ def _shaken(sensor: str, t: Array, spread: Array, usual: Array) -> Iterator[str]
         )
 
 
-def _stuck(name: str, t: Array, values: Array) -> Iterator[str]:
+def _stuck(name: str, t: Array, values: Array, spread: Array) -> Iterator[str]:
+    """Blocks of one value, looked for where the scatter (b,) is rounding."""
     blocks = values[: len(values) // BLOCK * BLOCK].reshape(-1, BLOCK)
-    same = np.concatenate([[False], np.ptp(blocks, axis=1) == 0, [False]])
+    still = np.flatnonzero(spread <= (SILENT * largest(values)) ** 2)
+    same = np.zeros(len(blocks) + 2, bool)
+    same[1 + still] = np.ptp(blocks[still], axis=1) == 0
     edges = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
     long = edges[edges[:, 1] - edges[:, 0] >= STUCK]
     if len(long):
@@ -111,7 +114,8 @@ def _steps(name: str, t: Array, values: Array) -> Iterator[str]:
     Those of any normal noise, slow or not, are normal: so they are held against each other. They
     start at every m/32nd sample, as those of the variances do.
     """
-    total = np.concatenate([[0.0], np.cumsum(values - values.mean())])
+    total = np.zeros(len(values) + 1)
+    np.cumsum(values - values.mean(), out=total[1:])
     m = len(values) // MEANS
     while m >= SHORTEST:
         step = stride(m)
@@ -154,7 +158,7 @@ def _lines(name: str, values: Array, window: Array, interval: float) -> Iterator
     edges[-1] = len(power)
     high: list[int] = []
     for a, b in pairwise(edges):
-        level = float(np.median(power[a:b])) / np.log(2)
+        level = float(np.median(some_of(power[a:b]))) / np.log(2)
         high += (a + np.flatnonzero(power[a:b] > 2 * level * np.log(n / CHANCE))).tolist()
     # a window makes three neighbours of each line: the highest of them counts
     split = np.split(np.array(high), np.flatnonzero(np.diff(high) > 3) + 1) if high else []

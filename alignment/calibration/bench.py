@@ -92,6 +92,8 @@ class Bench:
         Constants of this one unit by value, with their standard deviations, SI.
     arm : (3,) m
         From the crossing of the table's axes to the unit's point, in b.
+    arm_sigma : float
+        How far that may be off along each axis [m].
     table : callable or None
         How the table's errors turn b: `Leanings` of joint angles. None: each stretch has only the
         attitude that was told, with the sigmas below.
@@ -117,6 +119,7 @@ class Bench:
     dither: Array = field(default_factory=_no_lags)
     known: tuple[tuple[Key, float, float], ...] = ()
     arm: Array = field(default_factory=lambda: np.zeros(3))
+    arm_sigma: float = 0.0
     table: LeaningsAt | None = None
     joint_noise: Array = field(default_factory=lambda: np.zeros(0))
     placement: float = 0.0
@@ -141,8 +144,11 @@ class Bench:
         return np.asarray(getattr(getattr(self.unit, sensor), SHEET.get(term, term)))
 
 
-def freed(bench: Bench, terms: Collection[str]) -> Bench:
-    """The same with a usual size of `terms` (keys of `USUAL`) where none is stated.
+WIDE = 10.0  # times the usual size, of what nobody stated
+
+
+def freed(bench: Bench, terms: Collection[str], times: float = 1.0) -> Bench:
+    """The same with `times` a usual size of `terms` (keys of `USUAL`) where none is stated.
 
     Raises
     ------
@@ -156,16 +162,13 @@ def freed(bench: Bench, terms: Collection[str]) -> Bench:
     def triad(one: TriadErrors, k: int) -> TriadErrors:
         names = {term: SHEET.get(term, term) for term in terms}
         free: dict[str, Any] = {
-            name: np.where(getattr(one, name) > 0, getattr(one, name), USUAL[term][k])
+            name: np.where(getattr(one, name) > 0, getattr(one, name), times * USUAL[term][k])
             for term, name in names.items()
         }
         return replace(one, **free)
 
     unit = replace(bench.unit, gyro=triad(bench.unit.gyro, 0), accel=triad(bench.unit.accel, 1))
     return replace(bench, unit=unit)
-
-
-WIDE = 10.0  # times the usual size, of what nobody stated
 
 
 def from_priors(priors: Priors) -> Bench:

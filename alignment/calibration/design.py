@@ -137,9 +137,11 @@ def term_source(sensor: str, name: str) -> str:
 
 
 def nuisance_source(name: str) -> str:
-    """A nuisance's group: what stands before 'of', 'about' or a recording's number."""
+    """A nuisance's group: what stands before 'of', 'about' or 'along', after a recording's name."""
     own = name.partition(": ")[2] or name
-    return own if own == GRAVITY else own.partition(" of ")[0].partition(" about ")[0]
+    for word in (" of ", " about ", " along "):
+        own = own if own == GRAVITY else own.partition(word)[0]
+    return own
 
 
 # --- one more station or move --------------------------------------------------------------------

@@ -6,6 +6,7 @@ errors, and where there are several sessions what changes from one to the next.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +23,7 @@ from alignment.strapdown import matrices, quaternions, rotation_vectors
 
 AXES = ("X1", "Y1", "Z1")
 GRAVITY = "gravity"
+ARM = "place on the table along "  # of the unit's point, from where the axes cross
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -60,7 +62,7 @@ class Model:
             for k, session in enumerate(sessions)
         ]
         self.unknowns = _unknowns(self.sessions, self.poses, bench)
-        self._paths = [[_Path(move) for move in s.moves] for s in sessions]
+        self._paths = {k: _Paths(s.moves) for k, s in enumerate(sessions) if s.moves}
 
     @property
     def count(self) -> int:
@@ -91,12 +93,13 @@ class Model:
         keys, values = terms.ALL.keys, terms.ALL.matrix @ x[: terms.COUNT]
         for k, poses in enumerate(self.poses):
             shift = np.zeros(terms.COUNT)
-            shift[terms.columns_of("gyro", "bias")] = self._own_bias(x, k, "gyro")
-            shift[terms.columns_of("accel", "bias")] = self._own_bias(x, k, "accel")
+            shift[terms.columns_of("gyro", "bias")] = self._three(x, _own(k, "gyro bias X1"))
+            shift[terms.columns_of("accel", "bias")] = self._three(x, _own(k, "accel bias X1"))
             own = values + terms.ALL.matrix @ shift
             gyro, accel = (constants_of(keys, own, s) for s in SENSORS)
             errors = x[self.columns_of_table(k)]
-            w, f = self._coefficients(poses, gyro, accel, errors, x[terms.COUNT])
+            arm = self.bench.arm + self._three(x, _arms(k)[0])
+            w, f = self._coefficients(poses, gyro, accel, (arm, errors, x[terms.COUNT]))
             moves = self._moves(k, gyro, errors) if poses.session.moves else np.zeros(0)
             n = len(w) + len(moves) + len(f)
             part = y[at : at + n]
@@ -104,12 +107,16 @@ class Model:
             at += n
         return np.concatenate(found)
 
-    def _own_bias(self, x: Array, k: int, sensor: str) -> Array:
-        name = _own(k, f"{sensor} bias X1")
-        if name not in self.unknowns.names:
-            return np.zeros(3)
-        at = self.unknowns.at(name)
-        return x[at : at + 3]
+    def _three(self, x: Array, first: str) -> Array:
+        """Three nuisances from a name on; zeros where there are none."""
+        own = self._columns_from(first)
+        return np.zeros(3) if own is None else x[own]
+
+    def _columns_from(self, first: str) -> slice | None:
+        if first not in self.unknowns.names:
+            return None
+        at = self.unknowns.at(first)
+        return slice(at, at + 3)
 
     def columns_of_table(self, k: int) -> list[int]:
         """Where the table's errors of session k stand."""
@@ -120,10 +127,9 @@ class Model:
         poses: Poses,
         gyro: TriadConstants,
         accel: TriadConstants,
-        errors: Array,
-        gravity: float,
+        nuisances: tuple[Array, Array, float],
     ) -> tuple[Array, Array]:
-        there = true_input(poses, self.bench, errors, gravity, accel.places)
+        there = true_input(poses, *nuisances, accel.places)
         w = reported(gyro, there.w, there.f, poses.warmth)
         f = reported(accel, there.at_places, there.at_places, poses.warmth)
         return self._projected(poses, w, gyro.lag), self._projected(poses, f, accel.lag)
@@ -152,13 +158,10 @@ class Model:
         poses = self.poses[k]
         start, end = (turns @ errors for turns in poses.of_ends())
         table = _exponential(-start) @ poses.expected @ _exponential(end)
-        found = []
-        for n, (move, path) in enumerate(zip(poses.session.moves, self._paths[k], strict=True)):
-            own = path.rotation(gyro)
-            before, after = (_swing(poses.session, i) for i in (move.first, move.last))
-            lag = _exponential(gyro.lag * np.array([-before, after]))
-            found.append(_logarithm(table[n].T @ (lag[0] @ own @ lag[1])))
-        return np.concatenate(found)
+        before, after = _swings(poses.session)
+        own = self._paths[k].rotations(gyro)
+        own = _exponential(-gyro.lag * before) @ own @ _exponential(gyro.lag * after)
+        return _logarithm(np.swapaxes(table, 1, 2) @ own).ravel()
 
     # --- their derivatives
 
@@ -177,7 +180,7 @@ class Model:
         """(n, 3, p) of the gyros and of the accelerometers at every node."""
         n, p, x0 = len(poses.w), self.count, self.unknowns.expected
         places = x0[terms.columns_of("accel", "lever_arm")].reshape(3, 3)
-        there = true_input(poses, self.bench, np.zeros(poses.slopes.shape[2]), 0.0, places)
+        there = true_input(poses, self.bench.arm, np.zeros(poses.slopes.shape[2]), 0.0, places)
         found = np.zeros((2, n, 3, p))
         for own, x, sensor in zip(found, (there.w, there.at_places), SENSORS, strict=True):
             for term in terms.UNIT:
@@ -185,19 +188,19 @@ class Model:
                     own[:, :, term.columns] = terms.columns(
                         sensor, term.name, x, there.f, poses.warmth
                     )
-            self._add_own_bias(own, k, sensor)
-        found[1][:, :, terms.columns_of("accel", "lever_arm")] = by_place(poses)
+            biases = self._columns_from(_own(k, f"{sensor} bias X1"))
+            if biases is not None:
+                own[..., :, biases] = np.eye(3)
+        swings = by_place(poses)
+        found[1][:, :, terms.columns_of("accel", "lever_arm")] = swings
+        arm = self._columns_from(_arms(k)[0])
+        if arm is not None:
+            found[1][:, :, arm] = swings.reshape(-1, 3, 3, 3).sum(axis=2)
         w, f = by_errors(poses, self.bench, places)
         columns = self.columns_of_table(k)
         found[0][:, :, columns], found[1][:, :, columns] = w, f
         found[1][:, :, terms.COUNT] = poses.f / self.site.gravity
         return found[0], found[1]
-
-    def _add_own_bias(self, own: Array, k: int, sensor: str) -> None:
-        name = _own(k, f"{sensor} bias X1")
-        if name in self.unknowns.names:
-            at = self.unknowns.at(name)
-            own[..., :, at : at + 3] = np.eye(3)
 
     def _station_columns(self, poses: Poses, nodes: Array, x0: Array, sensor: str) -> Array:
         columns = terms.columns_of(sensor, "lag")
@@ -214,34 +217,35 @@ class Model:
         return np.concatenate(found)
 
     def _move_columns(self, k: int, poses: Poses) -> Array:
-        found = [np.zeros((0, self.count))]
+        moves = poses.session.moves
+        own = np.zeros((len(moves), 3, self.count))
+        if not moves:
+            return own.reshape(0, self.count)
+        for term in terms.UNIT:
+            if term.sensor == "gyro" and term.name != "lag":
+                own[:, :, term.columns] = self._paths[k].columns(term.name)
+        before, after = _swings(poses.session)
+        # the gyros have not yet turned what comes within the lag
+        back = np.swapaxes(poses.expected, 1, 2)
+        own[:, :, terms.columns_of("gyro", "lag")] = back * before[:, None, :] - after[
+            :, None, :
+        ] * np.eye(3)
+        biases = self._columns_from(_own(k, "gyro bias X1"))
+        if biases is not None:
+            own[:, :, biases] = own[:, :, terms.columns_of("gyro", "bias")]
         start, end = poses.of_ends()
-        columns = self.columns_of_table(k)
-        for n, (move, path) in enumerate(zip(poses.session.moves, self._paths[k], strict=True)):
-            own = np.zeros((3, self.count))
-            for term in terms.UNIT:
-                if term.sensor == "gyro" and term.name != "lag":
-                    own[:, term.columns] = path.columns(term.name, poses, move)
-            before, after = (_swing(poses.session, i) for i in (move.first, move.last))
-            # the gyros have not yet turned what comes within the lag
-            back = poses.expected[n].T
-            own[:, terms.columns_of("gyro", "lag")] = back * before - np.diag(after)
-            if _own(k, "gyro bias X1") in self.unknowns.names:
-                at = self.unknowns.at(_own(k, "gyro bias X1"))
-                own[:, at : at + 3] = own[:, terms.columns_of("gyro", "bias")]
-            own[:, columns] = end[n] - back @ start[n]
-            found.append(own)
-        return np.concatenate(found)
+        own[:, :, self.columns_of_table(k)] = end - back @ start
+        return own.reshape(-1, self.count)
 
     def paths(self, k: int) -> Array:
         """Integrals (m, 3, 3) [s] of the attitude in b at a move's end over each move of k."""
-        return np.array([path.turned for path in self._paths[k]]).reshape(-1, 3, 3)
+        return self._paths[k].turned if k in self._paths else np.zeros((0, 3, 3))
 
 
-def _swing(session: Session, number: int) -> Array:
-    """Rate (3,) in b of the turning of a station."""
-    stretch = session.stations[number].stretch
-    return stretch.rate * stretch.axis_b
+def _swings(session: Session) -> tuple[Array, Array]:
+    """Rates (m, 3) in b of the turning of the station before each move, and of that after it."""
+    swing = np.array([s.stretch.rate * s.stretch.axis_b for s in session.stations])
+    return swing[[m.first for m in session.moves]], swing[[m.last for m in session.moves]]
 
 
 def _by_lag(own: Array, rate: float) -> Array:
@@ -253,10 +257,15 @@ def _own(k: int, name: str) -> str:
     return f"recording {k + 1}: {name}"
 
 
+def _arms(k: int) -> list[str]:
+    """Where the unit's point was in session k."""
+    return [_own(k, f"{ARM}{axis}") if k else f"{ARM}{axis}" for axis in AXES]
+
+
 def _names(k: int, poses: Poses) -> list[str]:
     """Of the table's errors in session k: what is of one station alone is of this session."""
     return [
-        _own(k, name) if k and name.startswith("position of ") else name
+        _own(k, name) if k and name.startswith(("position of ", "axis of ")) else name
         for name in poses.leanings.names
     ]
 
@@ -271,6 +280,11 @@ def _unknowns(sessions: Sequence[Session], poses: Sequence[Poses], bench: Bench)
                 names.append(name)
                 units.append("rad")
                 sizes.append(sigma)
+    for k, session in enumerate(sessions):
+        if session.turning and bench.arm_sigma:
+            names += _arms(k)
+            units += ["m"] * 3
+            sizes += [bench.arm_sigma] * 3
     several = len(sessions) > 1
     for k in range(len(sessions) if several else 0):
         for sensor, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
@@ -292,42 +306,63 @@ def _unknowns(sessions: Sequence[Session], poses: Sequence[Poses], bench: Bench)
 # --- moves ---------------------------------------------------------------------------------------
 
 
-class _Path:
-    """Readings over a move, ready to be integrated."""
+class _Paths:
+    """Readings over all moves of a session, one after the other, ready to be integrated.
 
-    def __init__(self, move: Move) -> None:
-        readings = move.readings
-        self.h = np.diff(readings.t, prepend=move.t_from)[:, None]
-        self.w, self.f = readings.w_ib_b, readings.f_b
-        steps = _pairs(self.w * self.h)
+    Samples count in pairs; where a move has an odd number, nothing comes before its first.
+    """
+
+    def __init__(self, moves: Sequence[Move]) -> None:
+        counts = [len(move.readings) for move in moves]
+        self._pairs = (np.array(counts) + 1) // 2
+        self._first = np.cumsum(self._pairs) - self._pairs
+        self._at = np.concatenate(
+            [2 * a + n % 2 + np.arange(n) for a, n in zip(self._first, counts, strict=True)]
+        )
+        self._h = np.concatenate([np.diff(m.readings.t, prepend=m.t_from) for m in moves])[:, None]
+        self._w = np.concatenate([m.readings.w_ib_b for m in moves])
+        self._f = np.concatenate([m.readings.f_b for m in moves])
+        self._warmth = np.concatenate(
+            [np.broadcast_to(m.warmth, n) for m, n in zip(moves, counts, strict=True)]
+        )
+
+    def rotations(self, gyro: TriadConstants) -> Array:
+        """By the corrected readings (m, 3, 3): takes b at each move's end to b at its start."""
+        return matrices(_products(self._steps(inverse(gyro, self._w, self._f, self._warmth))))
+
+    def columns(self, name: str) -> Array:
+        """Rotations at the ends (m, 3, 3 or 9) that a term makes, per unit of it."""
+        own = terms.columns("gyro", name, self._w, self._f, self._warmth) * self._h[:, :, None]
+        sums = self._paired(own.reshape(len(own), -1)).sum(axis=1).reshape(len(self._to_end), 3, -1)
+        return np.add.reduceat(self._to_end @ sums, self._first, axis=0)
+
+    @cached_property
+    def turned(self) -> Array:
+        """Integrals (m, 3, 3) [s] over each move of the attitude in b at its end."""
+        seconds = self._paired(self._h).sum(axis=1)
+        return np.add.reduceat(self._to_end * seconds[:, :, None], self._first, axis=0)
+
+    @cached_property
+    def _to_end(self) -> Array:
+        """B at a move's end (p, 3, 3) from b at the middle of each pair of samples."""
+        found = []
+        for q in self._steps(self._w):
+            run = matrices(_running(q))
+            middle = (run + np.concatenate([np.eye(3)[None], run[:-1]])) / 2
+            found.append(run[-1].T @ middle)
+        return np.concatenate(found)
+
+    def _steps(self, w: Array) -> list[Array]:
+        """Quaternions (p, 4) of every move's pairs at rates (n, 3)."""
+        steps = self._paired(w * self._h)
         q = quaternions(rotation_vectors(steps[:, 0], steps[:, 1]))
-        run = matrices(_running(q))
-        middle = (run + np.concatenate([np.eye(3)[None], run[:-1]])) / 2
-        # b at the end from b at the middle of each pair of samples
-        self.to_end = run[-1].T @ middle
-        self._half = len(steps)
-        self.turned = np.einsum("nij,n->ij", self.to_end, _pairs(self.h)[:, :, 0].sum(axis=1))
+        return np.split(q, self._first[1:])
 
-    def rotation(self, gyro: TriadConstants) -> Array:
-        """By the corrected readings (3, 3): takes b at the end to b at the start."""
-        w = inverse(gyro, self.w, self.f)
-        steps = _pairs(w * self.h)
-        return matrices(_product(quaternions(rotation_vectors(steps[:, 0], steps[:, 1])))[None])[0]
-
-    def columns(self, name: str, poses: Poses, move: Move) -> Array:
-        """Rotation at the end (3, 3 or 9) that a term makes, per unit of it."""
-        warmth = poses.session.stations[move.last].warmth
-        own = terms.columns("gyro", name, self.w, self.f, np.full(len(self.w), warmth))
-        own = own * self.h[:, :, None]
-        pairs = _pairs(own.reshape(len(own), -1)).sum(axis=1).reshape(self._half, 3, -1)
-        return np.einsum("nij,njk->ik", self.to_end, pairs)
-
-
-def _pairs(rows: Array) -> Array:
-    """Rows (n, k) as pairs (m, 2, k); where n is odd, nothing comes before the first."""
-    if len(rows) % 2:
-        rows = np.concatenate([np.zeros((1, rows.shape[1])), rows])
-    return rows.reshape(-1, 2, rows.shape[1])
+    def _paired(self, rows: Array) -> Array:
+        """Rows (n, k) of all moves as pairs (p, 2, k)."""
+        found = np.zeros((2 * int(self._pairs.sum()), rows.shape[1]))
+        found[self._at] = rows
+        return found.reshape(-1, 2, rows.shape[1])
 
 
 def _running(q: Array) -> Array:
@@ -339,13 +374,14 @@ def _running(q: Array) -> Array:
     return done
 
 
-def _product(q: Array) -> Array:
-    """The product (4,) of quaternions (n, 4), pair by pair."""
-    while len(q) > 1:
-        if len(q) % 2:
-            q = np.concatenate([q, [[0.0, 0.0, 0.0, 1.0]]])
-        q = multiply(q[0::2], q[1::2])
-    return q[0]
+def _products(runs: Sequence[Array]) -> Array:
+    """The product (m, 4) of each of some runs of quaternions (n, 4), pair by pair, all at once."""
+    q, counts = np.concatenate(runs), np.array([len(run) for run in runs])
+    while counts.max() > 1:
+        odd = np.cumsum(counts)[counts % 2 == 1]
+        q = np.insert(q, odd, [0.0, 0.0, 0.0, 1.0], axis=0)
+        q, counts = multiply(q[0::2], q[1::2]), (counts + 1) // 2
+    return q
 
 
 def _exponential(vectors: Array) -> Array:
@@ -354,7 +390,10 @@ def _exponential(vectors: Array) -> Array:
 
 
 def _logarithm(C: Array) -> Array:
-    """Rotation vector (3,) of a matrix (3, 3) that turns by less than a right angle."""
-    twice = np.array([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]])
-    size = np.linalg.norm(twice) / 2
-    return twice / 2 * (1.0 if size == 0 else np.arcsin(min(size, 1.0)) / size)
+    """Rotation vectors (n, 3) of matrices (n, 3, 3) that turn by less than a right angle."""
+    twice = np.stack(
+        [C[:, 2, 1] - C[:, 1, 2], C[:, 0, 2] - C[:, 2, 0], C[:, 1, 0] - C[:, 0, 1]], axis=1
+    )
+    size = np.minimum(np.linalg.norm(twice, axis=1) / 2, 1.0)
+    whole = np.where(size > 0, np.arcsin(size) / np.where(size > 0, size, 1.0), 1.0)
+    return np.asarray(twice / 2 * whole[:, None])

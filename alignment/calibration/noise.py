@@ -74,6 +74,8 @@ def _of_session(model: Model, k: int) -> Parts:
     found["model"] = np.diag(floor)
     if bench.joint_noise.any() and poses.leanings.axes.shape[2]:
         found["encoder steps"] = _joints(model, k, edges[3])
+    if bench.table is None:
+        found["turning of the axes"] = np.diag(_uneven(model, k, edges[3]))
     return {name: part for name, part in found.items() if part.any()}
 
 
@@ -145,6 +147,23 @@ def _grouped(alike: np.ndarray) -> np.ndarray:
     for k in range(len(alike)):
         group[np.isin(group, group[alike[k]])] = group[k]
     return group[:, None] == group[None, :]
+
+
+def _uneven(model: Model, k: int, size: int) -> Array:
+    """Variances (m,) of turns on a table of which only attitudes are known.
+
+    Once a turn its axis wobbles, and its encoder errs, by as much as an attitude does: rates by
+    that times the rate, forces by that times gravity at most.
+    """
+    poses, rows = model.poses[k], model.rows()[k]
+    found = np.zeros(size)
+    for station, own in zip(poses.session.stations, rows, strict=False):
+        rate = station.stretch.rate
+        if rate:
+            there, half = own - rows[0][0], len(own) // 2
+            found[there[3:half]] = (model.bench.placement * rate) ** 2
+            found[there[half:]] = (model.bench.placement * poses.site.gravity) ** 2
+    return found
 
 
 def _joints(model: Model, k: int, size: int) -> Array:

@@ -97,7 +97,7 @@ def observed(dwells: Sequence[Dwell], site: Site, warmth: Warmth | None = None) 
     moves = []
     for one, other in pairwise(seen):
         if one is not None and other is not None:
-            move = _move(one, other, numbers[id(one)], numbers[id(other)])
+            move = _move(one, other, (numbers[id(one)], numbers[id(other)]), warmth)
             if isinstance(move, LeftOut):
                 left_out.append(move)
             elif move is not None:
@@ -176,7 +176,9 @@ def _rate(t: Array, angle: Array) -> float:
     return float(slope + (off[-few:].mean() - off[:few].mean()) / (t[-1] - t[0]))
 
 
-def _move(one: _Seen, other: _Seen, first: int, last: int) -> Move | LeftOut | None:
+def _move(
+    one: _Seen, other: _Seen, numbers: tuple[int, int], warmth: Warmth | None
+) -> Move | LeftOut | None:
     """From one stretch into the next, where their readings reach that far."""
     label = f"{one.dwell.label} to {other.dwell.label}"
     t_from = one.dwell.t_to - _reach(one.dwell)
@@ -198,11 +200,12 @@ def _move(one: _Seen, other: _Seen, first: int, last: int) -> Move | LeftOut | N
         start = float(part.t[0]) - part.interval
         return Move(
             label=label,
-            first=first,
-            last=last,
+            first=numbers[0],
+            last=numbers[1],
             readings=part,
             angle_from=_angle(one.dwell, start),
             angle_to=_angle(other.dwell, float(part.t[-1])),
+            **({} if warmth is None else {"warmth": warmth(part.t)}),
         )
     return None
 

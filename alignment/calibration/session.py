@@ -5,7 +5,7 @@ cosine and sine of each against the encoder's angle, over whole turns. A move is
 integral of the gyros from one station into the next against the rotation of the encoders.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -45,6 +45,7 @@ class Move:
 
     `first`, `last`: numbers of the stations. `angle_from`, `angle_to` [rad]: of the encoder of a
     station that turns, at the start and the end of the readings. `readings`: whole samples.
+    `warmth`: above the reference temperature [K], of every sample (n,) or of all.
     """
 
     label: str
@@ -53,6 +54,10 @@ class Move:
     readings: ImuReadings
     angle_from: float = 0.0
     angle_to: float = 0.0
+    warmth: Array = field(default_factory=lambda: np.zeros(1))
+
+    def __post_init__(self) -> None:
+        set_owned(self, warmth=(self.warmth, (None,), float))
 
     @property
     def t_from(self) -> float:
@@ -217,7 +222,10 @@ def _by_angle(turns: Array) -> Array:
 
 
 def _of_attitudes(poses: Poses, bench: Bench) -> Leanings:
-    """Where only attitudes were told: the whole is tilted, the unit seated, each station placed."""
+    """Where only attitudes were told: the whole is tilted, the unit seated, each station placed.
+
+    What turns is placed on either side of its axis.
+    """
     stations = poses.session.stations
     ends = [one for pair in poses.ends for one in pair]
     C_bn = np.concatenate([poses.C_bn, *(e.inv().as_matrix()[None] for e in ends)])
@@ -235,6 +243,10 @@ def _of_attitudes(poses: Poses, bench: Bench) -> Leanings:
         parts.append(own * (C_bn @ at_zero.T))
         names += [f"position of {station.stretch.label} about {a}" for a in ("X1", "Y1", "Z1")]
         sigmas += [bench.placement] * 3
+        if station.stretch.rate:  # beyond the axis: where in b it is
+            parts.append(own * np.eye(3))
+            names += [f"axis of {station.stretch.label} about {a}" for a in ("X1", "Y1", "Z1")]
+            sigmas += [bench.placement] * 3
     kept = np.flatnonzero(np.array(sigmas) > 0)
     turns = np.concatenate(parts, axis=2)[:, :, kept]
     return Leanings(
@@ -260,10 +272,10 @@ class TrueInput:
     at_places: Array
 
 
-def true_input(
-    poses: Poses, bench: Bench, errors: Array, gravity: float, places: Array
-) -> TrueInput:
+def true_input(poses: Poses, arm: Array, errors: Array, gravity: float, places: Array) -> TrueInput:
     """What the sensors feel with the table's `errors` (l,), `gravity` [m/s^2] off, and `places`.
+
+    `arm` (3,) [m] from the crossing of the table's axes to the unit's point, in b.
 
     A table in steady turning: its arm swings, and does not speed up.
     """
@@ -277,9 +289,9 @@ def true_input(
         return np.cross(own, v) + 2 * np.cross(w - own, v)
 
     at_places = np.stack(
-        [f[:, i] + swung(bench.arm + place)[:, i] for i, place in enumerate(places)], axis=1
+        [f[:, i] + swung(arm + place)[:, i] for i, place in enumerate(places)], axis=1
     )
-    return TrueInput(w, f + swung(bench.arm), at_places)
+    return TrueInput(w, f + swung(arm), at_places)
 
 
 def by_errors(poses: Poses, bench: Bench, places: Array) -> tuple[Array, Array]:

@@ -8,12 +8,15 @@ sine of them. Closed forms: nothing is sampled.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import sqrt
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from alignment.arrays import Array
 
 DECADES = (1.0, 10.0, 100.0, 1000.0, 10000.0)  # s: correlation times that make up an instability
+LASTING = 60.0  # s: correlation beyond it makes a bias of a dwell, and priors of biases hold it
 LEVEL = 0.76475  # least Allan deviation, between 10 and 1000 s, of a unit process on each of them
 
 _TO_REAL = np.array([[1, 0, 0], [0, 1, 1], [0, -1j, 1j]])  # of integrals with k = 0, 1, -1
@@ -37,6 +40,46 @@ class GaussMarkov:
 def flicker(plateau: float) -> tuple[GaussMarkov, ...]:
     """The processes whose Allan deviation stays about `plateau` from seconds to an hour."""
     return tuple(GaussMarkov(plateau / LEVEL, time) for time in DECADES) if plateau else ()
+
+
+def turn_on(bias: float, plateau: float) -> float:
+    """What of a bias's prior is constant: without what of its instability outlasts a minute."""
+    slow = sum(one.sigma**2 for one in flicker(plateau) if one.time > LASTING)
+    return sqrt(max(bias**2 - slow, 0.0))
+
+
+def sum_covariance(gain: Array, span: float, processes: Sequence[GaussMarkov]) -> Array:
+    """Covariance (k, k) of sums of what processes do in even blocks, alike and apart on each axis.
+
+    Parameters
+    ----------
+    gain : (m, k, 3)
+        Per mean of the process over each block, along three axes.
+    span : float
+        Of a block [s].
+
+    Notes
+    -----
+    With a = span/time the mean over a block has ``2 (a - 1 + exp(-a))/a^2`` of the variance, and
+    two that are n apart covary by ``((1 - exp(-a))/a)^2 exp(-(n - 1) a)``. The double sum over
+    blocks is a product of spectra, of rows with as many zeros behind them.
+    """
+    m, k, _ = gain.shape
+    size = 2 * int(next_fast_len(m) or m)
+    covariances = np.zeros(size)
+    for one in processes:
+        a = span / one.time
+        decayed = -np.expm1(-a)
+        far = one.sigma**2 * (decayed / a) ** 2 * np.exp(-a * np.arange(m - 1))
+        covariances[0] += one.sigma**2 * 2 * (a - decayed) / a**2
+        covariances[1:m] += far
+        covariances[size - m + 1 :] += far[::-1]
+    rows = np.fft.rfft(gain.reshape(m, 3 * k), size, axis=0).reshape(-1, k, 3)
+    density = np.fft.rfft(covariances).real
+    density[1:-1] *= 2  # of both signs of frequency
+    left = (rows * density[:, None, None]).transpose(1, 0, 2).reshape(k, -1)
+    right = rows.transpose(1, 0, 2).reshape(k, -1)
+    return np.asarray((left @ right.conj().T).real / size)
 
 
 @dataclass(frozen=True, slots=True)

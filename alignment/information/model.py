@@ -8,6 +8,7 @@ ramp t``, x the true rate or specific force; the same as the stand's instrument 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,7 @@ from alignment.units import DEG, DEG_PER_HOUR, MILLI_G, MRAD, PPM, STANDARD_GRAV
 
 AXES = ("X1", "Y1", "Z1")
 NODES = 24  # angles of a turn: harmonics up to 22 do not mix with the first
+POSES = 256  # attitudes of stretches that are remembered: those of one procedure
 WHOLE = 0.02  # a turn counts as whole from 98 % of it
 
 
@@ -332,21 +334,67 @@ def sensor_inputs(
 
     And the projection (h, k) that makes constant, cosine and sine of values there.
     """
-    k = NODES if stretch.rate else 1
-    beta = 2 * np.pi * np.arange(k) / k
-    turned = Rotation.from_rotvec(-beta[:, None] * stretch.axis_b).as_matrix()
-    C_bn = turned @ (C_np * stretch.C_pb).inv().as_matrix()
-    w = C_bn @ site.w_ie_n + stretch.rate * stretch.axis_b
+    return _inputs(*_pose_of(stretch), C_np, site)
+
+
+_Pose = tuple[Rotation, float, tuple[float, ...]]  # C_pb, rate and axis of a stretch
+
+
+def _pose_of(stretch: Stretch) -> _Pose:
+    return stretch.C_pb, stretch.rate, tuple(stretch.axis_b.tolist())
+
+
+@lru_cache(maxsize=POSES)
+def _inputs(
+    C_pb: Rotation, rate: float, axis_b: tuple[float, ...], C_np: Rotation, site: Site
+) -> tuple[Array, Array, Array, Array]:
+    """As `sensor_inputs`; of the same `Rotation` worked out once, however often it is asked for."""
+    k = NODES if rate else 1
+    beta, axis = 2 * np.pi * np.arange(k) / k, np.array(axis_b)
+    turned = Rotation.from_rotvec(-beta[:, None] * axis).as_matrix()
+    C_bn = turned @ (C_np * C_pb).inv().as_matrix()
+    w = C_bn @ site.w_ie_n + rate * axis
     project = np.stack([np.ones(k), 2 * np.cos(beta), 2 * np.sin(beta)])[: 3 if k > 1 else 1] / k
-    return w, C_bn @ site.f_n, C_bn, project
+    return _locked(w), _locked(C_bn @ site.f_n), _locked(C_bn), _locked(project)
+
+
+def _locked(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
 
 
 def sensitivities(
     stretch: Stretch, number: int, C_np: Rotation, site: Site, columns: ParameterColumns
 ) -> Array:
     """Of the stretch's coefficients (h, 6) to all p parameters: (h, 6, p), first order."""
-    w, f, C_bn, project = sensor_inputs(stretch, C_np, site)
-    J = np.zeros((len(w), 6, columns.placement[-1].stop))
+    common = columns.lag, columns.latitude, columns.gravity, columns.mounting.start
+    shared, placement, ramps = _shared_columns(*_pose_of(stretch), C_np, site, common)
+    result = np.zeros((*shared.shape[:2], columns.placement[-1].stop))
+    result[:, :, : shared.shape[2]] = shared
+    result[:, :, columns.placement[number]] = placement
+    ramp = ramp_coefficients(stretch.span)[:, None, None] * np.eye(3)
+    for rows, first in zip((slice(0, 3), slice(3, 6)), ramps, strict=True):
+        result[:, rows, first : first + 3] = ramp
+    return result
+
+
+@lru_cache(maxsize=POSES)
+def _shared_columns(
+    C_pb: Rotation,
+    rate: float,
+    axis_b: tuple[float, ...],
+    C_np: Rotation,
+    site: Site,
+    common: tuple[int, int, int, int],
+) -> tuple[Array, Array, tuple[int, int]]:
+    """Of `sensitivities` those that do not depend on time: of what all stretches share (h, 6, q),
+    of the own placement (h, 6, 3), and where the columns of ramps begin.
+
+    `common`: the columns of lag, latitude and gravity, and the first of the mounting.
+    """
+    w, f, C_bn, project = _inputs(C_pb, rate, axis_b, C_np, site)
+    lag, latitude, gravity, mounting = common
+    J = np.zeros((len(w), 6, mounting + 3))
     J[:, :3, :3] = C_bn @ cross_matrix(site.w_ie_n)
     J[:, 3:, :3] = C_bn @ cross_matrix(site.f_n)
     at = 3
@@ -355,25 +403,21 @@ def sensitivities(
             part = columns_of(x, f)
             J[:, rows, at : at + part.shape[-1]] = part
             at += part.shape[-1]
-        J[:, rows, columns.mounting] = cross_matrix(x)
-        J[:, rows, columns.lag] = stretch.rate * np.cross(stretch.axis_b, x)
+        J[:, rows, mounting : mounting + 3] = cross_matrix(x)
+        J[:, rows, lag] = rate * np.cross(axis_b, x)
     lat = site.known_latitude()
-    J[:, :3, columns.latitude] = C_bn @ (
+    J[:, :3, latitude] = C_bn @ (
         np.linalg.norm(site.w_ie_n) * np.array([-np.sin(lat), 0.0, -np.cos(lat)])
     )
-    J[:, 3:, columns.gravity] = f / site.gravity
+    J[:, 3:, gravity] = f / site.gravity
     C_0n = C_bn[0]
     d = np.concatenate([cross_matrix(C_0n @ v) for v in (site.w_ie_n, site.f_n)])
     to_0 = C_bn @ C_0n.T
-    J[:, :3, columns.placement[number]] = to_0 @ d[:3]
-    J[:, 3:, columns.placement[number]] = to_0 @ d[3:]
-    result = np.einsum("hk,kij->hij", project, J)
-    ramp = ramp_coefficients(stretch.span)[:, None, None] * np.eye(3)
+    placed = np.concatenate([to_0 @ d[:3], to_0 @ d[3:]], axis=1)
+    shared = np.einsum("hk,kij->hij", project, J)
+    placement = np.einsum("hk,kij->hij", project, placed)
     first = 3 + 3 * list(BY_AXIS).index("ramp")
-    second = first + (at - 3) // 2
-    result[:, :3, first : first + 3] = ramp
-    result[:, 3:, second : second + 3] = ramp
-    return np.asarray(result)
+    return _locked(shared), _locked(placement), (first, first + (at - 3) // 2)
 
 
 def coefficient_weights(stretch: Stretch) -> Array:

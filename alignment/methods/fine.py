@@ -24,6 +24,8 @@ from alignment.doubts import drift_doubt, heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.information.drift import GaussMarkov
+from alignment.methods.drifting import held
 from alignment.methods.inertial import (
     Noise,
     checked_readings,
@@ -131,18 +133,45 @@ class Filtered:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """What does not change from pass to pass; `names`: the constants that are states."""
+    """What does not change from pass to pass.
+
+    `names`: the constants that are states, whose walks are `walks` (k,) [per root second];
+    `drifts`: the processes that are, after them, each of a sensor, along three axes.
+    """
 
     readings: ImuReadings
     site: Site
     noise: Noise
     priors: Priors
     names: tuple[str, ...]
+    walks: tuple[float, ...]
+    drifts: tuple[tuple[str, GaussMarkov], ...]
 
     @property
     def update(self) -> float:
         """Seconds between updates."""
         return update_of(self.readings)
+
+    @property
+    def size(self) -> int:
+        """Of the state."""
+        return _ERRORS + 3 * (len(self.names) + len(self.drifts))
+
+    def kept(self, span: float) -> Array:
+        """What `span` seconds leave of each state that nothing drives (s,)."""
+        kept = np.ones(self.size)
+        for k, (_, process) in enumerate(self.drifts, start=len(self.names)):
+            kept[columns_of(k)] = np.exp(-span / process.time)
+        return kept
+
+    @property
+    def start(self) -> Array:
+        """Variances before the first update (s,)."""
+        told = self.priors.accel_bias > 0 or self.priors.accel_scale > 0
+        sigmas = [getattr(self.priors, name) for name in self.names]
+        sigmas += [process.sigma for _, process in self.drifts]
+        gravity = [0.0 if told else _GRAVITY]
+        return np.concatenate([START, gravity, np.repeat(sigmas, 3)]) ** 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -250,8 +279,7 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
     flags += around_doubt(dwell) if rest.drift_around.any() else ()
     flags += wander_doubt(dwell.label, carried, matched, wander)
-    names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
-    model = Model(readings, site, noise, priors, names)
+    model = model_of(readings, site, noise, priors)
     reference = _Reference(carried, matched.C_ni, np.zeros(3))
     # as much information a second, however far apart the updates are
     variance = _update_variance(carried, noise, priors) * (UPDATE / model.update)
@@ -272,6 +300,30 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
             "filter about a wrong one knows no tilt either"
         )
     return _answer(model, reference, run, rest_covariance(carried, matched, rest), flags)
+
+
+def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) -> Model:
+    """What the filter holds of these noises and priors."""
+    span = readings.interval * len(readings)
+    gyro, accel = (
+        held(priors, sensor, float(np.sqrt(np.mean(level**2))), span)
+        for sensor, level in (("gyro", noise.gyro), ("accel", noise.accel))
+    )
+    names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
+    walks = {"gyro_bias": gyro.walk, "accel_bias": accel.walk}
+    return Model(
+        readings=readings,
+        site=site,
+        noise=replace(
+            noise,
+            gyro=np.hypot(noise.gyro, gyro.white),
+            accel=np.hypot(noise.accel, accel.white),
+        ),
+        priors=replace(priors, gyro_bias=gyro.bias, accel_bias=accel.bias),
+        names=names,
+        walks=tuple(walks.get(name, 0.0) for name in names),
+        drifts=(*(("gyro", p) for p in gyro.states), *(("accel", p) for p in accel.states)),
+    )
 
 
 def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
@@ -420,14 +472,11 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     """One run over all updates."""
     carried, names = reference.carried, model.names
     C_ni = reference.C_ni.as_matrix()
-    m, size = len(carried.t), _ERRORS + 3 * len(names)
+    m, size = len(carried.t), model.size
     v, p = gravity_velocity(carried.t, model.site)
     z = np.concatenate([np.zeros((1, 3)), np.cumsum(carried.p, axis=0)]) @ C_ni.T - p
-    sigmas = [np.repeat(getattr(model.priors, name), 3) for name in names]
-    told = model.priors.accel_bias > 0 or model.priors.accel_scale > 0
-    gravity = [0.0 if told else _GRAVITY]
     state = np.zeros((size, size + 1))
-    state[:, :-1] = np.diag(np.concatenate([START, gravity, *sigmas]) ** 2)
+    state[:, :-1] = np.diag(model.start)
     if "gyro_bias" in names:  # the reference has some of it taken out already
         state[columns_of(names.index("gyro_bias")), -1] = -reference.offset
     out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
@@ -486,8 +535,8 @@ def _updates(
 ) -> None:
     """Update and propagate `state` (s, s + 1), covariance and errors ``[P x]``, through `part`.
 
-    One product with H gives ``H P`` and ``H x``. The constants stand still: only the rows of the
-    first `_ERRORS` states are propagated, and mirrored.
+    One product with H gives ``H P`` and ``H x``. The constants stand still, and drifts fade: only
+    the rows of the first `_ERRORS` states are propagated, and mirrored.
     """
     F, Q, H, z, variance = given
     n, size, free = len(z), len(state), _ERRORS
@@ -497,6 +546,9 @@ def _updates(
     rows, walks = F[:, :free], Q[:, :free, :free]
     drifts = np.diagonal(Q, axis1=1, axis2=2)[:, free:]
     drifting = bool(drifts.any())
+    kept = np.diagonal(F[-1]).copy() if len(F) else np.ones(size)
+    kept[:free] = 1.0
+    fading = np.append(kept, 1.0) * kept[:, None] if np.any(kept < 1) else None
     # views, made once
     P, innovations = state[:, :-1], seen[:, :, -1]
     moving, mixed, mirrored = state[:free, :free], state[:free, free:], state[free:, :free]
@@ -513,9 +565,12 @@ def _updates(
             break
         row = rows[k]
         np.dot(row, state, out=moved)
+        np.add(moved_P.dot(row.T), walks[k], out=moving)
+        if fading is not None:
+            np.multiply(state, fading, out=state)
+            np.multiply(moved_mixed, fading[0, free:], out=moved_mixed)
         mixed[:] = moved_mixed
         mirrored[:] = moved_back
-        np.add(moved_P.dot(row.T), walks[k], out=moving)
         if drifting:
             constants += drifts[k]
         if k % _SYMMETRIC == 0:
@@ -556,8 +611,8 @@ def error_matrices(
     """
     C_nb = C_ni @ matrices(carried.q[part])
     steps = slice(part.start, min(part.stop, len(carried.dv)))
-    size = _ERRORS + 3 * len(model.names)
-    F = np.tile(np.eye(size), (steps.stop - steps.start, 1, 1))
+    size = model.size
+    F = np.tile(np.diag(model.kept(float(carried.spans[-1]))), (steps.stop - steps.start, 1, 1))
     H = np.zeros((len(C_nb), 3, size))
     H[:, :, 6:9] = np.eye(3)
     spans, push = carried.spans[steps, None, None], cross_matrix(gravity)
@@ -576,13 +631,9 @@ def error_matrices(
         if kind != "bias":
             felt = getattr(carried, _SUMS[sensor])[steps] / spans[:, 0]
             driven = driven @ BY_AXIS[kind](felt, felt)
-        if sensor == "gyro":
-            F[:, :3, column] = driven
-            F[:, 3:6, column] = -push @ driven / 2
-            F[:, 6:9, column] = -spans / 6 * push @ driven
-        else:
-            F[:, 3:6, column] = driven
-            F[:, 6:9, column] = spans / 2 * driven
+        _drive(F[:, :9, column], sensor, driven, push, spans)
+    for k, (sensor, _) in enumerate(model.drifts, start=len(model.names)):
+        _drive(F[:, :9, columns_of(k)], sensor, drive(carried, C_ni, steps), push, spans)
     Q = _walks(model, carried, C_ni, push, steps, size)
     up = gravity / np.linalg.norm(gravity, axis=1, keepdims=True)
     heave = _heave_density(carried, model.noise, model.priors, model.site.gravity)
@@ -592,6 +643,18 @@ def error_matrices(
     Q[:, 3:6, 6:9] += spans / 2 * added
     Q[:, 6:9, 6:9] += spans**2 / 3 * added
     return F, Q, H
+
+
+def _drive(F: Array, sensor: str, driven: Array, push: Array, spans: Array) -> None:
+    """What an error of a sensor that turns, or pushes, by `driven` (k, 3, 3) does to attitude,
+    velocity and displacement, `F` (k, 9, 3)."""
+    if sensor == "gyro":
+        F[:, :3] = driven
+        F[:, 3:6] = -push @ driven / 2
+        F[:, 6:9] = -spans / 6 * push @ driven
+    else:
+        F[:, 3:6] = driven
+        F[:, 6:9] = spans / 2 * driven
 
 
 def _walks(
@@ -617,13 +680,12 @@ def _walks(
     Q[:, 6:9, 3:6] = spans * (twice / 8 + kick / 2)
     Q[:, 6:9, 6:9] = spans**2 * (twice / 20 + kick * (1 - part) / 3)
     Q[:, 6:9, 6:9] += spans * model.noise.jitter**2 * np.eye(3)
-    for k, name in enumerate(model.names):
-        plateau = (
-            getattr(model.priors, name.replace("bias", "instability")) if "bias" in name else 0
-        )
-        # a walk that over the record has the Allan deviation of the plateau
+    for k, walk in enumerate(model.walks):
         own = np.arange(columns_of(k).start, columns_of(k).stop)
-        Q[:, own, own] = 3 * plateau**2 * spans[:, 0] / carried.spans.sum()
+        Q[:, own, own] = walk**2 * spans[:, 0]
+    for k, (_, process) in enumerate(model.drifts, start=len(model.names)):
+        own = np.arange(columns_of(k).start, columns_of(k).stop)
+        Q[:, own, own] = -np.expm1(-2 * spans[:, 0] / process.time) * process.sigma**2
     for row, column in ((3, 0), (6, 0), (6, 3)):
         block = Q[:, row : row + 3, column : column + 3]
         Q[:, column : column + 3, row : row + 3] = block.transpose(0, 2, 1)
@@ -641,7 +703,8 @@ def _answer(
     at_end = Rotation.from_rotvec(-run.x[:, :3]) * reference.C_ni
     R = to_n.as_matrix()
     m, count = len(carried.t), len(model.names)
-    constants = run.x[:, _ERRORS:].reshape(m, count, 3).copy()
+    told = slice(_ERRORS, _ERRORS + 3 * count)
+    constants = run.x[:, told].reshape(m, count, 3).copy()
     if "gyro_bias" in model.names:
         constants[:, model.names.index("gyro_bias")] += reference.offset
     return Filtered(
@@ -650,7 +713,7 @@ def _answer(
         R @ run.attitude @ R.transpose(0, 2, 1) + more,
         model.names,
         constants,
-        np.sqrt(run.variances[:, _ERRORS:]).reshape(m, count, 3),
+        np.sqrt(run.variances[:, told]).reshape(m, count, 3),
         Innovations(carried.t, run.values, np.sqrt(run.expected)),
         flags,
     )

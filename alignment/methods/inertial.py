@@ -15,6 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.spatial.transform import Rotation
 
+from alignment.around import by_direction, whole_circle
 from alignment.arrays import Array
 from alignment.constant_errors import constant_columns
 from alignment.cross import cross_matrix
@@ -22,6 +23,7 @@ from alignment.doubts import drift_doubt, heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.information.drift import flicker, sum_covariance, turn_on
 from alignment.noise import (
     around_doubt,
     check_rest,
@@ -55,6 +57,9 @@ _WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarke
 _WANDER_LIMIT = 10.0  # sigmas that are refused, where the instrument also moves by this:
 _WANDER_SPEED = 0.1  # m/s
 _CHUNK = 8192  # blocks at once
+_ALONG = np.array(
+    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+)  # (N, E, D) @ it: (E, -N, 0)
 _TRACK_POINTS = 200  # of a track: each is a match of the record so far
 
 
@@ -322,19 +327,37 @@ def functional_covariance(
         for part, level in ((gyro, noise.gyro), (accel, noise.accel))
     ]
     covariance = sum(c @ c.T for c in white)
-    for part, sigma in ((gyro, priors.gyro_bias), (accel, priors.accel_bias)):
-        if sigma > 0:
-            J = sigma * (part @ turned).sum(axis=0)
-            covariance = covariance + J @ J.T
+    for part, sensor in ((gyro, "gyro"), (accel, "accel")):
+        covariance = covariance + _by_biases(part @ turned, carried, priors, sensor)
     J = _per_constant(gyro, accel, turned, carried, priors)
     if J.shape[-1]:
         covariance = covariance + J @ J.T
-    drift = _drift(carried)
-    for part, sigma in ((gyro, priors.gyro_instability), (accel, priors.accel_instability)):
-        if sigma > 0:
-            J = sigma * (drift * (part @ turned)).sum(axis=0)
-            covariance = covariance + J @ J.T
     return np.asarray(covariance)
+
+
+def _by_biases(gain: Array, carried: Carried, priors: Priors, sensor: str) -> Array:
+    """Covariance (k, k) by biases and their drifts, of gains (m, k, 3) to each block's mean."""
+    bias, instability, walk, ramp = (
+        float(getattr(priors, f"{sensor}_{name}"))
+        for name in ("bias", "instability", "random_walk", "ramp")
+    )
+    covariance = np.zeros((gain.shape[1],) * 2)
+    middle = (carried.t[1:] + carried.t[:-1]) / 2 - carried.t[0]
+    if sigma := turn_on(bias, instability):
+        J = sigma * gain.sum(axis=0)
+        covariance += J @ J.T
+    if instability:
+        covariance += sum_covariance(gain, float(carried.spans[-1]), flicker(instability))
+    if walk:
+        after = (
+            np.cumsum(gain[::-1], axis=0)[::-1]
+            * np.sqrt(np.diff(middle, prepend=0.0))[:, None, None]
+        )
+        covariance += walk**2 * np.einsum("mij,mkj->ik", after, after)
+    if ramp:
+        J = ramp * np.tensordot(middle, gain, axes=1)
+        covariance += J @ J.T
+    return covariance
 
 
 def _per_constant(
@@ -352,14 +375,6 @@ def _per_constant(
         total = np.add.reduce(np.concatenate([*before, felt]))
     assert total is not None
     return np.asarray(total)
-
-
-def _drift(carried: Carried) -> Array:
-    """What a bias instability of plateau 1 is taken for: a straight line (m, 1, 1) about zero.
-
-    Means of the two halves of a record then differ by sqrt(2), as that plateau says they do.
-    """
-    return np.asarray(2 * np.sqrt(2) * _line(carried))
 
 
 def _line(carried: Carried) -> Array:
@@ -557,16 +572,19 @@ def covariances(
 ) -> tuple[Array, Array]:
     """Of the attitude about n (3, 3) [rad^2], and of `wander_values` (9, 9) by noise and priors.
 
-    Where an axis wanders beyond doubt, the attitude's holds a sway as large as that.
+    Where an axis wanders beyond doubt, the attitude's holds a sway as large as that. The horizontal
+    Earth rate is found across itself, which is heading, as it is along itself, by the same weights
+    turned by a right angle: what both make of heading on the whole circle is stated.
     """
     C_ni = matched.C_ni.as_matrix()
     spans, reference = carried.spans, matched.reference
     fit = fit_matrix(spans, reference)
     basis = _legendre(carried)[:, _WANDER_ORDERS] * spans[:, None]
     m = len(spans)
-    weights = np.empty((m, 12, 3))
+    weights = np.empty((m, 13, 3))
     weights[:, :3] = attitude_weights(carried, matched)
-    weights[:, 3:] = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 9, 3)
+    weights[:, 12] = weights[:, 2] @ _ALONG
+    weights[:, 3:12] = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 9, 3)
     weights, left = less_arm(weights, arm)
     gyro, accel = sensitivity(weights, C_ni, carried)
     gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
@@ -575,10 +593,12 @@ def covariances(
     P += np.einsum("kmi,lmi->kl", jitter, jitter)
     sway = sway_covariance(carried, matched)
     # Each order is one at both ends of the record, where the sway happens to stand.
-    wander = P[3:, 3:] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
+    wander = P[3:12, 3:12] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
     sway = sway + _slow_sway(wander_values(carried, matched), wander)
     ends = [fit @ cross_matrix(reference[[k]])[0] for k in (0, -1)]
-    return P[:3, :3] + sum(e @ sway @ e.T for e in ends), wander
+    attitude = P[:3, :3] + sum(e @ sway @ e.T for e in ends)
+    along = np.ix_([12, 2], [12, 2])
+    return whole_circle(attitude, by_direction(P[along])), wander
 
 
 def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors: Priors) -> Noise:

@@ -9,7 +9,7 @@ from scipy.special import chdtri
 
 from alignment.angles import Sequence
 from alignment.arrays import Array, IntArray
-from alignment.constant_errors import constant_columns
+from alignment.constant_errors import constant_columns, constant_count
 from alignment.cross import cross_matrix
 from alignment.earth import EARTH_RATE, Site, normal_gravity
 from alignment.errors import PoleError
@@ -441,8 +441,7 @@ def _stepped(
 
 def _no_errors(problem: _Problem, runs: int) -> Array:
     """Weighed errors (r, q), none of them there."""
-    columns = constant_columns(np.zeros(3), np.zeros(3), problem.priors)
-    return np.zeros((runs, problem.turned.shape[2] + columns.shape[-1]))
+    return np.zeros((runs, problem.turned.shape[2] + constant_count(problem.priors)))
 
 
 def predicted_covariance(
@@ -769,17 +768,35 @@ def drift_covariance(priors: Priors, spans: Ordered[Span]) -> Array:
     that. The mean over all positions, by their time, is the bias, which has its own prior.
     """
     n = len(spans)
+    if n == 1:
+        return np.zeros((2, n, n))
+    about = np.eye(n) - _by_time(spans)
+    return about @ _drifts(priors, spans) @ about.T
+
+
+def mean_drift(priors: Priors, spans: Ordered[Span]) -> Array:
+    """Variances (2,) of that common mean about the bias that was switched on."""
+    by_time = _by_time(spans)
+    return np.asarray(np.einsum("i,sij,j->s", by_time, _drifts(priors, spans), by_time))
+
+
+def _by_time(spans: Ordered[Span]) -> Array:
+    """Parts (n,) of the whole time."""
     weights = np.array([span.length for span in spans])
-    about = np.eye(n) - weights / weights.sum()
-    p = priors
+    return np.asarray(weights / weights.sum())
+
+
+def _drifts(priors: Priors, spans: Ordered[Span]) -> Array:
+    """Covariance (2, n, n) of means of gyro and accelerometer biases about the start's."""
+    p, n = priors, len(spans)
     gyro = (p.gyro_instability, p.gyro_random_walk, p.gyro_ramp)
     sizes = np.array([gyro, (p.accel_instability, p.accel_random_walk, p.accel_ramp)])
-    if n == 1 or not sizes.any():
+    if not sizes.any():
         return np.zeros((2, n, n))
     unit = sum(one.sigma**2 * gauss_markov(spans, one.time) for one in flicker(1.0))
     times = np.concatenate([ramp_coefficients(span) for span in spans])
     parts = np.array([unit, random_walk(spans), np.outer(times, times)])
-    return about @ np.einsum("sp,pij->sij", sizes**2, parts) @ about.T
+    return np.asarray(np.einsum("sp,pij->sij", sizes**2, parts))
 
 
 def rounding_covariance(left: Array, means: Array, steps: Array) -> Array:

@@ -25,6 +25,7 @@ from alignment.methods.position_fit import (
     equal_spans,
     fit_positions,
     local_vectors,
+    mean_drift,
     pooled_variances,
     predicted_covariance,
     rounding_covariance,
@@ -43,6 +44,7 @@ ANOMALY = 5e-4  # m/s^2: of gravity about its WGS 84 value, where nobody measure
 
 OVERLAP = 1.5  # samples by which dwells may share readings: stamps of either end are rounded
 LEAST_TURN = np.radians(30.0)  # below it biases hardly change sides
+LEAST = 0.1  # of a bias's variance, drift and all, is that of switching on
 AMBIGUOUS = 12.0  # margin of chi-square: odds of 400 to 1
 
 
@@ -199,8 +201,11 @@ def _estimates(
         means, variances, relative, latitude, gravity, options.priors, anomaly, drift
     )
     growth = _growth(fit)
+    bias_sigmas = _switched_on(growth * fit.bias_covariance.diagonal(), fit, options.priors, times)
     given = latitude, gravity, float(spans.sum())
-    shared = _doubts(fit) + _verdict(fit, variances, relative, given, options.priors)
+    shared = _doubts(fit)
+    if options.verdicts:
+        shared += _verdict(fit, variances, relative, given, options.priors)
     return [
         AttitudeEstimate(
             method,
@@ -219,10 +224,22 @@ def _estimates(
             + heading_doubt(growth * fit.covariance[k])
             + shared,
             biases=fit.biases,
-            bias_sigmas=np.sqrt(growth * fit.bias_covariance.diagonal()),
+            bias_sigmas=bias_sigmas,
         )
         for k, dwell in enumerate(dwells)
     ]
+
+
+def _switched_on(found: Array, fit: PositionFit, priors: Priors, times: Ordered[Span]) -> Array:
+    """Standard deviations (6,) of the biases that were switched on, from variances `found` (6,).
+
+    Found is the mean over the positions; by how much it has drifted since, D, no position tells.
+    Of a part K of a bias that the readings tell, K of the drift is in it, and 1 - K of that in the
+    prior is not: ``found + (K^2 - (1 - K)^2) D``.
+    """
+    kept = np.minimum(fit.bias_covariance.diagonal() / fit.bias_prior**2, 1.0)
+    drifted = np.repeat(mean_drift(priors, times), 3)
+    return np.sqrt(np.maximum(found + (1 - 2 * kept) * drifted, LEAST * found))
 
 
 def _growth(fit: PositionFit) -> float:

@@ -11,13 +11,11 @@ from alignment.cross import cross_matrix
 from alignment.earth import Site
 from alignment.gains import Functional, functional
 from alignment.methods.fine import (
-    CONSTANTS,
-    START,
     STILL,
     UPDATE,
-    Model,
     columns_of,
     error_matrices,
+    model_of,
     states_of,
 )
 from alignment.methods.inertial import (
@@ -65,20 +63,17 @@ def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Func
     matched = match(carried, site)
     priors = states_of(options.priors, carried, site)
     noise = noise_of(readings, priors)
-    names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
+    model = model_of(readings, site, noise, priors)
     C_ni = matched.C_ni.as_matrix()
     push = np.diff(gravity_velocity(carried.t, site)[0], axis=0)
-    model = Model(readings, site, noise, priors, names=names)
     F, Q, H = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
     walk = float(np.mean(noise.gyro**2)) * float(carried.t[-1] - carried.t[0])
     variance = (STILL**2 + 100 * priors.lever_arm**2 * walk) * UPDATE / STEP
-    sigmas = [np.repeat(getattr(priors, name), 3) for name in names]
-    P = np.diag(np.concatenate([START, [0.0], *sigmas]) ** 2)
-    rows = _rows(F, H, _kalman_gains(F, Q, H, P, variance))
+    rows = _rows(F, H, _kalman_gains(F, Q, H, np.diag(model.start), variance))
     gyro, accel = _by_sensor(rows[1:], carried, C_ni, push)
     arm = np.zeros((3, 3))
-    if "lever_arm" in names:
-        part = rows[0][:, columns_of(names.index("lever_arm"))] * priors.lever_arm
+    if "lever_arm" in model.names:
+        part = rows[0][:, columns_of(model.names.index("lever_arm"))] * priors.lever_arm
         arm = part @ part.T
     return functional(carried, matched.C_ni, gyro, accel, arm, checked_by)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from alignment.around import by_one_gyro, whole_circle
 from alignment.arrays import Array
 from alignment.constant_errors import constant_covariance
 from alignment.doubts import heading_doubt
@@ -182,12 +183,16 @@ def single_gyro_gains(stretches: Ordered[Stretch], site: Site, options: Options)
 def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     means, variances = dwell_mean_and_variance(dwell, dwell.window())
     try:
-        C_nb, G, latitude, latitude_row = _solved(means, site)
+        C_nb, G, latitude, latitude_row, best = _solved(means, site)
     except AlignmentError as error:
         raise type(error)(f"{dwell.label}: {error}") from error
     up = means[3:] if dwell.nominal is None else dwell.nominal.inv().apply([0.0, 0.0, -1.0])
     whole = np.diag(variances + ROUNDING**2) + constant_covariance(means, options.priors)
     covariance = attitude_covariance(C_nb, whole, G)
+    if site.latitude is not None:
+        covariance = whole_circle(
+            covariance, _around(C_nb, C_nb.as_matrix()[:, best], whole, G, site)
+        )
     sigma = None
     if latitude_row is not None:
         variance = attitude_covariance(C_nb, whole, latitude_row[None])[0, 0]
@@ -219,8 +224,20 @@ def _rate_doubt(w_ib_b: Array) -> tuple[str, ...]:
     return (f"mean rate is {ratio:.2f} of Earth rate: gyro bias, or not at rest",)
 
 
-def _solved(means: Array, site: Site) -> tuple[Rotation, Array, float, Array | None]:
-    """Attitude, its sensitivity (3, 6), latitude, and the latitude's row (6,) if estimated."""
+def _around(C_nb: Rotation, gyro_n: Array, errors: Array, G: Array, site: Site) -> float:
+    """Heading's root mean square on the whole circle [rad], by errors (6, 6) of means in b.
+
+    The gyro reads its azimuth's cosine; its side is that of the rate across it.
+    """
+    azimuth = float(np.arctan2(gyro_n[1], gyro_n[0]))
+    sine, cosine = np.sin(azimuth), np.cos(azimuth)
+    across = np.array([sine, -cosine, 0.0, 0.0, 0.0, 0.0]) / site.horizontal_rate()
+    rows = np.stack([-sine * G[2], across])
+    return by_one_gyro(azimuth, attitude_covariance(C_nb, errors, rows))
+
+
+def _solved(means: Array, site: Site) -> tuple[Rotation, Array, float, Array | None, int]:
+    """Attitude, its sensitivity (3, 6), latitude, its row (6,) if estimated, the gyro."""
     w, f = means[:3], means[3:]
     coarse = triad_attitude(w, f).as_matrix()  # refuses where rate and vertical are one line
     given, _ = local_vectors(site)
@@ -236,4 +253,4 @@ def _solved(means: Array, site: Site) -> tuple[Rotation, Array, float, Array | N
     gravity = float(np.linalg.norm(f))
     G = single_gyro_sensitivity(C[:, best], latitude, gravity, given is None)
     row = latitude_sensitivity(latitude, gravity) if given is None else None
-    return Rotation.from_matrix(C), G, latitude, row
+    return Rotation.from_matrix(C), G, latitude, row, best

@@ -115,7 +115,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     fresh = dwell.window(options.offset_window)
     C_nb = _corrected_attitude(fresh, offset, sequence, site)
     _, variances = mean_and_variance(fresh)
-    variances += offset.variances + _drift_variances(options.priors)
+    variances = variances + offset.variances + _drift_variances(options.priors)
     G = G * [[1.0], [1.0], [_weaker(fresh, offset, C_nb, site)]]
     covariance = attitude_covariance(nominal, variances, G) + placed_covariance(options.priors)
     estimates.append(

@@ -31,6 +31,8 @@ from stand.simulation.settings import temperature_of
 from stand.table.table import Table, load_table, table_from, without_errors
 from stand.versions import versions
 
+ARM = 0.2  # m: of a unit's place on a table, from where its axes cross
+
 Metadata = Mapping[str, Mapping[str, str]]
 
 
@@ -207,7 +209,8 @@ def _bench(log: Log, sheet: ImuSpec | None, table: Table | None, site: Site) -> 
     if table is None:
         p = log.options.priors
         made = replace(made, placement=p.turn, seat=p.seat, tilt=p.nominal, azimuth=p.azimuth)
-    return made
+    # where a table of its owner's has its unit, no sheet says
+    return made if log.simulated else replace(made, arm_sigma=ARM)
 
 
 def _noise_of(log: Log) -> Priors:

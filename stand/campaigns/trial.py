@@ -1,6 +1,7 @@
 """One run of a case: what every method makes of it, beside the truth, as rows."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from math import nan
 from typing import NamedTuple
@@ -51,6 +52,7 @@ class Run(NamedTuple):
 
 def ready(settings: Settings) -> Callable[[int], tuple[Row, ...]]:
     """What makes a run of a case by its seed; a case that cannot run has its reason as answer."""
+    settings = replace(settings, options=replace(settings.options, verdicts=False))
     try:
         trials = Trials(settings)
     except (StandError, AlignmentError) as error:

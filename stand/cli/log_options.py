@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from typing import Annotated, Any, get_type_hints
+from copy import copy
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
@@ -66,11 +67,15 @@ _OPTIONS = inspect.signature(_stated, eval_str=True).parameters
 
 
 def takes_log_form(command: Callable[..., Any]) -> Callable[..., Any]:
-    """A command whose argument `form`, a `LogForm`, is made of options that all such share."""
+    """A command whose argument `form`, a `LogForm`, is made of options that all such share.
+
+    One whose name is an option of the command's own comes as --log-name.
+    """
     command.__annotations__.pop(_FORM)  # no option: its class waits for the command to run
     signature = inspect.signature(command, eval_str=True)
     own = [p for name, p in signature.parameters.items() if name != _FORM]
-    shared = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in _OPTIONS.values()]
+    taken = {name for p in own for name in _names(p)}
+    shared = [_beside(p, taken) for p in _OPTIONS.values()]
 
     @functools.wraps(command)
     def wrapped(**given: Any) -> Any:
@@ -83,6 +88,30 @@ def takes_log_form(command: Callable[..., Any]) -> Callable[..., Any]:
         parameters=[p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own] + shared
     )
     hints = get_type_hints(command, include_extras=True)
-    wrapped.__annotations__ = hints | {name: p.annotation for name, p in _OPTIONS.items()}
+    wrapped.__annotations__ = hints | {p.name: p.annotation for p in shared}
     del wrapped.__wrapped__  # type: ignore[attr-defined]
     return wrapped
+
+
+def _names(parameter: inspect.Parameter) -> set[str]:
+    """Of the option of a command's parameter: as it is told, or made of the parameter's name."""
+    told = [name for a in get_args(parameter.annotation) for name in _told(a)]
+    return set(told) or {f"--{parameter.name}"}
+
+
+def _told(option: Any) -> list[str]:
+    """Names in an annotation; typer keeps the first one where a default would be."""
+    told = (getattr(option, "default", None), *(getattr(option, "param_decls", None) or ()))
+    return [name for name in told if isinstance(name, str) and name.startswith("--")]
+
+
+def _beside(parameter: inspect.Parameter, taken: set[str]) -> inspect.Parameter:
+    """The parameter of a shared option, under a name that is not taken."""
+    (name,) = _names(parameter)
+    kind, option = get_args(parameter.annotation)
+    if name in taken:
+        option = copy(option)
+        option.default = f"--log-{name.lstrip('-')}"
+    return parameter.replace(
+        kind=inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[kind, option]
+    )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stand.cli.log_options import takes_log_form
 from stand.cli.options import (
     ForceOption,
     HeightOption,
@@ -21,7 +22,11 @@ from stand.cli.options import (
 )
 from stand.cli.progress import Stopped, print_json, progress, working
 
+if TYPE_CHECKING:
+    from stand.recording.log_form import LogForm
 
+
+@takes_log_form
 def compare(
     procedure: Annotated[
         str | None,
@@ -33,6 +38,8 @@ def compare(
     other: Annotated[
         Path | None, typer.Argument(metavar="B", help="Another recording of that procedure.")
     ] = None,
+    *,
+    form: LogForm,
     imu: Annotated[
         str | None,
         typer.Option(
@@ -101,10 +108,14 @@ def compare(
 
     Two recordings of one procedure, simulated or real: estimates, means per stretch, noise.
     stand compare recordings/a recordings/b
+
+    A log of others among them is read by the last options, as stand align does.
     """
     if other is not None:
-        _compare_recordings(procedure, other, imu, words(methods), stretches, latitude, as_json)
+        pair = (str(procedure), other)
+        _compare_recordings(pair, form, imu, words(methods), stretches, latitude, as_json)
         return
+    _refuse_form(form, "compare")
     if published:
         _compare_published(only, out, as_json)
         return
@@ -149,8 +160,8 @@ def compare(
 
 
 def _compare_recordings(
-    first: str | None,
-    second: Path,
+    paths: tuple[str, Path],
+    form: LogForm,
     imu: str | None,
     methods: list[str],
     stretches: Path | None,
@@ -159,11 +170,15 @@ def _compare_recordings(
 ) -> None:
     from stand import api
     from stand.evaluation.side_by_side import side_by_side_json
+    from stand.recording.entrance import forms_of
 
     with working("reading", as_json):
         a, b = (
-            log if log.simulated or stretches is None else api.read(log.path, stretches=stretches)
-            for log in (api.read(str(first)), api.read(second))
+            log
+            if log.simulated or stretches is None
+            else api.read(path, stretches=stretches, form=own)
+            for path, own in zip(paths, forms_of(paths, form), strict=True)
+            for log in (api.read(path, form=own),)
         )
     with working("estimating", as_json):
         found = api.side_by_side(a, b, methods, imu=imu, latitude_deg=latitude)
@@ -306,6 +321,7 @@ def rehearse(
         raise typer.Exit(1)
 
 
+@takes_log_form
 def export(
     what: Annotated[
         str,
@@ -315,11 +331,13 @@ def export(
             "calibration.json.",
         ),
     ],
+    *,
+    form: LogForm,
     out: Annotated[Path, typer.Option(metavar="X.csv", help="The file to write.")],
     table: Annotated[
         str | None, typer.Option(metavar="ID", help="Table (stand list tables) or a TOML file.")
     ] = None,
-    file_format: Annotated[
+    out_format: Annotated[
         str | None,
         typer.Option(
             "--format",
@@ -351,34 +369,44 @@ def export(
     Example: stand export calibration.json --out unit.toml
     """
     if what.endswith(".json"):
+        _refuse_form(form, what)
         from stand.calibration.exports import exported as calibration_exported
         from stand.calibration.file import load_calibration
 
-        for path in calibration_exported(load_calibration(what), out, file_format, force=force):
+        for path in calibration_exported(load_calibration(what), out, out_format, force=force):
             print(path)
         return
-    kind = file_format or out.suffix.lower().lstrip(".") or "csv"
+    kind = out_format or out.suffix.lower().lstrip(".") or "csv"
     if _is_recording(what):
         from stand import api
         from stand.recording.export import WRITERS, export_log
 
-        log = api.read(what, topic=topic)
-        if file_format is None:
+        log = api.read(what, topic=topic, form=form)
+        if out_format is None:
             _check_ending(out, WRITERS)
         for path in export_log(log, out, kind, force=force):
             print(path)
         return
+    _refuse_form(form, what)
     with quick_imports():
         import stand
         from stand.errors import unknown
         from stand.rehearsal.export import exported, steps_file
 
-    if file_format not in (None, "csv"):
-        raise unknown("format", file_format, ("csv",))
-    if file_format is None:
+    if out_format not in (None, "csv"):
+        raise unknown("format", out_format, ("csv",))
+    if out_format is None:
         _check_ending(out, ("csv",))
     rows = exported(stand.settings(what, table=table, seed=seed), out, force)
     print(f"{out}: {rows} rows\n{steps_file(out)}")
+
+
+def _refuse_form(form: LogForm, what: str) -> None:
+    """How a log is to be read, stated of what is none."""
+    if form != type(form)():
+        from stand.errors import StandError
+
+        raise StandError(f"{what}: is no recording, but it is stated how to read a log")
 
 
 def _check_ending(out: Path, kinds: Iterable[str]) -> None:

@@ -29,7 +29,7 @@ from stand.motion.plan import Plan
 from stand.simulation.journal import Journal
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
-from stand.simulation.settings import Settings
+from stand.simulation.settings import Settings, options_for
 from stand.simulation.work import Engine
 
 Progress = Callable[[float], None]
@@ -127,6 +127,9 @@ class _Bench:
         self.methods = settings.methods or applicable(self.trials.plan)
         if not self.trials.plan.stretches or not self.methods:
             raise StandError(f"{settings.procedure.name}: nothing to estimate from: no dwell, rate")
+        self._options = options_for(settings, self.methods)
+        if any(ESTIMATORS[method].follows_moves for method in self.methods):
+            self.trials.keep_moves()
         self._imu = settings.unit
 
     def trial(self, seed: int) -> list[Outcome]:
@@ -148,7 +151,7 @@ class _Bench:
         begin = time.perf_counter()
         try:
             own = suited(method, dwells)
-            estimates = ESTIMATORS[method].estimate(own, site, self.settings.options)
+            estimates = ESTIMATORS[method].estimate(own, site, self._options)
         except AlignmentError as error:
             return Outcome(
                 method=method, seed=seed, seconds=time.perf_counter() - begin, refusal=str(error)

@@ -132,6 +132,8 @@ def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
 
     def drawn(field: str, *size: int) -> Array:
         """Normal with the stated standard deviation; evenly within a stated maximum."""
+        if not getattr(spec, field):  # each has streams of its own: nobody misses these numbers
+            return np.zeros((AXES, *size))
         rngs = streams(seed, sensor, field)
         if field in spec.bounded:
             unit = np.stack([s.uniform(-sqrt(3), sqrt(3), size) for s in rngs])
@@ -145,11 +147,13 @@ def draw(spec: TriadSpec, seed: int, sensor: str) -> UnitErrors:
     if spec.axes is not None:
         axes = np.array(spec.axes) @ axes
     axes = axes + _symmetric(yz_zx_xy) / 2
-    signs = np.stack([s.standard_normal() for s in streams(seed, sensor, "ramp")])
+    ramps = np.zeros(AXES)
+    if spec.ramp:
+        ramps = np.stack([s.standard_normal() for s in streams(seed, sensor, "ramp")])
     errors = UnitErrors(
         matrix=(1 + drawn("scale"))[:, None] * axes,
         bias=drawn("bias"),
-        ramp=spec.ramp * np.sign(signs),
+        ramp=spec.ramp * np.sign(ramps),
         asymmetry=drawn("asymmetry"),
         nonlinearity=drawn("nonlinearity"),
         second_order=drawn("second_order"),

@@ -7,6 +7,7 @@ import numpy as np
 
 from alignment import Priors
 from alignment.fixed_order import norm
+from alignment.information.drift import LASTING
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
 from stand.imu.processes import plateau
@@ -23,7 +24,6 @@ ALIKE = (
     "misalignment",
     "non_orthogonality",
 )
-LASTING = 60.0  # s: correlation beyond it makes a bias of a dwell
 BASE_ARM = 0.73  # m: the unit's height above the crossing of the shipped base's axes
 GIMBAL_ARM = 0.055227  # m: the unit's place on two lines across the shipped pitch axis, each
 

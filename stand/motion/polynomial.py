@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache
-from math import comb, cos, pi
+from math import comb, cos, factorial, pi
 
 import numpy as np
 from numpy.polynomial import chebyshev, polynomial
@@ -233,24 +233,28 @@ def _factors() -> tuple[Array, Array, Array]:
     return one, two, pivots
 
 
-def b_spline(weights: Array, step: float, start: float = 0.0, level: ArrayLike = 0.0) -> Motion:
-    """The sum of quintic B-splines at even steps [s], C4: where six of them weigh zero, rest.
+def b_spline(
+    weights: Array, step: float, start: float = 0.0, level: ArrayLike = 0.0, degree: int = 5
+) -> Motion:
+    """The sum of B-splines at even steps [s], `degree` - 1 times smooth; all weights 0: rest.
 
     Parameters
     ----------
-    weights : (k + 5, joints) rad
-        Of the B-splines about ``start + step (-2, -1, 0, ... k + 2)``; the k pieces begin at
-        `start`.
+    weights : (k + degree, joints) rad
+        Of the B-splines about ``start + step (-h, ... k + h)``, ``h = (degree - 1)/2``; the k
+        pieces begin at `start`.
     step, start : float
     level : (joints,) or number
         Added to the angles [rad]: what all weights have in common only rounds the derivatives.
+    degree : int
+        Odd.
     """
-    k = len(weights) - 5
-    to_powers = _cardinal() / np.array([[step**power] for power in range(5, -1, -1)])
-    coefficients = np.empty((6, k, weights.shape[1]))
+    k = len(weights) - degree
+    to_powers = _cardinal(degree) / np.array([[step**power] for power in range(degree, -1, -1)])
+    coefficients = np.empty((degree + 1, k, weights.shape[1]))
     for first in range(0, k, BLOCK):
-        block = weights[first : first + BLOCK + 5]
-        windows = np.stack([block[i : len(block) - 5 + i] for i in range(6)])
+        block = weights[first : first + BLOCK + degree]
+        windows = np.stack([block[i : len(block) - degree + i] for i in range(degree + 1)])
         coefficients[:, first : first + BLOCK] = np.einsum("pi,ikj->pkj", to_powers, windows)
     coefficients[-1] += level
     coefficients.flags.writeable = False
@@ -258,14 +262,15 @@ def b_spline(weights: Array, step: float, start: float = 0.0, level: ArrayLike =
 
 
 @cache
-def _cardinal() -> Array:
-    """Matrix (6, 6) from six B-spline coefficients to powers of u in [0, 1], highest first."""
-    rows = np.zeros((6, 6))
-    for i in range(6):  # B-spline i lies 5 - i steps into its support over [0, 1]
-        for j in range(6 - i):  # sum over truncated powers (u + 5 - i - j)^5
-            shifted = polynomial.polypow([float(5 - i - j), 1.0], 5)
-            rows[:, i] += (-1) ** j * comb(6, j) * shifted[::-1] / 120
-    return rows
+def _cardinal(degree: int) -> Array:
+    """From B-spline coefficients (degree + 1,) to powers of u in [0, 1], highest first."""
+    n = degree + 1
+    rows = np.zeros((n, n))
+    for i in range(n):  # B-spline i lies degree - i steps into its support over [0, 1]
+        for j in range(n - i):  # sum over truncated powers (u + degree - i - j)^degree
+            shifted = polynomial.polypow([float(degree - i - j), 1.0], degree)
+            rows[:, i] += (-1) ** j * comb(n, j) * shifted[::-1]
+    return rows / factorial(degree)
 
 
 def hermite(t: Array, angle: Array, rate: Array, acceleration: Array) -> Array:

@@ -20,14 +20,14 @@ from stand.motion.waves import smooth_step
 from stand.procedure.steps import SwayEntry, SwayMotion, VibrationEntry, VibrationMotion
 from stand.table.joints import JOINTS
 
-# Of the fastest frequency. With r steps per period B-splines repeat a wave at r - 1 and r + 1
-# times its frequency, with 1/(r - 1)^4 and 1/(r + 1)^4 of its acceleration: both together 3e-5 at
-# 16 and 6e-4 at 8; of the angle 3e-7 and 2e-5.
-SWAY_PER_PERIOD = 16
-VIBRATION_PER_PERIOD = 8
-FADE_STEPS = 16  # at least
-REST = 3  # steps at each end: no B-spline that reaches beyond it weighs anything
-MOST_STEPS = 1_500_000  # of a motion: 430 MB of polynomials of degree 5
+# Of the fastest frequency. With 8 steps per period B-splines of degree 7 repeat a wave at 7 and 9
+# times its frequency, with 1/7^6 and 1/9^6 of its acceleration: both together 1e-5; of the angle
+# 2e-7.
+PER_PERIOD = 8
+DEGREE = 7
+FADE_STEPS = 20  # at least
+REST = 4  # steps at each end: no B-spline that reaches beyond it weighs anything
+MOST_STEPS = 1_500_000  # of a motion: 580 MB of polynomials of degree 7
 MOST_DRAWN = 8_000_000  # steps of the series drawn: a slow wave beside a fast one needs many
 SLOWEST_BINS = 8.0  # frequency bins up to the slowest wave
 CUTOFF = 5.0  # of a resonance's frequency, where nothing else is said
@@ -78,7 +78,7 @@ def sway(entry: SwayMotion, steady: float, lead: float, rng_of: RngOf, folder: P
         A density file that is not right, or a motion that needs too many steps.
     """
     spectra = {name: _spectrum(name, axis, folder) for name, axis in entry.axes.items()}
-    return _drawn(spectra, steady, lead, rng_of, SWAY_PER_PERIOD)
+    return _drawn(spectra, steady, lead, rng_of)
 
 
 def vibration(entry: VibrationMotion, steady: float, lead: float, rng_of: RngOf) -> Motion:
@@ -87,7 +87,7 @@ def vibration(entry: VibrationMotion, steady: float, lead: float, rng_of: RngOf)
         name: Spectrum(axis.low_hz, axis.high_hz, _even_acceleration(axis))
         for name, axis in entry.axes.items()
     }
-    return _drawn(spectra, steady, lead, rng_of, VIBRATION_PER_PERIOD)
+    return _drawn(spectra, steady, lead, rng_of)
 
 
 def _spectrum(name: str, axis: SwayEntry, folder: Path) -> Spectrum:
@@ -171,25 +171,24 @@ class _Grid:
     drawn: int
 
 
-def _drawn(
-    spectra: Mapping[str, Spectrum], steady: float, lead: float, rng_of: RngOf, per_period: int
-) -> Motion:
-    grid = _grid(spectra, steady, lead, per_period)
+def _drawn(spectra: Mapping[str, Spectrum], steady: float, lead: float, rng_of: RngOf) -> Motion:
+    grid = _grid(spectra, steady, lead)
     t = grid.step * np.arange(grid.count + 1)
     margin = REST * grid.step
     since = np.minimum(t, t[::-1]) - margin
     size = smooth_step(since / (lead - 2 * margin))
-    weights = np.zeros((grid.count + 5, len(JOINTS)))
+    weights = np.zeros((grid.count + DEGREE, len(JOINTS)))
+    beside = DEGREE // 2
     for name, spectrum in spectra.items():
-        weights[2:-2, JOINTS.index(name)] = size * _series(spectrum, grid, rng_of(name))
-    return b_spline(weights, grid.step)
+        weights[beside:-beside, JOINTS.index(name)] = size * _series(spectrum, grid, rng_of(name))
+    return b_spline(weights, grid.step, degree=DEGREE)
 
 
-def _grid(spectra: Mapping[str, Spectrum], steady: float, lead: float, per_period: int) -> _Grid:
+def _grid(spectra: Mapping[str, Spectrum], steady: float, lead: float) -> _Grid:
     """Steps for the fastest axis and the fade; bins fine enough for the slowest axis."""
     fastest = max(spectrum.fastest for spectrum in spectra.values())
     length = 2 * lead + steady
-    count = ceil(length * max(per_period * fastest, FADE_STEPS / lead))
+    count = ceil(length * max(PER_PERIOD * fastest, FADE_STEPS / lead))
     if count > MOST_STEPS:
         raise StandError(
             f"{length:g} s with frequencies up to {fastest:g} Hz, faded in {lead:g} s, are {count} "
@@ -201,7 +200,7 @@ def _grid(spectra: Mapping[str, Spectrum], steady: float, lead: float, per_perio
     if resolved > MOST_DRAWN:
         raise StandError(
             f"frequencies from {min(slowest):g} to {fastest:g} Hz: too far apart for one motion, "
-            f"allowed a ratio of {MOST_DRAWN / SLOWEST_BINS / per_period:.0f}; make two of it"
+            f"allowed a ratio of {MOST_DRAWN / SLOWEST_BINS / PER_PERIOD:.0f}; make two of it"
         )
     return _Grid(step, count, _quick_length(max(2 * count, ceil(resolved))))
 
@@ -220,9 +219,10 @@ def _series(spectrum: Spectrum, grid: _Grid, rng: np.random.Generator) -> Array:
     bins = 1 + ceil(spectrum.fastest * grid.drawn * grid.step)
     edges = (np.arange(1, bins + 1) + 0.5) / (grid.drawn * grid.step)
     amplitude = np.sqrt(spectrum.power(np.concatenate([[0.0], edges])))
-    # the sum of B-splines at the steps is (1, 26, 66, 26, 1)/120 of the weights about them
+    # the sum at the steps is (1, 120, 1191, 2416, 1191, 120, 1)/5040 of the weights about them
     turn = 2 * np.pi * np.arange(1, bins + 1) / grid.drawn
-    amplitude /= (66 + 52 * np.cos(turn) + 2 * np.cos(2 * turn)) / 120
+    seen = 2416 + 2382 * np.cos(turn) + 240 * np.cos(2 * turn) + 2 * np.cos(3 * turn)
+    amplitude /= seen / 5040
     cosine, sine = rng.standard_normal((2, bins))
     transform = np.zeros(grid.drawn // 2 + 1, dtype=complex)
     transform[1 : bins + 1] = amplitude * (cosine - 1j * sine) * (grid.drawn / 2)

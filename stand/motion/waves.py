@@ -37,6 +37,7 @@ LOCK = 1.0 * DEG  # nearer to +-90 deg the middle gimbal is locked
 CLOSE_FIT = (
     1e-12  # rad, of coning's gimbal angles between the points of the fit: 1e-7 of acceleration
 )
+WHOLE_TURNS = 1e-12  # of a turn that coning may miss whole ones by: 6e-12 of its angle
 FINENESS = (1, 2, 4, 8, 16, 32)  # times `FIT_PER_PERIOD`: what coning near gimbal lock may need
 BASE = 3  # the first three joints are the rocking base's
 SCORSBY_PHASES = {"base_roll": 0.0, "base_pitch": 90.0, "base_yaw": 0.0}  # deg
@@ -178,7 +179,9 @@ def coning(
         knots = _knots(steady, lead, fineness * FIT_PER_PERIOD * frequency, frequency)
         seen = knots[: 2 + np.searchsorted(knots, until)]
         if _fits(offsets, seen):
-            return fitted(lambda t: offsets(t)[0], knots)
+            turns, pieces = steady * frequency, fineness * FIT_PER_PERIOD
+            whole = round(turns) if abs(turns - round(turns)) < WHOLE_TURNS else 0
+            return _repeating(lambda t: offsets(t)[0], knots, whole, pieces)
     raise _round_the_lock(seen, offsets)
 
 
@@ -229,6 +232,20 @@ def _fits(offsets: Offsets, knots: Array) -> bool:
         )
     have, _, _ = fitted(lambda t: offsets(t)[0], knots).joints(times)
     return float(np.abs(have - wanted).max()) < CLOSE_FIT
+
+
+def _repeating(angles: Callable[[Array], Array], knots: Array, turns: int, pieces: int) -> Motion:
+    """Coning between `knots`: of so many whole `turns` at full size, each of `pieces` pieces, one
+    is fitted and the others repeat it; of another number (0) all is fitted."""
+    fade, odd = divmod(len(knots) - 1 - turns * pieces, 2)
+    if turns < 2 or odd:
+        return fitted(angles, knots)
+    begin = fitted(angles, knots[: fade + pieces + 1]).coefficients
+    end = fitted(angles, knots[-fade - 1 :]).coefficients
+    steady = np.tile(begin[:, fade:], (1, turns, 1))
+    coefficients = np.concatenate([begin[:, :fade], steady, end], axis=1)
+    coefficients.flags.writeable = False
+    return Motion(knots, coefficients)
 
 
 def _between(knots: Array) -> Array:

@@ -7,6 +7,7 @@ What depends on the angles (curves of the axes, wobble) is the truth's: `stand.p
 # pyright: reportAttributeAccessIssue=false
 
 import copy
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -29,22 +30,25 @@ _TOWARD = {
 }
 
 
-def with_errors(model: mujoco.MjModel, errors: TableErrors) -> mujoco.MjModel:
+def with_errors(
+    model: mujoco.MjModel, errors: TableErrors, data: mujoco.MjData | None = None
+) -> mujoco.MjModel:
     """A copy of the whole stand with tilt and azimuth of its base, leaning axes and the IMU's seat.
 
     The base is turned about the crossing of its axes, by one rotation vector in w; the IMU by one
     in b: ``C_true = C_nominal exp(mounting)``. Each axis leans from its nominal direction in its
-    nominal plane, so that what one leans changes no other.
+    nominal plane, so that what one leans changes no other. `data`, of this model or of a copy like
+    this one's, is worked in where many are made.
     """
     built = copy.copy(model)
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    at_zero: Any = mujoco.MjData(model) if data is None else data
+    mujoco.mj_kinematics(model, at_zero)
     for name, toward in _TOWARD.items():
         joint, carrier = model.joint(name).id, model.joint(toward).id
         lean = errors.non_orthogonality[JOINTS.index(name)]
-        axis = np.cos(lean) * data.xaxis[joint] + np.sin(lean) * data.xaxis[carrier]
+        axis = np.cos(lean) * at_zero.xaxis[joint] + np.sin(lean) * at_zero.xaxis[carrier]
         body = model.jnt_bodyid[joint]
-        built.jnt_axis[joint] = product(data.xmat[body].reshape(3, 3).T, axis)
+        built.jnt_axis[joint] = product(at_zero.xmat[body].reshape(3, 3).T, axis)
     base = model.jnt_bodyid[model.joint(JOINTS[0]).id]
     tilt = Rotation.from_rotvec([*errors.base_tilt, errors.base_azimuth])
     built.body_quat[base] = _wxyz(tilt * _rotation(model.body_quat[base]))
@@ -54,6 +58,11 @@ def with_errors(model: mujoco.MjModel, errors: TableErrors) -> mujoco.MjModel:
     # MuJoCo takes a site whose frame is its body's from there
     built.site_sameframe[site] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     return built
+
+
+def data_of(model: mujoco.MjModel) -> mujoco.MjData:
+    """Room for the kinematics of a model and of its copies."""
+    return mujoco.MjData(model)
 
 
 def _rotation(wxyz: Array) -> Rotation:

@@ -10,7 +10,7 @@ what they are made of. Products and sums go term by term, without BLAS: a sample
 on every processor and in whatever block it is asked for.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import cos, pi
@@ -20,6 +20,7 @@ import numpy as np
 from alignment.arrays import Array, IntArray
 
 CHUNK = 256  # panels worked out at once: temporary arrays stay in cache
+TABLE = 1 << 15  # values of curves at places worked out at once: so too
 _ROUNDS = 20  # of Newton's iteration from Chebyshev's nodes: 4 of them settle it
 
 
@@ -72,70 +73,12 @@ class Panels:
         inside = points[0] != self._ends[panel[0]]
         return Cuts(
             panel,
-            (points[:1] - middle[:1]) / half[:1] if inside else None,
-            (points[1:] - middle) / half,
+            _Places(panel[:1], (points[:1] - middle[:1]) / half[:1]) if inside else None,
+            _Places(panel, (points[1:] - middle) / half),
             half=half,
             lengths=np.diff(points),
             starts=np.searchsorted(points, edges[:-1]),
         )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Cuts:
-    """The m parts into which the ends of panels cut n samples.
-
-    Attributes
-    ----------
-    panel : (m,)
-        In which each lies.
-    since : (1,) or None
-        Where in its panel the first part begins; None: with it.
-    high : (m,)
-        Where in its panel each part ends.
-    half : (m,) s
-        Of the panel's length.
-    lengths : (m,) s
-    starts : (n,)
-        The first part of each sample.
-    """
-
-    panel: IntArray
-    since: Array | None
-    high: Array
-    half: Array
-    lengths: Array
-    starts: IntArray
-
-    def means(self, curves: "Curves") -> Array:
-        """Means (c, n) over the samples.
-
-        Notes
-        -----
-        From the antiderivative of what the curves have beyond their beginnings, which is 0 where
-        a panel begins.
-        """
-        sums = _antiderivative(curves.series)
-        until = _clenshaw(sums, self.panel, self.high)
-        since = np.zeros_like(until)
-        if self.since is not None:
-            since[:, :1] = _clenshaw(sums, self.panel[:1], self.since)
-        goes_on = self.panel[1:] == self.panel[:-1]
-        since[:, 1:][:, goes_on] = until[:, :-1][:, goes_on]
-        until -= since
-        number = np.diff(self.starts, append=len(self.panel))
-        whole = np.repeat(np.add.reduceat(self.lengths, self.starts), number)
-        until *= self.half / whole
-        until += np.take(curves.first, self.panel, axis=1) * (self.lengths / whole)
-        if len(self.panel) == len(self.starts):
-            return until
-        return np.add.reduceat(until, self.starts, axis=1)
-
-    def ends(self, curves: "Curves") -> Array:
-        """Values (c, n) at the samples' ends."""
-        last = np.append(self.starts[1:], len(self.panel)) - 1
-        panel = self.panel[last]
-        beyond = _clenshaw(curves.series, panel, self.high[last])
-        return beyond + np.take(curves.first, panel, axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,23 +101,109 @@ class Curves:
         return Curves(self.first[:count], self.series[:, :count])
 
 
-def _clenshaw(series: Array, panel: IntArray, at: Array) -> Array:
-    """Values (c, m) of series (n, c, p) of Chebyshev's polynomials at places (m,) in panels (m,).
+class _Places:
+    """Places `at` (m,) in the panels of numbers `panel` (m,), which never go down.
 
-    By Clenshaw's scheme, in place: b_k = c_k + 2 u b_(k+1) - b_(k+2), at last with u for 2 u.
+    They lie in a table of a row or column for each panel, filled up where it has fewer than
+    others: so sums go along rows, and what belongs to a panel is fetched once.
     """
-    terms = np.take(series, panel, axis=2)
-    later, last = np.zeros_like(terms[0]), np.zeros_like(terms[0])
-    twice = 2 * at
-    for term in terms[:0:-1]:
-        term -= last
-        last = later
-        later = twice * last
-        later += term
-    later *= at
-    later -= last
-    later += terms[0]
-    return later
+
+    def __init__(self, panel: IntArray, at: Array) -> None:
+        own = panel - panel[0]
+        counts = np.bincount(own)
+        number = np.arange(len(own)) - (np.cumsum(counts) - counts)[own]
+        panels, most = len(counts), int(counts.max())
+        self._panels = slice(panel[0], panel[0] + panels)
+        self._rows = most > panels  # whether a panel has a row, the longer way
+        shape = (panels, most) if self._rows else (most, panels)
+        self._index = own * most + number if self._rows else number * panels + own
+        table = np.zeros(shape)
+        table.flat[self._index] = at
+        self._polynomials = [np.ones(shape), table]
+
+    def values(self, series: Array) -> Array:
+        """Values (c, m) of series (n, c, p) of Chebyshev's polynomials."""
+        polynomials = self._polynomials
+        while len(polynomials) < len(series):  # T_(k+1) = 2 u T_k - T_(k-1)
+            polynomials.append(2 * polynomials[1] * polynomials[-1] - polynomials[-2])
+        terms = np.expand_dims(series[:, :, self._panels], 3 if self._rows else 2)
+        values = np.zeros((series.shape[1], len(self._index)))
+        many = max(1, TABLE // polynomials[0].size)
+        moving = np.flatnonzero(series.any(axis=(0, 2)))
+        for first in range(0, len(moving), many):
+            some = moving[first : first + many]
+            found = _sum(terms[:, some], polynomials).reshape(len(some), -1)
+            values[some] = np.take(found, self._index, axis=1)
+        return values
+
+
+def _sum(terms: Array, factors: Sequence[Array]) -> Array:
+    """Of products, each made and added by itself: a sum in one go rounds as a processor likes."""
+    total = terms[0] * factors[0]
+    product = np.empty_like(total)
+    for term, factor in zip(terms[1:], factors[1:], strict=False):
+        np.multiply(term, factor, out=product)
+        total += product
+    return total
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cuts:
+    """The m parts into which the ends of panels cut n samples.
+
+    Attributes
+    ----------
+    panel : (m,)
+        In which each lies.
+    since : (1,) or None
+        Where in its panel the first part begins; None: with it.
+    high : (m,)
+        Where in its panel each part ends.
+    half : (m,) s
+        Of the panel's length.
+    lengths : (m,) s
+    starts : (n,)
+        The first part of each sample.
+    """
+
+    panel: IntArray
+    since: _Places | None
+    high: _Places
+    half: Array
+    lengths: Array
+    starts: IntArray
+
+    def means(self, curves: Curves) -> Array:
+        """Means (c, n) over the samples.
+
+        Notes
+        -----
+        From the antiderivative of what the curves have beyond their beginnings, which is 0 where
+        a panel begins.
+        """
+        sums = _antiderivative(curves.series)
+        until = self.high.values(sums)
+        since = np.zeros_like(until)
+        if self.since is not None:
+            since[:, :1] = self.since.values(sums)
+        goes_on = self.panel[1:] == self.panel[:-1]
+        np.multiply(until[:, :-1], goes_on, out=since[:, 1:])
+        until -= since
+        number = np.diff(self.starts, append=len(self.panel))
+        whole = np.repeat(np.add.reduceat(self.lengths, self.starts), number)
+        until *= self.half / whole
+        until += np.take(curves.first, self.panel, axis=1) * (self.lengths / whole)
+        if len(self.panel) == len(self.starts):
+            return until
+        return np.add.reduceat(until, self.starts, axis=1)
+
+    def ends(self, curves: Curves) -> Array:
+        """Values (c, n) at the samples' ends."""
+        found = self.high.values(curves.series)
+        found += np.take(curves.first, self.panel, axis=1)
+        if len(self.panel) == len(self.starts):
+            return found
+        return found[:, np.append(self.starts[1:], len(self.panel)) - 1]
 
 
 def _antiderivative(series: Array) -> Array:

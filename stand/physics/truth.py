@@ -18,6 +18,7 @@ the chain rule, and an axis that wobbles has two small hinges across it, prescri
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from itertools import count, pairwise
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -96,6 +97,7 @@ def lean_model(
     site: Site,
     places: Array | None = None,
     errors: TableErrors = PERFECT,
+    data: mujoco.MjData | None = None,
 ) -> mujoco.MjModel:
     """The stand's kinematics alone: its hinges on one body at the instrument's point.
 
@@ -109,6 +111,8 @@ def lean_model(
         Row i: where an accelerometer is added, in b, from the instrument's point [m].
     errors : TableErrors
         Behind each axis that wobbles come two hinges across it, `nods` of it.
+    data : MjData or None
+        At zero angles, of a model of these sizes: worked in where many are made.
 
     Notes
     -----
@@ -116,24 +120,27 @@ def lean_model(
     with the axis and anchor it has at zero angles; that spares five bodies' arithmetic. More
     than MuJoCo allows on one body go to others in the same place.
     """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    at_zero: Any = mujoco.MjData(model) if data is None else data
+    mujoco.mj_kinematics(model, at_zero)
     sid = model.site(SITE).id
-    origin, C_wb = data.site_xpos[sid].copy(), data.site_xmat[sid].reshape(3, 3).copy()
+    origin, C_wb = at_zero.site_xpos[sid].copy(), at_zero.site_xmat[sid].reshape(3, 3).copy()
     spec = mujoco.MjSpec()
     spec.option.gravity = C_NW.inv().apply(-site.f_n)
     spec.option.magnetic = C_NW.inv().apply(site.w_ie_n)
     spec.option.disableflags = int(_UNUSED_STAGES)
     quat = Rotation.from_matrix(C_wb).as_quat(scalar_first=True)
     body = _weighted(spec.worldbody, pos=origin, quat=quat)
-    for number, (name, axis, anchor) in enumerate(_hinges(model, data, errors)):
+    names, axes, anchors = zip(*_hinges(model, at_zero, errors), strict=True)
+    axes_b = product(C_wb.T, np.array(axes).T).T
+    anchors_b = product(C_wb.T, (np.array(anchors) - origin).T).T
+    for number, (name, axis, anchor) in enumerate(zip(names, axes_b, anchors_b, strict=True)):
         if number and number % HINGES == 0:
             body = _weighted(body)
         body.add_joint(
             name=name,
             type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=product(C_wb.T, axis),
-            pos=product(C_wb.T, anchor - origin),
+            axis=axis,
+            pos=anchor,
             armature=ARMATURE,
         )
     body.add_site(name=SITE)
@@ -184,6 +191,8 @@ class Truth:
         `stand.physics.geometry.with_errors`.
     threads : int
         Of MuJoCo; the results are the same bits.
+    data : MjData or None
+        As of `lean_model`.
     """
 
     def __init__(
@@ -193,15 +202,30 @@ class Truth:
         places: Array | None = None,
         errors: TableErrors | None = None,
         threads: int = 1,
+        data: mujoco.MjData | None = None,
     ) -> None:
         self._places = places if places is not None and places.any() else None
-        self._errors = PERFECT if errors is None else errors
-        self._perfect = self._errors.perfect
-        self._lean = lean_model(model, site, self._places, self._errors)
-        self._order = _order(self._errors)
-        self._law: Law | None = None  # of the motion met last
-        self.batch = Batch(self._lean, ROWS, nthread=threads)
+        self._site, self._data = site, data
+        lean = self._of(model, PERFECT if errors is None else errors)
+        self.batch = Batch(lean, ROWS, nthread=threads)
         self._sensors = self.batch.bind("sensordata")
+
+    def _of(self, model: mujoco.MjModel, errors: TableErrors) -> mujoco.MjModel:
+        self._errors, self._perfect, self._order = errors, errors.perfect, _order(errors)
+        self._law: Law | None = None  # of the motion met last
+        return lean_model(model, self._site, self._places, errors, self._data)
+
+    def change(self, model: mujoco.MjModel, errors: TableErrors) -> None:
+        """Be that of another table from now on, with the bits of a new one and less work.
+
+        `model` and `errors` as at first.
+        """
+        lean = self._of(model, errors)
+        if lean.nv == self.batch.model.nv:
+            self.batch.set_models(lean)
+        else:  # other axes wobble
+            self.batch = Batch(lean, ROWS, nthread=self.batch.nthread)
+            self._sensors = self.batch.bind("sensordata")
 
     def instants(self, joints: Array, rates: Array, accelerations: Array) -> Instants:
         """Sensors at the encoders' angles, rates and accelerations, (n, 6) each, in radians.
@@ -351,10 +375,9 @@ class Truth:
     def _part(self, motion: Motion, edges: Array, kind: int, sampling: Sampling) -> Samples:
         """Samples of one kind."""
         if kind == _REST:
-            one = self._at(motion, edges[-1:], still=True)
-            n = len(edges) - 1
+            one, n = self._at(motion, edges[-1:], still=True), len(edges) - 1
             columns = (getattr(one, field.name) for field in fields(Samples))
-            return Samples(*(np.repeat(column, n, axis=0) for column in columns))
+            return Samples(*(_repeated(column, n) for column in columns))
         if kind == _ALONE:
             return self._at(motion, edges[1:])
         if sampling is Sampling.INSTANT:
@@ -437,6 +460,13 @@ class Truth:
         if self._law is None or self._law.motion is not motion:
             self._law = Law(motion, self._errors.waves)
         return self._law
+
+
+def _repeated(row: Array, n: int) -> Array:
+    """A row (1, k) that stands for n, and takes the memory of one."""
+    own = row.copy()
+    own.flags.writeable = False
+    return np.broadcast_to(own, (n, row.shape[1]))
 
 
 def _rows(columns: Array) -> Array:

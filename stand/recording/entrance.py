@@ -1,6 +1,6 @@
 """The one entrance for logs: a file of any kind, known by its content, opened as one thing."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
@@ -82,6 +82,31 @@ def read_imu(
     """What the IMU said, of a log of any kind that nothing else is read from; as `open_log`."""
     with open_log(path, form, progress) as log:
         return log.imu(topic)
+
+
+def forms_of(paths: Sequence[str | PathLike[str]], form: LogForm) -> list[LogForm]:
+    """What one form of several logs says of each; errors as `open_log`.
+
+    Beside a log of others a recording of this stand needs none, and beside a table messages say
+    themselves what is in them. An option that is for none of them stays, to be refused.
+    """
+    told = [_says_itself(path) for path in paths]
+    alone = {False: OF_TABLES, True: OF_MESSAGES}
+    found = []
+    for messages, ours in told:
+        spared = alone[not messages] if (not messages, False) in told else ()
+        others = any(not own for _, own in told)
+        found.append(LogForm() if ours and others else form.without(spared))
+    return found
+
+
+def _says_itself(path: str | PathLike[str]) -> tuple[bool, bool]:
+    """Whether a log is of messages, and whether this stand wrote it."""
+    file = log_file(path)
+    if kind_of(file) not in MESSAGES:
+        return False, False
+    with LogFile(file) as log:
+        return True, "stand_version" in log.metadata.get(RUN, {})
 
 
 def log_file(path: str | PathLike[str]) -> Path:

@@ -24,6 +24,7 @@ from stand.recording.log_columns import (
 )
 from stand.recording.log_form import LogForm
 from stand.recording.mcap.writer import EPOCH_NS
+from stand.recording.repeated import twice_text
 from stand.recording.text_table import layout_of, read_columns
 from stand.recording.time_stamps import (
     ISO,
@@ -105,7 +106,7 @@ def load_foreign(
     StandError
         One line: file, row or line, column, value, what is allowed.
     """
-    table = _table(path, form, topic, progress)
+    table, twice = _once(_table(path, form, topic, progress))
     if len(table.values) < 2:
         raise StandError(f"{path}: {len(table.values)} rows of data, at least 2 are needed")
     headers = table.headers or ("",) * 6
@@ -124,7 +125,7 @@ def load_foreign(
         f_b=f_b,
         epoch_ns=epoch_ns,
         topic=table.topic,
-        notes=(*table.notes, *gyro.notes, *accel.notes, *told),
+        notes=(*table.notes, *twice, *gyro.notes, *accel.notes, *told),
     )
 
 
@@ -142,6 +143,20 @@ def _table(path: Path, form: LogForm, topic: str | None, progress: Progress) -> 
         raise StandError(f"{path}: is compressed twice, expand it first")
     form.refuse(path, ("file_format", "skip_bytes"), f"is for binary rows, this is {KNOWN[kind]}")
     return _arrays(path, form, READERS[kind](path, topic))
+
+
+def _once(table: _Table) -> tuple[_Table, tuple[str, ...]]:
+    """Without rows that repeat the row before, time and readings alike, and a word of them."""
+    t_ns = table.t_ns
+    if t_ns is None:
+        return table, ()
+    again = np.flatnonzero(t_ns[1:] == t_ns[:-1]) + 1
+    again = again[(table.values[again] == table.values[again - 1]).all(axis=1)]
+    if not len(again):
+        return table, ()
+    once = np.delete(np.arange(len(t_ns)), again)
+    kept = replace(table, t_ns=t_ns[once], row=table.row[once], values=table.values[once])
+    return kept, (twice_text("row", table.row[again] + 1),)
 
 
 def _text(path: Path, form: LogForm, progress: Progress) -> _Table:

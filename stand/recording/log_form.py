@@ -93,6 +93,11 @@ class LogForm:
         """Which of the log's axes are X1, Y1, Z1; None: as they are."""
         return None if self.axes is None else axes_of(self.axes)
 
+    def without(self, names: tuple[str, ...]) -> "LogForm":
+        """The same, but for these, which nobody stated."""
+        kept = [field.name for field in fields(self) if field.name not in names]
+        return LogForm(**{name: getattr(self, name) for name in kept})
+
     def refuse(self, path: object, names: tuple[str, ...], why: str) -> None:
         """`StandError` where one of these is given and says nothing of such a log."""
         for field in fields(self):

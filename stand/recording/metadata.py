@@ -21,6 +21,7 @@ from stand.toml_files import checked
 
 if TYPE_CHECKING:  # planning takes a while to import, and reading needs none of it
     from stand.motion.plan import PlannedStep, Turning
+    from stand.simulation.settings import Settings
 
 
 Metadata = Mapping[str, Mapping[str, str]]
@@ -86,6 +87,25 @@ def describe_site(site: Site) -> dict[str, str]:
     if site.local_gravity is not None:
         record["gravity_m_s2"] = repr(site.local_gravity)
     return record
+
+
+def describe_settings(s: "Settings") -> dict[str, dict[str, str]]:
+    """The metadata records of what was run: `RUN`, and the texts of procedure, unit and table."""
+    return {
+        RUN: {
+            "procedure": s.procedure.id,
+            "imu": s.imu.id,
+            "table": s.table.id,
+            "seed": str(s.seed),
+            "rate_hz": str(s.rate_hz),
+            "sampling": s.sampling.value,
+            "without": ",".join(s.without),
+            "motion": s.motion.value,
+        },
+        "procedure": {"toml": s.procedure.text},
+        "imu": {"toml": s.imu.text},
+        "table": {"toml": s.table.text},
+    }
 
 
 def describe_schedule(steps: "Sequence[PlannedStep]") -> dict[str, str]:

@@ -27,13 +27,12 @@ from stand.rehearsal.refusals import (
     rival_of,
     rivalled,
 )
-from stand.rehearsal.response import ReadingErrors, Response
+from stand.rehearsal.response import ReadingErrors, Response, TableTurns
 from stand.rehearsal.result import Observability, Prediction
-from stand.rehearsal.rocking import over_time, readings_of, turned_by_heading
+from stand.rehearsal.rocking import FOLLOWS, over_time, readings_of, tilt_doubt, turned_by_heading
 from stand.rehearsal.scene import Scene
 
 Predicted = tuple[list[Prediction], list[Observability]]
-FOLLOWS = 0.19  # part of a bias's variance: without it the sigma is 10 % smaller
 
 
 def predict(scene: Scene, methods: Sequence[str], observe: bool = True) -> Predicted:
@@ -96,11 +95,13 @@ def _by_gains(
     answers = gains(stretches, scene.site, scene.options)
     if not answers:
         raise AlignmentError("every dwell ends with its offset window: nothing is left to estimate")
+    table = TableTurns(steps, stretches, scene)
     errors: dict[int, ReadingErrors] = {}  # answers of one fit share their stretches
     rivals: dict[int, Rival] = {}
+    anomaly = method.anomaly if scene.site.local_gravity is None else 0.0
     for answer in answers:
         if id(answer.stretches) not in errors:
-            errors[id(answer.stretches)] = ReadingErrors(answer, steps, scene, unit)
+            errors[id(answer.stretches)] = ReadingErrors(answer, table, scene, unit, anomaly)
             rivals[id(answer.stretches)] = rival_of(answer)
     responses = [Response(answer, errors[id(answer.stretches)]) for answer in answers]
     check_vertical([r for r in responses if r.answer.window_gain is not None])
@@ -175,8 +176,9 @@ def _over_time(
         readings = readings_of(truth, scene.plan.motion, step.steady_from, step.steady_to)
         run = method.functional(readings, scene.site, scene.options)
         check_carried(step.label, over_time(run.checked_by or run, unit, scene))
-        parts = turned_by_heading(over_time(run, unit, scene))
-        found += angles(name, "", step.label, run.C_nb, parts, str)
+        parts = over_time(run, unit, scene)
+        told = angles(name, "", step.label, run.C_nb, turned_by_heading(parts), str)
+        found += withheld(told, ("pitch", "roll"), tilt_doubt(parts))
     if not observe:
         return found, []
     known = known_to([planned_stretch(steps[0])], scene.site, scene.options)

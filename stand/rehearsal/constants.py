@@ -9,16 +9,18 @@ from alignment import Method, Options
 from alignment.arrays import Array, IntArray
 from alignment.calibration import terms
 from alignment.calibration.bench import SENSORS, USUAL, Bench, Leanings, freed
-from alignment.calibration.design import Design
+from alignment.calibration.design import Design, term_source
 from alignment.calibration.model import Model
 from alignment.calibration.observe import LARGEST_STEP, MARGIN, PART
 from alignment.calibration.session import Move, Session, Station
+from alignment.calibration.terms import TRIAD_AXES
 from alignment.calibration.words import UNSEEN, untold
 from alignment.errors import AlignmentError
 from alignment.information import InstrumentErrors, TriadErrors
 from alignment.readings import BoolArray, ImuReadings
 from alignment.units import ARC_SECOND
 from stand.calibration.units import AXES, name_of, unit_of
+from stand.imu.instrument import unit_of as unit_errors
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.planned import planned_stretch
 from stand.rehearsal.predictions import prediction
@@ -28,8 +30,10 @@ from stand.table.leanings import leanings
 
 PAIRS = ("Y1-Z1", "Z1-X1", "X1-Y1")
 ALL = "all"  # stretches together
+ASSUMED = ("lag", "lever_arm")  # terms that a calibration allows for and no sheet draws
 MOVE_RATE_HZ = 50.0  # of the truth that a move is carried by
 QUIET = 1e-2  # of a sheet's noise: what is left is of table, seat and gravity
+GUESSED = 0.5  # part of a variance: with more by assumed sizes there is no number
 # rad/rt-s; with less the quadrature of the moves would tell the seat from the triads' own axes
 LEAST_NOISE = 3e-7
 
@@ -89,10 +93,7 @@ def _station(step: PlannedStep, scene: Scene) -> Station:
     if step.turning is not None:
         axis = step.turning.axis
         joints[axis] = 0.0
-    warmth = 0.0
-    if scene.temperature is not None:
-        t = np.linspace(step.steady_from, step.steady_to, 50)
-        warmth = float(np.mean(scene.temperature.at(t))) - scene.imu.reference_temperature
+    warmth = float(np.mean(_warmth(scene, np.linspace(step.steady_from, step.steady_to, 50))))
     return Station(planned_stretch(step), joints, axis, warmth)
 
 
@@ -108,7 +109,15 @@ def _planned_move(k: int, one: PlannedStep, other: PlannedStep, scene: Scene) ->
         readings=ImuReadings(edges[1:], true.w_ib_b, true.f_b),
         angle_from=0.0 if one.turning is None else float(joints[0, one.turning.axis]),
         angle_to=0.0 if other.turning is None else float(joints[1, other.turning.axis]),
+        warmth=_warmth(scene, edges[1:]),
     )
+
+
+def _warmth(scene: Scene, t: Array) -> Array:
+    """Above the reference temperature (n,) [K] at times (n,) [s]."""
+    if scene.temperature is None:
+        return np.zeros(len(t))
+    return np.asarray(scene.temperature.at(t) - scene.imu.reference_temperature)
 
 
 def _reach(step: PlannedStep) -> float:
@@ -127,13 +136,48 @@ def _predictions(name: str, design: Design, scene: Scene) -> list[Prediction]:
     rows = rows[:, design.active]
     parts = design.contributions(rows)
     biases = rows @ design.gain @ _by_known_errors(design, scene)
+    guessed = assumed_sources(scene)
+    of_guesses = [parts[name] for name in guessed & parts.keys()]
+    assumed = np.linalg.norm([np.zeros(len(rows)), *of_guesses], axis=0)
     found = []
     told = [(name_of(key), unit_of(key)) for key in outside.keys]
     told += [(one, ("arcsec", ARC_SECOND)) for one in derived]
     for k, (quantity, unit) in enumerate(told):
         sizes = {source: float(sigma[k]) for source, sigma in parts.items()}
-        found.append(_one(name, quantity, unit, sizes, float(biases[k])))
+        one = _one(name, quantity, unit, sizes, float(biases[k]))
+        one = replace(one, assumed=float(assumed[k]))
+        own = {design.source(int(at)) for at in design.active[rows[k] != 0]}
+        found.append(_untold(one) if own & guessed else one)
     return found
+
+
+def assumed_sources(scene: Scene) -> set[str]:
+    """Terms, as a budget names them, whose sizes nobody states: looked for all the same."""
+    bench, sheet = scene.options.bench, Bench(unit=unit_errors(scene.imu))
+    assert isinstance(bench, Bench)
+    by_value = {(key.sensor, key.term) for key, *_ in bench.known}
+    found = {
+        term_source(sensor, term)
+        for term in USUAL
+        for sensor in SENSORS
+        if np.any((bench.sheet(sensor, term) > 0) & (sheet.sheet(sensor, term) == 0))
+        and (sensor, TRIAD_AXES[0] if term in TRIAD_AXES else term) not in by_value
+    }
+    return found | {term_source(t.sensor, t.name) for t in terms.UNIT if t.name in ASSUMED}
+
+
+def _untold(p: Prediction) -> Prediction:
+    """The same, without a number where more of it is of an assumed size than of the readings."""
+    assert p.sigma is not None
+    if p.assumed**2 <= GUESSED * p.sigma**2:
+        return p
+    reason = (
+        "not determined: no sheet states its size, and the readings hardly tell it (of "
+        f"{p.sigma / p.per:.3g} {p.unit}, {p.assumed / p.per:.3g} are by the size assumed)"
+    )
+    return replace(
+        p, sigma=None, bias=0.0, contributions=(), reason=reason, beyond=p.sigma, assumed=0.0
+    )
 
 
 def derived_rows(present: BoolArray) -> tuple[list[str], Array]:

@@ -1,6 +1,7 @@
 """How answers of methods at rest and in steady turns respond to errors of unit and table."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -9,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array, IntArray
 from alignment.gains import Answer
 from alignment.information import InstrumentErrors, Setting, Stretch, information
-from alignment.information.model import coefficient_weights, sensor_inputs
+from alignment.information.model import NODES, coefficient_weights, sensor_inputs
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.following import left_off
 from stand.rehearsal.predictions import Parts, name_of, prediction
@@ -24,6 +25,47 @@ SENSORS = ("gyro", "accelerometer")
 _NORTH = Rotation.identity()
 
 
+class TableTurns:
+    """How the table's l errors turn b in the stretches of a plan, whichever answers are of them.
+
+    `sources`, `sigmas` (l,) of those drawn, values (l,) of those `known`; `poses`, of each stretch:
+    turns (l, k, 3) at the angles at which its readings are looked at; `judged` (s, 3, l): where
+    its attitude is judged, at its end, of a turning one taken back to encoder angle zero.
+    """
+
+    def __init__(
+        self, steps: Sequence[PlannedStep], stretches: Sequence[Stretch], scene: Scene
+    ) -> None:
+        counts = [NODES if stretch.rate else 1 for stretch in stretches]
+        poses = [_poses(step, count) for step, count in zip(steps, counts, strict=True)]
+        ends = np.array([ticks_of(step, scene.rate_hz)[1] for step in steps]) / scene.rate_hz
+        last = scene.plan.motion.joints(ends)[0]
+        rounds = [_round_axes(step, count) for step, count in zip(steps, counts, strict=True)]
+        off = [left_off(scene, step) for step in steps]
+        found = leanings(
+            scene.stated,
+            scene.model,
+            np.concatenate([*poses, last]),
+            np.concatenate([*rounds, np.full(len(steps), -1)]),
+            np.concatenate([np.repeat(off, counts, axis=0), off]),
+        )
+        edges = np.cumsum([0, *counts])
+        turns = np.array([one.turns for one in found])
+        turns = turns.reshape(len(found), edges[-1] + len(steps), 3)
+        self.sources = tuple(one.source for one in found)
+        self.sigmas = np.array([one.sigma for one in found])
+        self.known = np.array([one.known for one in found])
+        self.poses = [turns[:, a:b] for a, b in pairwise(edges)]
+        self.judged = np.array(
+            [
+                _taken_back(step, stretch.axis_b, joints) @ there.T
+                for step, stretch, joints, there in zip(
+                    steps, stretches, last, turns[:, edges[-1] :].swapaxes(0, 1), strict=True
+                )
+            ]
+        )
+
+
 class ReadingErrors:
     """What errors of unit and table do to the coefficients of some stretches.
 
@@ -31,47 +73,33 @@ class ReadingErrors:
     (l,) of those drawn, values (l,) of those `known`, `readings` (m, l), and the turn (s, 3, l) in
     b that each gives the attitude of every stretch where it is judged: at its end, of a turning one
     taken back to encoder angle zero. `noises` by name: covariances (m, m) of the coefficients.
+    `gravity` [m/s^2]: how far it may be off what the method takes it for.
 
     Coefficients are of rounded readings: a coarse step hides what moves the truth within it.
     """
 
     def __init__(
-        self, answer: Answer, planned: Sequence[PlannedStep], scene: Scene, unit: InstrumentErrors
+        self,
+        answer: Answer,
+        table: "TableTurns",
+        scene: Scene,
+        unit: InstrumentErrors,
+        gravity: float = 0.0,
     ) -> None:
-        stretches, steps = answer.stretches, [planned[k] for k in answer.planned]
-        self.true = information(stretches, _NORTH, scene.site, unit, Setting(attitude=0.0))
+        stretches = answer.stretches
+        self.true = information(
+            stretches, _NORTH, scene.site, unit, Setting(attitude=0.0, gravity=gravity)
+        )
         seen = [sensor_inputs(s, _NORTH, scene.site) for s in stretches]
-        poses = [_poses(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
-        ends = np.array([ticks_of(step, scene.rate_hz)[1] for step in steps]) / scene.rate_hz
-        last = scene.plan.motion.joints(ends)[0]
-        poses.append(last)
-        rounds = np.concatenate(
-            [_round_axes(step, len(w)) for step, (w, *_) in zip(steps, seen, strict=True)]
-            + [np.full(len(steps), -1)]
-        )
-        off = [left_off(scene, step) for step in steps]
-        held = np.repeat(off, [len(w) for w, *_ in seen], axis=0)
-        found = leanings(
-            scene.stated, scene.model, np.concatenate(poses), rounds, np.concatenate([held, off])
-        )
-        edges = np.cumsum([0, *(len(p) for p in poses)])
-        self.sources = tuple(one.source for one in found)
-        self.sigmas = np.array([one.sigma for one in found])
-        self.known = np.array([one.known for one in found])
-        turns = np.array([one.turns for one in found]).reshape(len(found), edges[-1], 3)
+        self.sources, self.sigmas, self.known = table.sources, table.sigmas, table.known
         readings = []
-        for k, (stretch, (w, f, _, project)) in enumerate(zip(stretches, seen, strict=True)):
-            d = turns[:, edges[k] : edges[k + 1]]
+        for k, stretch, (w, f, _, project) in zip(answer.planned, stretches, seen, strict=True):
+            d = table.poses[k]
             rate = np.cross(w, d) + stretch.rate * _slope(d)
             coefficients = project @ np.concatenate([rate, np.cross(f, d)], axis=2)
-            readings.append(coefficients.reshape(len(found), 6 * len(project)))
+            readings.append(coefficients.reshape(len(d), 6 * len(project)))
         self.readings = np.concatenate(readings, axis=1).T
-        self.turns = np.array(
-            [
-                _taken_back(step, stretch.axis_b, last[k]) @ turns[:, edges[-2] + k].T
-                for k, (step, stretch) in enumerate(zip(steps, stretches, strict=True))
-            ]
-        )
+        self.turns = table.judged[list(answer.planned)]
         self.noises = dict(zip(self.true.noise_names, self.true.noises, strict=True))
         perfect = [p @ np.concatenate([w, f], axis=1) for w, f, _, p in seen]
         for sensor, own in zip(SENSORS, warmed(stretches, perfect, scene), strict=True):
@@ -185,10 +213,13 @@ class Response:
         prior = self.true.prior
         left = (gain @ self.errors.J - row) * np.where(np.isfinite(prior), prior, 0.0)
         table = (gain @ self.errors.readings - judged) * self.errors.sigmas
+        both = np.concatenate([left, table], axis=1)
+        columns: dict[str, list[int]] = {}
         sources = (*(p.source for p in self.true.parameters), *self.errors.sources)
-        for source, v in zip(sources, np.concatenate([left, table], axis=1).T, strict=True):
-            if v.any():
-                add(source, np.outer(v, v))
+        for k in np.flatnonzero(both.any(axis=0)).tolist():
+            columns.setdefault(sources[k], []).append(k)
+        for source, own in columns.items():
+            add(source, both[:, own] @ both[:, own].T)
         return parts
 
 

@@ -6,7 +6,7 @@ Angles and biases are in SI inside; each prediction says in which unit it is tol
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from math import hypot, inf
+from math import hypot, inf, sqrt
 from pathlib import Path
 
 from alignment.units import DEG
@@ -180,6 +180,9 @@ class Prediction:
         The same in every run [SI]: by the table's errors that the procedure sets.
     beyond : float
         What first order has it at [SI] where that is too much to be a number.
+    assumed : float
+        The part of sigma [SI] by sizes that no sheet states: they were assumed, and no run has
+        such an error.
     """
 
     method: str
@@ -193,6 +196,7 @@ class Prediction:
     reason: str = ""
     bias: float = 0.0
     beyond: float = inf
+    assumed: float = 0.0
 
     @property
     def rank(self) -> tuple[bool, float]:
@@ -203,6 +207,11 @@ class Prediction:
     def rms(self) -> float | None:
         """Root mean square of the error: sigma and bias in quadrature [SI]."""
         return None if self.sigma is None else hypot(self.sigma, self.bias)
+
+    @property
+    def drawn(self) -> float | None:
+        """The root mean square that runs come to [SI]: without what was `assumed`."""
+        return None if self.rms is None else sqrt(max(self.rms**2 - self.assumed**2, 0.0))
 
     @property
     def determined(self) -> bool:

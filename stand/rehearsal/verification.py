@@ -21,7 +21,8 @@ class Achieved:
     method, window, label, quantity, unit, per
         As of the `Prediction`.
     predicted : float or None
-        Root mean square, sigma and known bias in quadrature [SI]; None where not determined.
+        Root mean square, sigma and known bias in quadrature [SI], without what was assumed of
+        constants that no sheet states, for runs have none; None where not determined.
     runs : int
         How many runs gave a number.
     sigma, low, high : float

@@ -27,6 +27,7 @@ from stand.calibration.truth import true_values
 from stand.calibration.units import name_of
 from stand.errors import StandError
 from stand.evaluation.score import ANGLES, Truths, suited
+from stand.rehearsal.constants import ASSUMED
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
 from stand.rehearsal.sums import Key, RunErrors, Sums, run_from_json, run_to_json
 from stand.rehearsal.verification import Achieved, Verification
@@ -39,7 +40,7 @@ from stand.simulation.work import Engine
 
 Progress = Callable[[float], None]
 _RUNS_BITS = 20
-ASSUMED = ("lag", "lever_arm")  # terms that a calibration allows for and no sheet draws
+FREE_AIR = 3.086e-6  # 1/s^2: by which gravity falls with height
 _GRAVITY = 4  # of the random streams; a table has 3, sensors 0 to 2
 BIASES = tuple(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in AXES)
 
@@ -170,7 +171,8 @@ def errors_of_runs(
 ) -> Generator[RunErrors]:
     """The runs of these `numbers`, counted from `first_seed`; close it to end early."""
     methods = _methods(result)
-    options = replace(settings.options, rule=SequenceRule.REGULAR)  # as predictions read angles
+    # angles as predictions read them; nobody reads verdicts
+    options = replace(settings.options, rule=SequenceRule.REGULAR, verdicts=False)
     first = first_seed(settings)
     made = replace(settings, options=options, seed=first)
     seeds = range(first + numbers.start, first + numbers.stop)
@@ -200,7 +202,7 @@ def _achieved(result: Rehearsal, sums: Sums) -> Iterator[Achieved]:
     for p in result.predictions:
         key = (p.method, p.window, p.label, p.quantity)
         if key in sums:
-            yield _came_to(sums, key, p.unit, p.per, p.rms)
+            yield _came_to(sums, key, p.unit, p.per, p.drawn)
     untold = {p.method for p in result.predictions if not p.label}
     for key in sums:
         if key[0] in untold and key[3] in QUANTITIES:
@@ -268,12 +270,14 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
 
 def _site_told(settings: Settings, method: str, seed: int) -> Site:
     """The site with gravity as wrong as it is said to be, for a method that is told how wrong."""
-    bench = settings.options.bench
-    if ESTIMATORS[method].design is None or not isinstance(bench, Bench):
-        return settings.site
+    site, bench, own = settings.site, settings.options.bench, ESTIMATORS[method]
     sequence = np.random.SeedSequence(seed, spawn_key=(_GRAVITY,))
-    off = bench.gravity_sigma * float(np.random.default_rng(sequence).standard_normal())
-    return replace(settings.site, local_gravity=settings.site.gravity + off)
+    normal = float(np.random.default_rng(sequence).standard_normal())
+    if own.design is not None and isinstance(bench, Bench):
+        return replace(site, local_gravity=site.gravity + bench.gravity_sigma * normal)
+    if site.local_gravity is None and own.anomaly:  # off its normal value, by a wrong height
+        return replace(site, height=site.height - own.anomaly * normal / FREE_AIR)
+    return site
 
 
 def _true_constants(trials: Trials, seed: int, keys: Sequence[ConstantKey]) -> Array:

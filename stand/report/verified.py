@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, log
 
+from alignment import ESTIMATORS
 from stand.rehearsal.verification import AGREES, Achieved, Verification
 from stand.report.document import method_text
 from stand.report.figures import RatioRow, ratios
@@ -233,6 +234,11 @@ def _table(achieved: Sequence[Achieved]) -> TableData | None:
         f"of all at once meets {WITHIN}: widened so that chance alone makes one of all these miss "
         "in 5 % of such verifications.",
     )
+    if any(ESTIMATORS[a.method].design is not None for a in achieved):
+        notes += (
+            "Of constants that no sheet states a size is assumed, and no run has any: predicted is "
+            "here what the readings make of them, without that size.",
+        )
     return TableData("Predicted and achieved", columns, cells, notes=notes) if rows else None
 
 

@@ -15,7 +15,7 @@ from stand.evaluation.score import Truths
 from stand.imu.model import draw, without
 from stand.recording.log import Log, mean_attitude
 from stand.recording.mcap.reader import ImuLog
-from stand.recording.metadata import RUN, describe_schedule
+from stand.recording.metadata import RUN, describe_schedule, describe_settings
 from stand.report.document import motion_table
 from stand.report.notebook import Shown
 from stand.report.tables import TableData
@@ -120,6 +120,7 @@ class Simulated(Shown):
         )
 
     def _imu_log(self) -> ImuLog:
+        told = describe_settings(self.settings)
         return ImuLog(
             path=self.name,
             topic="",
@@ -128,8 +129,8 @@ class Simulated(Shown):
             w_ib_b=self.w_ib_b,
             f_b=self.f_b,
             metadata={
-                RUN: {"imu": self.settings.imu.id, "epoch_ns": "0"},
-                "imu": {"toml": self.settings.imu.text},
+                **told,
+                RUN: {**told[RUN], "epoch_ns": "0"},
                 "unit": self._unit(),
                 "schedule": self.schedule,
             },

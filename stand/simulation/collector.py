@@ -1,6 +1,7 @@
 """Readings sorted by stretch (dwells, turns at constant rate) as a run streams."""
 
 from collections.abc import Collection, Mapping, Sequence
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -171,6 +172,9 @@ class DwellCollector:
         the table had not settled; None: it never settled, and is left out.
         """
         dwells, attitudes, means = [], [], []
+        ranges, grains = (inf, inf), None
+        if self._imu is not None:
+            ranges, grains = stated_of(self._imu, self._rate)
         kept = zip(self._t, self._w, self._f, self._angle, strict=True)
         self._t = self._w = self._f = self._angle = []
         ends = zip(self._steps, self._ranges, self._held, self._q_wb, self._squares, strict=True)
@@ -186,9 +190,7 @@ class DwellCollector:
             cut *= held == (first, last)  # what comes with its moves is whole
             t, w, f, angle = (column[cut:] if cut else column for column in columns)
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
-            readings = ImuReadings(t, w, f)
-            if self._imu is not None:
-                readings = ImuReadings(t, w, f, *stated_of(self._imu, self._rate))
+            readings = ImuReadings(t, w, f, ranges=ranges, grains=grains)
             dwells.append(
                 Dwell(
                     label=step.label,

@@ -22,7 +22,7 @@ from stand.imu import Imu
 from stand.imu.model import UnitErrors, draw
 from stand.motion.plan import Plan, PlannedStep
 from stand.motion.polynomial import MotionKind
-from stand.physics.geometry import with_errors
+from stand.physics.geometry import data_of, with_errors
 from stand.physics.mjcf import load_model
 from stand.physics.truth import Truth, sample_count, stamps_ns
 from stand.procedure.steps import SwayBehind, SwayStep, VibrationBehind, VibrationStep
@@ -69,12 +69,17 @@ class Trials:
         )
         self._moves = follows_moves(settings)
         self._model = load_model(settings.table.model)
+        self._data = data_of(self._model)  # to work out each run's table in
         self._same = not self._drawn and first.errors.perfect and first.imu.spec.clock.perfect
         self._felt: list[_Sensing] = []
         self._blocks: list[Block] = []
         self._begins: dict[str, float | None] = {}
         self._truth: Truth | None = None
         self._last: tuple[int, Imu] | None = None  # the unit of the last run
+
+    def keep_moves(self) -> None:
+        """From now on the moves between the stretches too: a method is asked that follows them."""
+        self._moves = True
 
     def readings(self, seed: int) -> Readings:
         """The stretches of a run, and the true ``C_nb`` of each: at its end (encoder angle 0)."""
@@ -144,11 +149,7 @@ class Trials:
         yield from self._felt
 
     def _evaluated(self, settings: Settings, planned: Plan, total: int) -> Iterator[_Sensing]:
-        truth = self._truth
-        if truth is None or not self._same:
-            errors = table_errors_of(settings)
-            turned = with_errors(self._model, errors)
-            truth = self._truth = Truth(turned, settings.site, self._spec.places, errors)
+        truth = self._truth_of(settings)
         for first, last, step in spans(planned.stretches, settings.rate_hz, total):
             if step is None and not (self._filtered or self._moves):
                 yield _nothing(first, last, settings.rate_hz)
@@ -161,6 +162,18 @@ class Trials:
                     )
                 )
 
+    def _truth_of(self, settings: Settings) -> Truth:
+        if self._truth is None or not self._same:
+            errors = table_errors_of(settings)
+            turned = with_errors(self._model, errors, self._data)
+            if self._truth is None:
+                self._truth = Truth(
+                    turned, settings.site, self._spec.places, errors, data=self._data
+                )
+            else:
+                self._truth.change(turned, errors)
+        return self._truth
+
     def _at_rest(
         self, truth: Truth, planned: Plan, settings: Settings, first: int, last: int
     ) -> _Sensing:
@@ -168,7 +181,7 @@ class Trials:
         ticks = np.arange(first, last + 1)
         rate_hz = settings.rate_hz
         over = truth.over(planned.motion, ticks / rate_hz, settings.sampling, rate_hz)
-        stamps, six = stamps_ns(ticks[1:], settings.rate_hz), np.zeros((last - first, 6))
+        stamps, six = stamps_ns(ticks[1:], settings.rate_hz), _zeros(last - first, 6)
         block = TruthBlock(
             t_ns=stamps,
             w_ib_b=over.w_ib_b,
@@ -184,11 +197,18 @@ def _nothing(first: int, last: int, rate_hz: int) -> _Sensing:
     """Samples that no method uses."""
     n = last - first
     stamps = stamps_ns(np.arange(first + 1, last + 1), rate_hz)
-    three, six = np.zeros((n, 3)), np.zeros((n, 6))
+    three, six = _zeros(n, 3), _zeros(n, 6)
     truth = TruthBlock(
-        t_ns=stamps, w_ib_b=three, f_b=three, q_wb=np.zeros((n, 4)), joints=six, joint_rates=six
+        t_ns=stamps, w_ib_b=three, f_b=three, q_wb=_zeros(n, 4), joints=six, joint_rates=six
     )
     return _Sensing(truth, Sensed(stamps, three, three))
+
+
+def _zeros(n: int, k: int) -> Array:
+    """(n, k), which take no memory."""
+    one = np.zeros((1, k))
+    one.flags.writeable = False
+    return np.broadcast_to(one, (n, k))
 
 
 def spans(

@@ -15,7 +15,7 @@ import numpy as np
 
 from alignment import ESTIMATORS, Options, Priors, Site
 from alignment.angles import SequenceRule
-from alignment.calibration.bench import freed
+from alignment.calibration.bench import WIDE, freed
 from stand.arguments import (
     ALLAN_TERMS,
     HIGHEST_RATE_HZ,
@@ -263,6 +263,11 @@ def with_procedure(made: Settings, procedure: Procedure) -> Settings:
     return replace(changed, options=_with_knowledge(options, changed))
 
 
+def options_for(made: Settings, methods: Sequence[str]) -> Options:
+    """The options of settings as these methods need them, whoever the settings name."""
+    return _with_knowledge(made.options, replace(made, methods=tuple(methods)))
+
+
 def _with_knowledge(options: Options, made: Settings) -> Options:
     """Options with what unit and table may do: priors, and for a calibration all of it."""
     bench = None
@@ -277,8 +282,9 @@ def _with_knowledge(options: Options, made: Settings) -> Options:
             ideal=ideal,
             temperature=temperature_of(made.procedure),
         )
-        # what is required of a unit is looked for, though its sheet may not state it
-        bench = freed(bench, terms_of(_required(made)))
+        # what is required of a unit is looked for, though its sheet may not state it: wide, so
+        # that the readings tell it and not the guess
+        bench = freed(bench, terms_of(_required(made)), WIDE)
     return replace(options, priors=stated_priors(made), bench=bench)
 
 

@@ -37,7 +37,7 @@ from stand.table.joints import StandModel
 from stand.table.table import Table
 from stand.table.table_errors import TableErrors
 
-BLOCK = 4000  # samples, or a second of them if that is more
+BLOCK = 8000  # samples, or a second of them if that is more
 BLOCK_S = 60.0  # at most, unless it is a sample: what moves is looked at often in a minute
 SERVO_BLOCK_S = 20.0  # of a simulated servo, which takes less than a second to step through
 

@@ -1,5 +1,7 @@
 """What the table's servo did in each step: following error, saturation, torque, settling."""
 
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -11,6 +13,8 @@ from alignment.units import ARC_SECOND
 from stand.bounds import Time
 from stand.table.joints import JOINTS
 from stand.toml_files import checked
+
+FOLLOWED = "followed "  # metadata records of steps that are over; behind it the first one's number
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +87,25 @@ def records_from_json(name: str, text: str) -> tuple[StepRecord, ...]:
     """
     steps = checked(name, {"result": text}, _Result).result.steps
     return tuple(step.record() for step in steps)
+
+
+def describe_followed(first: int, records: Sequence[StepRecord]) -> dict[str, dict[str, str]]:
+    """The metadata record of steps that are over, from number `first` on; none of none."""
+    text = json.dumps([record_to_json(record) for record in records])
+    return {f"{FOLLOWED}{first}": {"json": text}} if records else {}
+
+
+def followed_steps(name: str, metadata: Mapping[str, Mapping[str, str]]) -> tuple[StepRecord, ...]:
+    """What the metadata of a recording says of its steps, in their order; errors as those of
+    `records_from_json`.
+    """
+    told = {
+        int(key.removeprefix(FOLLOWED)): record.get("json", "")
+        for key, record in metadata.items()
+        if key.startswith(FOLLOWED) and key.removeprefix(FOLLOWED).isdecimal()
+    }
+    texts = (f'{{"steps": {told[first]}}}' for first in sorted(told))
+    return tuple(step for text in texts for step in records_from_json(name, text))
 
 
 def _by_axis(values: Array) -> dict[str, float]:

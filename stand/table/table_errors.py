@@ -296,14 +296,17 @@ def draw(
     chosen = TableErrorsEntry() if set_values is None else set_values
     drawn = float(chosen.drawn)
 
-    def normal(source: str, axis: int, *size: int) -> Array:
-        return drawn * _stream(seed, source, axis).standard_normal(size)
+    def normal(sigma: float, source: str, axis: int, *size: int) -> Array:
+        if not sigma:  # a stream of its own: nobody misses its numbers
+            return np.zeros(size)
+        return sigma * (drawn * _stream(seed, source, axis).standard_normal(size))
 
     def whole(name: str, sigma_arc_s: float, size: int) -> Array:
         given = getattr(chosen, _KEYS[name][0])
         if given is not None:
             return np.asarray(given, dtype=float) * ARC_SECOND
-        return sigma_arc_s * ARC_SECOND * np.array([normal(name, i) for i in range(size)]) + 0.0
+        sigma = sigma_arc_s * ARC_SECOND
+        return np.array([normal(sigma, name, i) for i in range(size)]) + 0.0
 
     def each(name: str, otherwise: Callable[[int], Array | float]) -> Array:
         """Of every axis: the set value, or what else it is, in the key's unit; gives SI."""
@@ -315,10 +318,10 @@ def draw(
     sizes = [table.entry.axis[axis].errors for axis in JOINTS]
     geometry = table.entry.geometry
     leans = (0.0, *(s.non_orthogonality_arc_s for s in sizes[1:]))
-    ripple = each("rate_ripple", lambda i: sizes[i].rate_ripple_percent * normal("rate_ripple", i))
+    ripple = each("rate_ripple", lambda i: normal(sizes[i].rate_ripple_percent, "rate_ripple", i))
 
     def encoder(name: str) -> Array:
-        return each(name, lambda i: sizes[i].encoder_arc_s * _EACH_OF_FOUR * normal(name, i, 2))
+        return each(name, lambda i: normal(sizes[i].encoder_arc_s * _EACH_OF_FOUR, name, i, 2))
 
     def phase(name: str) -> Array:
         return each(name, lambda i: drawn * _stream(seed, name, i).uniform(-180.0, 180.0))
@@ -327,14 +330,14 @@ def draw(
         base_tilt=whole("base_tilt", geometry.base_tilt_arc_s, 2),
         base_azimuth=float(whole("base_azimuth", geometry.base_azimuth_arc_s, 1).item()),
         mounting=whole("mounting", geometry.mounting_arc_s, 3),
-        placement=each("placement", lambda i: sizes[i].placement_arc_s * normal("placement", i)),
+        placement=each("placement", lambda i: normal(sizes[i].placement_arc_s, "placement", i)),
         encoder_once=encoder("encoder_once"),
         encoder_twice=encoder("encoder_twice"),
         encoder_step=each("encoder_step", lambda i: drawn * sizes[i].encoder_step_arc_s),
         non_orthogonality=each(
-            "non_orthogonality", lambda i: leans[i] * normal("non_orthogonality", i)
+            "non_orthogonality", lambda i: normal(leans[i], "non_orthogonality", i)
         ),
-        wobble=each("wobble", lambda i: sizes[i].wobble_arc_s * normal("wobble", i)),
+        wobble=each("wobble", lambda i: normal(sizes[i].wobble_arc_s, "wobble", i)),
         wobble_phase=phase("wobble_phase"),
         rate_ripple=ripple if ideal_motion else np.zeros(AXES),
         ripple_per_turn=each("ripple_per_turn", lambda i: sizes[i].ripple_per_turn).astype(int),

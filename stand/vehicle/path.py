@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from math import cos
 
 import numpy as np
-from scipy.integrate import OdeSolution, solve_ivp
 from scipy.interpolate import PPoly
 from scipy.spatial.transform import Rotation
 
@@ -21,11 +20,12 @@ from alignment.arrays import Array
 from alignment.earth import EARTH_RATE
 from alignment.navigation import C_en, ecef, gravity, radii
 from stand.errors import StandError
+from stand.vehicle.place import integrated
 
 # 1 - (1 - x)^5 (1 + 5 x + 15 x^2 + 35 x^3 + 70 x^4): 0 to 1, highest power first
 _STEP = np.array([70.0, -315.0, 540.0, -420.0, 126.0, 0, 0, 0, 0, 0])
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
-_LONGEST_STEP = 0.5  # s of the place's integration: dense output of 7th order, 1e-9 m at 1 m/s^3
+# of three-point Gauss quadrature
+_NODES, _WEIGHTS = np.array([-1.0, 0.0, 1.0]) * np.sqrt(3 / 5), np.array([5.0, 8.0, 5.0]) / 9
 _CHUNK = 20000  # samples whose quadrature nodes are held at once
 _LOWEST, _HIGHEST = -12_000.0, 120_000.0  # m: from the sea's floor to where air ends
 _NEAR_POLE = 1e-3  # cosine of latitude: beyond, north and longitude turn too fast
@@ -135,33 +135,24 @@ class Path:
         self.knots = knots[np.append(True, np.diff(knots) > 1e-9)]
         self._place = self._integrated()
 
-    def _integrated(self) -> OdeSolution:
+    def _integrated(self) -> PPoly:
         """Metres north, east, up of the start, scaled by the radii there: errors read in metres."""
         scale = self._scale()
 
-        def slope(t: float, x: Array) -> Array:
-            place = _placed(self.start, x, scale)
-            if cos(place[0]) < _NEAR_POLE:
+        def rates(t: Array, x: Array, v_n: Array) -> Array:
+            latitude, longitude, height = _placed(self.start, x, scale)
+            if (np.cos(latitude) < _NEAR_POLE).any():
                 raise StandError("path: comes within 6 km of a pole")
-            if not _LOWEST <= place[2] <= _HIGHEST:
+            beyond = np.flatnonzero(~((height >= _LOWEST) & (height <= _HIGHEST)))
+            if len(beyond):
+                k = int(beyond[0])
                 raise StandError(
-                    f"path: {place[2]:.0f} m high after {t:.0f} s, must be from {_LOWEST:.0f} to "
-                    f"{_HIGHEST:.0f} m"
+                    f"path: {height[k]:.0f} m high after {t[k]:.0f} s, must be from {_LOWEST:.0f} "
+                    f"to {_HIGHEST:.0f} m"
                 )
-            return _place_rates(*place, self._v_n(np.array([t]))[0]) * scale
+            return _place_rates(latitude, longitude, height, v_n) * scale
 
-        times, pieces, x = [0.0], [], np.zeros(3)
-        for a, b in zip(self.knots[:-1], self.knots[1:], strict=True):
-            solved = solve_ivp(
-                slope, (a, b), x, "DOP853", rtol=1e-12, atol=1e-9, max_step=_LONGEST_STEP,
-                dense_output=True,
-            )  # fmt: skip
-            x = solved.y[:, -1]
-            if not solved.success:
-                raise StandError(f"path: no place found after {solved.t[-1]:.3f} s")
-            times += solved.t[1:].tolist()
-            pieces += solved.sol.interpolants
-        return OdeSolution(times, pieces)
+        return integrated(self._v_n, rates, self.knots)
 
     def _scale(self) -> Array:
         meridian, prime = radii(self.start.latitude)
@@ -176,7 +167,7 @@ class Path:
             curve(t) for curve in (self._speed, self._heading, self._climb, self._roll)
         )
         d_speed, d_heading, d_climb, d_roll = (rate(t) for rate in self._rates)
-        x = self._place(t).T
+        x = self._place(t)
         latitude, longitude, height = _placed(self.start, x, self._scale())
         forward, right = _forward(heading, climb), _right(heading)
         up_turn = _forward(heading, climb + np.pi / 2)  # where X1 goes as it pitches up
@@ -255,7 +246,7 @@ def _placed(start: Start, x: Array, scale: Array) -> tuple[Array, Array, Array]:
 def _place_rates(latitude: Array, longitude: Array, height: Array, v_n: Array) -> Array:
     meridian, prime = radii(latitude)
     east = (prime + height) * np.cos(latitude)
-    return np.array([v_n[0] / (meridian + height), v_n[1] / east, -v_n[2]])
+    return np.stack([v_n[:, 0] / (meridian + height), v_n[:, 1] / east, -v_n[:, 2]], axis=1)
 
 
 def _earth_rates(latitude: Array, height: Array, v_n: Array) -> tuple[Array, Array]:

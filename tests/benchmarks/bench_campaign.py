@@ -34,6 +34,8 @@ name, runs = sys.argv[1], int(sys.argv[2])
 made = stand.settings(name, imu="hg9900", rate_hz=50)
 methods = made.procedure.entry.estimate.methods
 options = replace(made.options, rule=SequenceRule.REGULAR)
+if hasattr(options, "verdicts"):
+    options = replace(options, verdicts=False)
 made = replace(made, options=options, seed=first_seed(made))
 trial = _ready(made, methods)
 trial(made.seed)

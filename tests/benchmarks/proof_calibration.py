@@ -23,10 +23,14 @@ from calibrated import BETWEEN, GROUPS, Outcome, case, outcomes, rms  # noqa: E4
 
 KEPT, PAGE = ROOT / "recordings" / "proof-calibration", ROOT / "docs" / "proof-calibration.md"
 UNITS, TABLES = ("stim300", "hg9900", "ring-laser", "adis16470"), ("precision", "mid-class")
+CASES = [(imu, table) for imu in UNITS for table in TABLES]
 RATES = {"adis16470": 100}  # Hz: below, its noise does not blur the steps of its readings
 RATE = 25
 ROUND = 5  # runs of each case in turn
-FIRST = 5000  # seed
+FIRST, APART = (
+    5000,
+    1000,
+)  # seed of the first case, and from one case to the next: none shares a seat
 HEAD = """# Calibrations against what each unit was given
 
 {runs} units of each preset, drawn with a table and a seat of their own, calibrated by
@@ -53,14 +57,13 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[], help="UNIT-TABLE: no page is written")
     asked = parser.parse_args()
     if asked.only:
-        for imu in UNITS:
-            for table in TABLES:
-                if f"{imu}-{table}" in asked.only:
-                    kept(imu, table, asked.runs)
+        for imu, table in CASES:
+            if f"{imu}-{table}" in asked.only:
+                kept(imu, table, asked.runs)
         return
     found = {}
     for runs in [*range(ROUND, asked.runs, ROUND), asked.runs]:
-        found = {(imu, table): kept(imu, table, runs) for imu in UNITS for table in TABLES}
+        found = {one: kept(*one, runs) for one in CASES}
     nees = [line for key, pair in found.items() for line in promises(*key, *pair)]
     rows = [row for key, pair in found.items() for row in groups(*key, *pair)]
     head = "| unit | table | freedom | NEES | 95 % | chi-square | NEES, trusting |\n" + "|---" * 7
@@ -76,7 +79,8 @@ def kept(imu: str, table: str, runs: int) -> tuple[list[Outcome], list[Outcome]]
     if path.exists():
         told = json.loads(path.read_text(encoding="utf-8"))
         there = [(Outcome(**one), Outcome(**other)) for one, other in told]
-    missing = range(FIRST + len(there), FIRST + runs)
+    first = FIRST + APART * CASES.index((imu, table))
+    missing = range(first + len(there), first + runs)
     made = case("calibration-full", imu, table, RATES.get(imu, RATE))
     for pair in outcomes(made, missing) if missing else ():
         there.append(pair)

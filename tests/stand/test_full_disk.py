@@ -22,6 +22,7 @@ SWEEP = os.environ.get("STAND_DISK_SWEEP", "") not in ("", "0")
 PAGE_KB = os.sysconf("SC_PAGE_SIZE") // 1024
 ROOM_KB = 100 * 1024
 SOON_S = 30.0
+QUICK = ("drive", "import", "export")  # tried at more sizes
 COMMANDS = ("drive", "import", "export", "report", "rehearse", "compare", "allan")
 
 pytestmark = pytest.mark.slow
@@ -58,9 +59,9 @@ def used_kb(folder: Path) -> int:
     return (stats.f_blocks - stats.f_bfree) * stats.f_frsize // 1024
 
 
-def sizes(need: int) -> list[int]:
+def sizes(name: str, need: int) -> list[int]:
     """From nothing to a page less than what is needed."""
-    tried = np.linspace(0, 1, 16) if SWEEP else (0.0, 0.5, 1.0)
+    tried = np.linspace(0, 1, 16) if SWEEP else (0.0, 0.5, 1.0) if name in QUICK else (0.0, 1.0)
     return sorted({max(int(part * (need - PAGE_KB)), PAGE_KB) for part in tried})
 
 
@@ -127,7 +128,7 @@ def test_a_command_on_a_full_disk(
                 "rehearse": ("rehearse", recorded.procedure, "--report", out / "new/report"),
                 "compare": (
                     *("compare", recorded.procedure, "--rate", 5, "--runs", 1),
-                    *("--out", out / "new/compare"),
+                    *("--methods", "triad", "--out", out / "new/compare"),
                 ),
                 "allan": ("allan", recorded.folder, "--to", 12, "--out", out / "new/allan"),
             }[name]
@@ -139,11 +140,12 @@ def test_a_command_on_a_full_disk(
         need = used_kb(out)
     # as much longer where the machine is busy; a command that waits for the disk never ends
     limit = SOON_S + 2 * (time.monotonic() - begin)
-    for size in sizes(need):
+    for size in sizes(name, need):
         check = partial(check_full, told=told)
         soon(tmp_path / "disk", size, limit, command, check)
-    with disk(tmp_path / "disk", need) as out:
-        assert command(out).code in (0, 1)
+    if SWEEP or name in QUICK:
+        with disk(tmp_path / "disk", need) as out:
+            assert command(out).code in (0, 1)
 
 
 def test_a_run_on_a_full_disk(short: Path, tmp_path: Path):

@@ -14,7 +14,9 @@ import time
 
 import numpy as np
 import pytest
+from conftest import Recorded
 from mcap.reader import make_reader
+from rerun.chunk import RrdReader
 
 import stand
 from stand.errors import StandError
@@ -38,6 +40,16 @@ def interrupted(recorded, root, part, name="r"):
     (left / "run.mcap").write_bytes(data[: int(part * len(data))])
     (left / "run.rrd").write_bytes(b"")
     return left
+
+
+def following(path):
+    """The following error that a review shows [arc s]."""
+    batches = (
+        chunk.to_record_batch()
+        for chunk in RrdReader(path).stream()
+        if chunk.entity_path == "/stand/following" and not chunk.is_static
+    )
+    return np.array([row for b in batches for row in b.column("Scalars:scalars").to_pylist()])
 
 
 def chunks(path):
@@ -66,6 +78,7 @@ def test_every_whole_chunk_of_a_cut_file_is_found(recorded, tmp_path):
     assert examine(path).chunks == 7
 
 
+@pytest.mark.slow
 def test_what_comes_back_is_what_the_whole_run_has(recorded, tmp_path, stand_command):
     """Cut in its second dwell: the first is answered as in the whole run, the second by name."""
     left = interrupted(recorded, tmp_path, part=0.8)
@@ -107,6 +120,68 @@ def test_what_comes_back_is_what_the_whole_run_has(recorded, tmp_path, stand_com
     assert f"the recording was interrupted at {until:.3f} s" in noise["notes"]
     assert stand_command("report", target).code == 0
     assert "X1 up: no estimate" in (target / "report.html").read_text()
+
+
+def test_of_a_servo_run_the_steps_and_the_following_error_come_back(short, tmp_path, stand_command):
+    """The steps that were over, as the whole run told them; the demand is planned again."""
+    command = ("run", short, "--rate", 5, "--motion", "servo", "--out", tmp_path / "w")
+    assert stand_command(*command).code == 0
+    interrupted(Recorded(tmp_path / "w", short, {}), tmp_path, part=0.8)
+    (found,) = recover(tmp_path)
+    told, whole = (json.loads((tmp_path / n / "result.json").read_text()) for n in "rw")
+    over = [step for step in whole["steps"] if step["t_to_s"] <= found.until]
+    assert 0 < len(over) < len(whole["steps"])
+    assert told["steps"] == over
+    assert told["missing"] == []
+    errors = [following(tmp_path / n / "run.rrd") for n in "rw"]
+    # arc seconds; planned anew and read from the recording: to rounding of the angles
+    np.testing.assert_allclose(errors[0], errors[1][: len(errors[0])], atol=1e-9)
+    assert np.abs(errors[0]).max() > 0.01
+
+
+def test_of_a_run_that_cannot_be_planned_again_it_is_said(short, tmp_path, stand_command):
+    """Its motion came from a file, which is not in the recording."""
+    rows = ["time_s,inner_deg", *(f"{k / 10},0" for k in range(31))]
+    (tmp_path / "p.csv").write_text("\n".join(rows))
+    step = '[[step]]\nkind = "profile"\nlabel = "p"\nfile = "p.csv"\n'
+    short.write_text(short.read_text().replace("duration_s = 12", "duration_s = 4") + step)
+    command = ("run", short, "--rate", 5, "--motion", "servo", "--out", tmp_path / "w")
+    assert stand_command(*command).code == 0
+    interrupted(Recorded(tmp_path / "w", short, {}), tmp_path, part=0.9)
+    (found,) = recover(tmp_path)
+    told = json.loads((tmp_path / "r" / "result.json").read_text())
+    assert told["missing"] == [
+        'no following error: the motion cannot be planned again: step 4 "p": p.csv: cannot read '
+        "this file: No such file or directory"
+    ]
+    assert found.reason == f"({told['missing'][0]})"
+
+
+def test_of_a_drive_its_solutions_and_its_picture_come_back(tmp_path, stand_command):
+    """A file that was closed: all that the whole drive says; of one that is cut: of its fixes."""
+    command = ("drive", "weaving", "--rate", 20, "--out", tmp_path / "w")
+    assert stand_command(*command).code == 0
+    recorded = Recorded(tmp_path / "w", tmp_path, {})
+    interrupted(recorded, tmp_path, part=1.0, name="all")
+    interrupted(recorded, tmp_path, part=0.6, name="cut")
+    recover(tmp_path)
+    whole, every, some = (
+        json.loads((tmp_path / n / "result.json").read_text()) for n in ("w", "all", "cut")
+    )
+    names = ["solution", "corrections", "first_correction_s"]
+    assert [[s[n] for n in names] for s in every["solutions"]] == [
+        [s[n] for n in names] for s in whole["solutions"]
+    ]
+    assert {n: every[n] for n in ("fixes", "samples")} == {
+        n: whole[n] for n in ("fixes", "samples")
+    }
+    # positions pass through latitude and longitude: to rounding of the Earth's radius
+    assert every["start_error_deg"] == pytest.approx(whole["start_error_deg"], rel=1e-9)
+    assert every["missing"] == some["missing"] == []
+    assert 10 < some["fixes"] < whole["fixes"]
+    assert some["interrupted_at_s"] < whole["duration_s"]
+    for name in ("all", "cut"):
+        assert (tmp_path / name / "errors.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_review_is_of_what_was_recorded(recorded):

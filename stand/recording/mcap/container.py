@@ -84,10 +84,27 @@ class Part:
 
 
 @dataclass(slots=True)
+class _Chunks:
+    """The index of all chunks as the summary will have it: 0.1 kB each, of days 10 MB."""
+
+    written: bytearray = field(default_factory=bytearray)
+    count: int = 0
+    start_ns: int = 0
+    end_ns: int = 0
+
+    def append(self, entry: ChunkIndex) -> None:
+        self.written += _records([entry])
+        first = entry.message_start_time
+        self.start_ns = min(self.start_ns, first) if self.count else first
+        self.end_ns = max(self.end_ns, entry.message_end_time)
+        self.count += 1
+
+
+@dataclass(slots=True)
 class _Index:
     """What the summary will say."""
 
-    chunks: list[ChunkIndex] = field(default_factory=list)
+    chunks: _Chunks = field(default_factory=_Chunks)
     attachments: list[AttachmentIndex] = field(default_factory=list)
     metadata: list[MetadataIndex] = field(default_factory=list)
     counts: dict[int, int] = field(default_factory=dict)
@@ -294,14 +311,14 @@ class Container:
             self._index.counts[channel] = count + len(places)
         return data
 
-    def _summary_groups(self) -> list[tuple[Opcode, Sequence[McapRecord]]]:
+    def _summary_groups(self) -> list[tuple[Opcode, bytes]]:
         return [
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._index.chunks),
-            (Opcode.ATTACHMENT_INDEX, self._index.attachments),
-            (Opcode.METADATA_INDEX, self._index.metadata),
+            (Opcode.SCHEMA, _records(self._schemas)),
+            (Opcode.CHANNEL, _records(self._channels)),
+            (Opcode.STATISTICS, _records([self._statistics()])),
+            (Opcode.CHUNK_INDEX, bytes(self._index.chunks.written)),
+            (Opcode.ATTACHMENT_INDEX, _records(self._index.attachments)),
+            (Opcode.METADATA_INDEX, _records(self._index.metadata)),
         ]
 
     def _statistics(self) -> Statistics:
@@ -310,10 +327,10 @@ class Container:
             attachment_count=len(index.attachments),
             channel_count=len(self._channels),
             channel_message_counts=index.counts,
-            chunk_count=len(index.chunks),
+            chunk_count=index.chunks.count,
             message_count=sum(index.counts.values()),
-            message_end_time=max((c.message_end_time for c in index.chunks), default=0),
-            message_start_time=min((c.message_start_time for c in index.chunks), default=0),
+            message_end_time=index.chunks.end_ns,
+            message_start_time=index.chunks.start_ns,
             metadata_count=len(index.metadata),
             schema_count=len(self._schemas),
         )
@@ -390,15 +407,12 @@ def _message_index(channel: int, pairs: NDArray[Any]) -> bytes:
     return head.tobytes() + body
 
 
-def _summary(
-    groups: Iterable[tuple[Opcode, Sequence[McapRecord]]], start: int
-) -> tuple[bytes, bytes]:
+def _summary(groups: Iterable[tuple[Opcode, bytes]], start: int) -> tuple[bytes, bytes]:
     """The summary section and the summary offset section."""
-    summary = b""
+    summary = bytearray()
     offsets = []
-    for opcode, records in groups:
-        data = _records(records)
+    for opcode, data in groups:
         if data:
             offsets.append(SummaryOffset(opcode, start + len(summary), len(data)))
         summary += data
-    return summary, _records(offsets)
+    return bytes(summary), _records(offsets)

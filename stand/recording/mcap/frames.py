@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -79,9 +80,15 @@ def _turned(body: Body, angle: Array) -> Array:
 
 def _nodded(q: Array, body: Body, nod: Array) -> Array:
     assert body.joint is not None
-    first = across(body.joint.axis)
-    second = np.cross(body.joint.axis, first)
+    first, second = _lines_across(tuple(body.joint.axis.tolist()))
     return multiply(multiply(q, _about(first, nod[:, 0])), _about(second, nod[:, 1]))
+
+
+@lru_cache(maxsize=32)
+def _lines_across(axis: tuple[float, ...]) -> tuple[Array, Array]:
+    """The two lines about which an axis nods; the same for every chunk."""
+    first = across(np.array(axis))
+    return first, np.cross(axis, first)
 
 
 def _about(axis: Array, angle: Array) -> Array:

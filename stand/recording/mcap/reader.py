@@ -48,6 +48,7 @@ from stand.recording.mcap.writer import (
     TRUTH_TOPIC,
     VELOCITY_TOPIC,
 )
+from stand.recording.repeated import Repeated
 
 # The second is the type's name in ROS 1 and some writers.
 _IMU_TYPES = (schemas.IMU, "sensor_msgs/Imu")
@@ -296,7 +297,9 @@ class LogFile:
         with faults_of(self.path):
             topic = _chosen(self._found, topic, _IMU_TYPES, IMU_TOPIC)
             seen = SharedTopic(self._form.frame, self._form.stamps)
-            columns = self._columns(topic, seen.decode, ("t_ns", "w_ib_b", "f_b"), seen=seen)
+            twice = Repeated()
+            names = ("t_ns", "w_ib_b", "f_b")
+            columns = self._columns(topic, seen.decode, names, seen=seen, twice=twice)
             doubts = seen.doubts(columns)
         if (turn := self._form.turn()) is not None:
             columns |= {name: turn.of(columns[name]) for name in ("w_ib_b", "f_b")}
@@ -305,6 +308,7 @@ class LogFile:
             topic=topic,
             frame_id=seen.frame,
             metadata=self.metadata,
+            notes=twice.notes(),
             doubts=doubts,
             **columns,
         )
@@ -376,15 +380,23 @@ class LogFile:
         names: Sequence[str],
         finite: Collection[str] | None = None,
         seen: SharedTopic | None = None,
+        twice: Repeated | None = None,
     ) -> dict[str, Any]:
-        """The named columns of all messages of the topic; all, or those in `finite`, checked."""
+        """The named columns of all messages of the topic; all, or those in `finite`, checked.
+
+        `twice` takes note of those that are left out, for they repeat the one before.
+        """
         growing: dict[str, Growing] = {}
         for batch, log_ns in self._batches(topic, decode):
             keep = slice(None) if seen is None else seen.rows(batch, log_ns)
             keep = batch.status >= 0 if isinstance(batch, FixBatch) else keep
-            for name in names:
-                stamps = name == "t_ns" and self._form.stamps == "log"
-                values = (log_ns if stamps else getattr(batch, name))[keep]
+            stamps = {"t_ns": log_ns} if self._form.stamps == "log" else {}
+            read = {name: getattr(batch, name) for name in names} | stamps
+            own = {name: values[keep] for name, values in read.items()}
+            if twice is not None:
+                once = twice.once(*own.values())
+                own = {name: values[once] for name, values in own.items()}
+            for name, values in own.items():
                 growing.setdefault(name, Growing(values)).extend(values)
         with located(topic):
             if not growing:

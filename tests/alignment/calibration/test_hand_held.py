@@ -193,6 +193,7 @@ def nees(found, truth):
     return float(np.sum((axes[:, there].T @ z) ** 2 / sizes[there])), int(there.sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sheet", ["stim300", "hg9900"])
 def test_errors_are_what_the_covariance_says(sheet):
     """NEES of six units within 99.9 % of chi-square, from both sides."""
@@ -424,6 +425,7 @@ def test_the_published_result(published):
     np.testing.assert_allclose(found["gyro b"], PUBLISHED["gyro b"], atol=0.5)
 
 
+@pytest.mark.slow
 @there
 def test_what_the_published_method_leaves(xsens, published):
     """Its gyros feel gravity, 13 steps per g: told, the misses fit their noise."""

@@ -150,6 +150,18 @@ def test_a_move_between_rests_gives_the_gyros_scale_factor():
     assert np.sqrt(alone.covariance[at, at]) > 0.01
 
 
+def test_a_warm_unit_is_warm_in_moves():
+    """10 K of 100 ppm/K are 1000 ppm, which is 0.18 deg of 180 deg."""
+    seen = observed(moved(scale=1e-3), SITE, lambda t: np.full(len(t), 10.0))
+    bench = replace(BENCH, temperature_scale=np.full(2, 1e-3))
+    model = Model([seen.session], bench, SITE)
+    x = np.array(model.unknowns.expected)
+    cold = np.degrees(model.left(seen.y, x)[6])
+    x[terms.columns_of("gyro", "temperature_scale")] = 1e-4
+    assert cold == pytest.approx(0.18, rel=1e-4)
+    assert np.degrees(model.left(seen.y, x)[6]) == pytest.approx(0.0, abs=1e-6)
+
+
 def spun(label="S", t_from=0.0, rate=100 * DEG, turns=4, late=0.0, change=lambda w, f: (w, f)):
     """About X, level, means over samples that come `late`."""
     n = round(turns * 2 * np.pi / abs(rate) * RATE)

@@ -65,6 +65,7 @@ def test_first_order_stands_where_both_directions_are_known(sigma):
         assert rival(np.diag([size, 1.0]) / (sigma * DEG) ** 2).ratio == pytest.approx(1, abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axis", "degrees", "least", "most"),
     [([0.6, 0.8, 0.0], 110.0, 1.2, 5.0), ([0.0, 0.3, 1.0], 150.0, 0.99, 1.05)],

@@ -834,6 +834,7 @@ def test_motion_adds_to_the_noise():
     assert found.contributions("heading")["motion"] == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(
     angles=st.tuples(st.floats(0, 360), st.floats(-60, 60), st.floats(-60, 60)),

@@ -26,6 +26,7 @@ from test_inertial import (
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
+from alignment.information.drift import GaussMarkov
 from alignment.methods.fine import (
     _ERRORS,
     METHOD,
@@ -328,12 +329,20 @@ def test_a_long_interval_is_its_short_ones(motion):
     """
     t, w, f, _ = motion.readings(1.0, 1000.0, 100.0)
     names = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "gyro_misalignment")
-    priors = Priors(
-        1e-6, 1e-3, 1e-4, 1e-4, 2e-7, 3e-5, gyro_walk=2e-5, accel_walk=3e-4, gyro_misalignment=1e-3
-    )
+    priors = Priors(1e-6, 1e-3, 1e-4, 1e-4, gyro_walk=2e-5, accel_walk=3e-4, gyro_misalignment=1e-3)
     readings = ImuReadings(t, w, f)
     noise = Noise(np.array([1.0, 2.0, 3.0]) * 1e-5, np.array([3.0, 1.0, 2.0]) * 1e-4, 2e-5)
-    model = Model(readings, site(motion), noise, priors, names)
+    drifts = (("gyro", GaussMarkov(2e-7, 10.0)), ("accel", GaussMarkov(3e-5, 20.0)))
+    walks = (4e-7, 5e-5, 0.0, 0.0, 0.0)
+    model = Model(
+        readings=readings,
+        site=site(motion),
+        noise=noise,
+        priors=priors,
+        names=names,
+        walks=walks,
+        drifts=drifts,
+    )
     C_ni = motion.state(np.zeros(1))[0][0]
     found = []
     for span in (0.1, 0.01):
@@ -358,9 +367,14 @@ def test_a_long_interval_is_its_short_ones(motion):
         atol=0.02,
     )
     assert np.abs((Q[0][own] - whole_Q[own]) / scale).max() < 0.1
+    kept = np.exp(-0.1 / np.repeat([10.0, 20.0], 3))
+    np.testing.assert_allclose(np.diag(F[0])[columns_of(5).start :], kept)
+    np.testing.assert_allclose(np.diag(whole_F)[columns_of(5).start :], kept)
+    added = np.repeat([2e-7, 3e-5], 3) ** 2 * (1 - kept**2)
+    np.testing.assert_allclose(np.diag(whole_Q)[columns_of(5).start :], added)
     # what each error makes of each other in 0.1 s, by the largest of its kind
     for rows in (slice(0, 3), slice(3, 6), slice(6, 9)):
-        for columns in (slice(0, 3), slice(3, 6), *(columns_of(k) for k in range(5))):
+        for columns in (slice(0, 3), slice(3, 6), *(columns_of(k) for k in range(7))):
             part, want = F[0][rows, columns], whole_F[rows, columns]
             np.testing.assert_allclose(part, want, rtol=0, atol=0.02 * np.abs(want).max())
 
@@ -524,6 +538,7 @@ def plain_kalman(model, reference, variance, count):
     given = module.error_matrices(model, carried, C_ni, push, slice(0, count))
     F, Q, H = (np.asarray(x, np.longdouble) for x in given)
     sigmas = [np.repeat(getattr(model.priors, name), 3) for name in model.names]
+    sigmas += [np.repeat(process.sigma, 3) for _, process in model.drifts]
     P = np.diag(np.concatenate([module.START, [0.0], *sigmas]).astype(np.longdouble) ** 2)
     found = []
     for k in range(count):
@@ -536,15 +551,17 @@ def plain_kalman(model, reference, variance, count):
     return np.array(found, float)
 
 
-def test_no_digit_is_lost_from_a_metre_to_a_micrometre():
+@pytest.mark.parametrize(("drifts", "size"), [((0.0, 0.0), 16), ((6e-8, 1e-4), 22)])
+def test_no_digit_is_lost_from_a_metre_to_a_micrometre(drifts, size):
     """A metre squared less itself leaves 1e-16 of it, a ten thousandth of a square micrometre."""
     module = sys.modules["alignment.methods.fine"]
     t, w, f, _ = STILL.readings(60.0, 5.0, 100.0)
-    priors = Priors(gyro_bias=1.7e-8, accel_bias=2.4e-4, gyro_walk=5.8e-7, accel_walk=5.9e-4)
+    priors = Priors(1.7e-8, 2.4e-4, 0.0, 0.0, *drifts, gyro_walk=5.8e-7, accel_walk=5.9e-4)
     readings = ImuReadings(t, w, f)
     carried = carry(readings, module.UPDATE)
     noise = Noise(np.full(3, priors.gyro_walk), np.full(3, priors.accel_walk))
-    model = module.Model(readings, site(STILL), noise, priors, ("gyro_bias", "accel_bias"))
+    model = module.model_of(readings, site(STILL), noise, priors)
+    assert model.size == size  # noise hides 1 s; 100 s and more outlast the minute
     reference = module._Reference(
         carried, module.laid(readings, carried, site(STILL), priors)[0].C_ni, np.zeros(3)
     )

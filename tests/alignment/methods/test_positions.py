@@ -255,6 +255,16 @@ def test_whether_the_turn_pays_is_part_of_the_answer():
     assert quarter.startswith("90 deg: ")
 
 
+def test_an_answer_without_its_verdict_has_the_same_numbers():
+    dwells = dwells_of(LEVEL, TURNS["half turn"])
+    priors = Priors(gyro_bias=DEG_H, accel_bias=0.01 * MILLI_G, turn=MINUTE)
+    (told,) = two_position(dwells, HERE, Options(priors=priors))
+    (short,) = two_position(dwells, HERE, Options(priors=priors, verdicts=False))
+    np.testing.assert_array_equal(told.C_nb.as_quat(), short.C_nb.as_quat())
+    np.testing.assert_array_equal(told.covariance, short.covariance)
+    assert short.flags == tuple(flag for flag in told.flags if not flag.startswith("turns "))
+
+
 def shown_verdict(priors, seconds, seed, walk):
     """(several, one, 180 deg, 90 deg) in arc minutes, as the words of the verdict say them."""
     sigmas = np.repeat([walk * sqrt(10), 1e-7], 3)  # per sample at 10 Hz

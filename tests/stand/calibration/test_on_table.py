@@ -160,6 +160,7 @@ def test_a_recording_gives_parameters_with_errors(recording, stand_command, tmp_
     assert len(means) == 3
 
 
+@pytest.mark.slow
 def test_options_change_what_they_say(recording):
     run = stand.read(recording)
     plain = stand.calibrate(run)
@@ -197,6 +198,7 @@ def test_a_servo_is_calibrated_by_its_encoders():
     assert found.calibration.left_out == ()
 
 
+COLUMNS = "t=t_s,gx=gx_rad_s,gy=gy_rad_s,gz=gz_rad_s,ax=ax_m_s2,ay=ay_m_s2,az=az_m_s2"
 LOG = """
 table = "mid-class"
 [site]
@@ -205,6 +207,7 @@ gravity_m_s2 = 9.80936
 """
 
 
+@pytest.mark.slow
 def test_a_log_of_ones_own_with_stretches_and_joint_angles(recording, tmp_path):
     """The same recording as a plain table of numbers, its stretches named by hand."""
     run = stand.read(recording)
@@ -234,6 +237,29 @@ def test_a_log_of_ones_own_with_stretches_and_joint_angles(recording, tmp_path):
         if p.key.term in ("bias", "scale") and p.basis == "data":
             # rests alone against rests, turns and spins
             assert abs(p.value - own[p.key].value) < 5 * np.hypot(p.sigma, own[p.key].sigma)
+
+
+def test_turns_of_a_log_of_ones_own(recording, stand_command, tmp_path):
+    """No encoder, only attitudes and rates: where the unit sits on the table comes out, too."""
+    run = stand.read(recording)
+    csv = tmp_path / "log.csv"
+    assert stand_command("export", str(recording), "--out", str(csv)).code == 0
+    named = csv.with_name("log_stretches.toml")
+    form = stand.LogForm(columns=COLUMNS)
+    log = stand.read(csv, stretches=named, form=form)
+    found = stand.calibrate(log, imu="stim300", table="mid-class")
+    arms = [n for n in found.calibration.nuisance if n.name.startswith("place on the table")]
+    # of the shipped stand 60, 50 and 40 mm; the accelerometers' own places are known to 2 mm each
+    for arm, by_hand in zip(arms, (0.060, 0.050, 0.040), strict=True):
+        assert abs(arm.value - by_hand) < 4 * arm.sigma
+        assert arm.sigma < 3e-3
+    own = {p.key: p for p in stand.calibrate(run).calibration.parameters}
+    compared = [p for p in found.calibration.parameters if p.key.term in ("bias", "scale")]
+    assert len(compared) == 12
+    for p in compared:
+        assert abs(p.value - own[p.key].value) < 4 * np.hypot(p.sigma, own[p.key].sigma)
+    assert found.calibration.enlarged == 1.0
+    assert found.calibration.left_out == ()
 
 
 @pytest.mark.parametrize(

@@ -746,6 +746,7 @@ def test_a_true_process_refuses_in_one_line(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_true_process_runs_and_aligns(tmp_path, short, recorded):
     options = ("--imu", "ring-laser", "--seed", 3, "--rate", 20, "--out", "here", "--json")
     done = process("run", short, *options, cwd=tmp_path)

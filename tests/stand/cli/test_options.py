@@ -269,6 +269,9 @@ FORM = {
 
 
 TAKING = ("align", "allan", "apply", "calibrate", "import", "report", "stretches", "view")
+TAKING += ("compare", "export")
+BESIDE = {("compare", "--rate"): "--log-rate", ("export", "--format"): "--log-format"}
+"""Where a command has an option of that name of its own."""
 
 
 @pytest.mark.parametrize("command", TAKING)
@@ -277,14 +280,14 @@ def test_every_option_of_a_form_arrives_by_itself(here, monkeypatch, command):
         raise Said(given)
 
     monkeypatch.setattr("stand.recording.log_form.LogForm", stop)
-    files = ("c.json", "log.csv") if command == "apply" else ("log.csv",)
-    out = ("--out", "x.mcap") if command in ("apply", "import") else ()
+    files = {"apply": ("c.json", "log.csv"), "compare": ("log.csv",) * 2}.get(command, ("log.csv",))
+    out = ("--out", "x.mcap") if command in ("apply", "import", "export") else ()
     with pytest.raises(Said) as caught:
         here(command, *files, *out)
     plain = caught.value.args[0]
     for option, (field, value) in FORM.items():
         with pytest.raises(Said) as caught:
-            here(command, *files, *out, option, value)
+            here(command, *files, *out, BESIDE.get((command, option), option), value)
         assert caught.value.args[0] == plain | {field: value}
         assert plain[field] != value
     assert set(plain) == {field for field, _ in FORM.values()}
@@ -302,6 +305,20 @@ def test_a_table_without_a_header_needs_no_import(here):
     assert "9.807" in Path("page.html").read_text(encoding="utf-8")  # m/s^2, of 1000 mg
     here("view", "log.txt", *said, "--out", "x.rrd")
     assert Path("x.rrd").stat().st_size > 1000
+    here("export", "log.txt", *said, "--out", "x.csv")
+    assert Path("x.csv").read_text("utf-8").splitlines()[1].split(",")[5] == "9.80665"
+    Path("s.toml").write_text(
+        '[site]\nlatitude_deg = 48.5\n[[stretch]]\nkind = "dwell"\nlabel = "a"\n'
+        "from_s = 0\nto_s = 20\n",
+        "utf-8",
+    )
+    pair = ("--stretches", "s.toml", "--methods", "triad", "--json")
+    here("import", "log.txt", *said, "--out", "log.mcap")
+    for a, b in (("log.txt", "log.mcap"), ("log.mcap", "log.txt")):  # the MCAP says it itself
+        (found,) = here("compare", a, b, *said, *pair).json["stretches"]
+        assert found["label"] == "a"
+    here("compare", "rest.toml", *said, code=2)
+    here("export", "rest.toml", *said, "--out", "y.csv", code=2)
     for command, out in (("report", "page.html"), ("view", "y.rrd")):
         here(command, "log.txt", *said, "--gyro-scale", 0, "--out", out, code=2)
     assert not Path("y.rrd").exists()
@@ -431,7 +448,7 @@ def passed() -> frozenset[tuple[str, str]]:
 
 # by a helper or a table of its file, whose command stands elsewhere
 BY_A_HELPER = {("run", "--without")}
-BY_A_HELPER |= {(command, option) for command in TAKING for option in FORM}
+BY_A_HELPER |= {(c, BESIDE.get((c, option), option)) for c in TAKING for option in FORM}
 
 
 @pytest.mark.parametrize(("command", "option"), OPTIONS)

@@ -22,6 +22,7 @@ def here(stand_command, tmp_path, monkeypatch):
 NORTH = ("propose", "--heading", 1.5, "--imu", "hg9900", "--rate", 20)
 
 
+@pytest.mark.slow
 def test_a_heading_to_a_procedure_that_passes(here):
     """stand propose --latitude --height --json --out --force"""
     told = here(*NORTH, "--latitude", 40, "--height", 300, "--json", "--out", "north.toml").json
@@ -40,6 +41,7 @@ def test_a_heading_to_a_procedure_that_passes(here):
     here(*NORTH, "--out", "north.toml", "--force")
 
 
+@pytest.mark.slow
 def test_too_little_time_is_exit_code_1_and_leaves_no_procedure_that_passes(here):
     asked = ("propose", "--heading", 1.5, "--imu", "stim300", "--max-time", 60)
     told = here(*asked, "--json", code=1).json
@@ -97,6 +99,7 @@ ASKED = HALF_TURN.replace("duration_s = 24", "duration_s = 300").replace(
 )
 
 
+@pytest.mark.slow
 def test_a_rehearsal_offers_the_shorter_test(here):
     Path("long.toml").write_text(ASKED)
     asked = (

@@ -84,6 +84,7 @@ def command(request, tmp_path_factory) -> tuple[str, set[str]]:
     return name, loaded(TOLD, name, *ARGUMENTS[name], cwd=folder)
 
 
+@pytest.mark.slow
 def test_a_command_loads_no_library_that_it_does_not_use(command):
     name, modules = command
     there = {library for library in LIBRARIES if library in modules}

@@ -68,6 +68,7 @@ def test_links_in_a_circle(stand_command, tmp_path, monkeypatch, arguments):
     assert outcome.err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_names_that_are_no_text(stand_command, tmp_path):
     """A folder and a log whose names are not UTF-8: imported, read, refused as any other."""
     folder = tmp_path / os.fsdecode(b"m\xfc\xfc")
@@ -84,6 +85,7 @@ def test_names_that_are_no_text(stand_command, tmp_path):
     assert done.stderr.count(b"\n") == 1
 
 
+@pytest.mark.slow
 def test_a_terminal_of_few_letters(tmp_path):
     ascii_only = os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C", "PYTHONUTF8": "0"}
     done = own_process("list", "procedures", env=ascii_only)

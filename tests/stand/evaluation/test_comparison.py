@@ -1,10 +1,5 @@
 """Methods side by side: schema, statistics and floors by hand, runs that are those of the stand."""
 
-import os
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import asdict, replace
 from itertools import pairwise
 from math import nan, pi, radians, sqrt
@@ -12,7 +7,6 @@ from math import nan, pi, radians, sqrt
 import numpy as np
 import pytest
 from procedures import HALF_TURN
-from processes import members
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -196,6 +190,18 @@ def same_but_time(comparison):
     return [replace(t, seconds=0.0) for t in comparison.tallies]
 
 
+def test_a_method_answers_the_same_whether_it_is_named_or_not(tmp_path):
+    """A calibration is told of table and gravity, and follows the moves, in either case."""
+    made = settings_of(procedure_of(tmp_path, SHORT_REST), "stim300")
+    assert "calibration" not in made.procedure.entry.estimate.methods
+    named = settings_of(made.procedure, "stim300", methods=("calibration",))
+    (alone,) = compare(named, 1).tallies
+    (among,) = [t for t in compare(made, 1).tallies if t.method == "calibration"]
+    sizes = [(t.rms_heading, t.sigma_heading, t.rms_tilt, t.sigma_tilt) for t in (alone, among)]
+    assert min(sizes[0]) > 0
+    assert sizes[0] == sizes[1]
+
+
 @pytest.mark.slow
 def test_numbers_do_not_depend_on_the_processes(half_turn):
     made = replace(half_turn, seed=5)
@@ -327,33 +333,6 @@ def test_a_refusal_is_counted_and_told(half_turn, monkeypatch):
     assert (row.runs, row.refused, row.estimates, row.reason) == (3, 1, 4, "not today")
     assert told == pytest.approx([1 / 3, 2 / 3, 1])
     assert "no answer in 1 of 3 runs from triad: not today" in table(found).notes
-
-
-@pytest.mark.slow
-def test_interrupted_it_leaves_nothing_behind(tmp_path):
-    stand = [sys.executable, "-c", "from stand.cli.app import main; main()"]
-    command = [*stand, "compare", "two-position", "--runs", "3000", "--json"]
-    process = subprocess.Popen(
-        command,
-        cwd=tmp_path,
-        start_new_session=True,
-        stderr=subprocess.PIPE,
-        text=True,
-        # where the tests run in the background, Ctrl-C is ignored, and children inherit that
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
-    deadline = time.monotonic() + 60
-    while len(members(process.pid)) < 3 and time.monotonic() < deadline:
-        time.sleep(0.2)  # the command, its resource tracker and workers
-    time.sleep(1.0)
-    os.killpg(process.pid, signal.SIGINT)
-    _, told = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert told.strip() == "stand: interrupted: nothing was written"
-    deadline = time.monotonic() + 20  # the resource tracker ends when it finds itself alone
-    while members(process.pid) and time.monotonic() < deadline:
-        time.sleep(0.2)
-    assert members(process.pid) == []
 
 
 # --- statistics

@@ -195,6 +195,22 @@ def test_one_b_spline_has_its_known_values():
     np.testing.assert_allclose(rate[:, 0], np.array([0, 0, 5, 50, 0, -50, 0, 0]) / 60, atol=1e-14)
 
 
+def test_one_b_spline_of_degree_seven_has_its_known_values():
+    weights = np.zeros((17, 1))
+    weights[8] = 1.0  # the one about 5 steps from the start
+    motion = b_spline(weights, 0.5, degree=7)
+    angle, rate, bend = motion.joints([0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 4.5])
+    # at whole steps from its middle: 2416, 1191, 120, 1, 0 of 5040 [de Boor 1978]
+    expected = np.array([0, 1, 120, 1191, 2416, 1191, 1, 0]) / 5040
+    np.testing.assert_allclose(angle[:, 0], expected, atol=1e-15)
+    # its bend per step are second differences of the quintic's 66, 26, 1: 26 - 2 66 + 26 = -80,
+    # 66 - 2 26 + 1 = 15, 26 - 2 = 24, 1 of 120
+    bends = np.array([0, 1, 24, 15, -80, 15, 1, 0]) / 120
+    np.testing.assert_allclose(bend[:, 0], 4 * bends, atol=1e-12)
+    assert max(jumps(motion, 7)) < 1e-11
+    assert rate[4, 0] == pytest.approx(0.0, abs=1e-14)
+
+
 def bump(n: int, seed: int = 1) -> np.ndarray:
     """Samples (n, 2) that rest for eight rows at both ends, at different angles."""
     samples = np.random.default_rng(seed).normal(size=(n, 2))

@@ -231,6 +231,21 @@ def test_coning_drift_by_hand():
     np.testing.assert_allclose(rate.mean(axis=0) / DEG, [-0.274149, 0, 0], atol=1e-6)
 
 
+@pytest.mark.parametrize("turns", [10, 9.95, 10.05, 10 + 1e-9, 1])
+def test_coning_turn_after_turn(turns):
+    """Whole turns repeat one, others are fitted throughout (9.95 in as many pieces as 10)."""
+    entry = ConingMotion(axis="X1", half_angle_deg=2.0, frequency_hz=5.0)
+    motion = coning(entry, turns / 5.0, 1.0, np.zeros(6), MODEL)
+    t = 1 + np.linspace(0, turns / 5.0, 3001)
+    C_wb, rate = seen(motion, np.zeros(6), t)
+    assert abs(np.linalg.norm(rate, axis=1) / (20 * np.pi * np.sin(1 * DEG)) - 1).max() < 1e-8
+    # X1 leans toward u x X1, u = Y1 cos p + Z1 sin p: its part along Y1 is sin(2 deg) sin p
+    start, _ = pose(np.zeros((1, 6)))
+    part = np.einsum("j,njk,k->n", start[0, :, 1], C_wb, [1.0, 0.0, 0.0])
+    wanted = np.sin(2 * DEG) * np.sin(10 * np.pi * (t - 1))
+    assert np.abs(part - wanted).max() < 1e-12  # the fit's, of the angle
+
+
 def test_the_other_joints_stay_and_the_base_moves_never():
     entry = ConingMotion(axis="Y1", half_angle_deg=10.0, frequency_hz=1.0)
     motion = coning(entry, STEADY, LEAD, np.array([0.1, 0.2, 0.3, 0, 0, 0]), MODEL)

@@ -37,11 +37,12 @@ def moves(rng):
 
 
 def swaying(rng):
-    """A spline of steps of 5 to 80 ms."""
+    """A spline of steps of 5 to 80 ms, of a servo's degree or of a sway's."""
     step, axes = rng.uniform(0.005, 0.08), rng.uniform(size=6) < 0.6
-    weights = rng.normal(size=(int(4 / step) + 5, 6)) * np.radians(200 * step**2) * axes
-    weights[:6] = weights[-6:] = 0.0
-    return b_spline(weights, step)
+    degree = int(rng.choice([5, 7]))
+    weights = rng.normal(size=(int(4 / step) + degree, 6)) * np.radians(200 * step**2) * axes
+    weights[: degree + 1] = weights[-degree - 1 :] = 0.0
+    return b_spline(weights, step, degree=degree)
 
 
 def waving(rng):

@@ -244,6 +244,7 @@ def test_what_cannot_be_reached_names_its_floor():
     assert "required 2" in found.reason
 
 
+@pytest.mark.slow
 def test_too_little_time_is_told():
     wanted, made = request(None, imu="hg9900", heading_deg=0.3, max_time_s=10.0, rate_hz=50)
     found = propose(wanted, made)

@@ -189,7 +189,7 @@ def test_faults_of_units(csv):
             "right?)",
         ),
         (
-            "1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n2,0,0,0,0,0,1\n",
+            "1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n2,0,0,0,0,0,3\n",
             "row 3, column t = 2 s: must be above the row before, 2 s, by a nanosecond at least",
         ),
         (
@@ -197,7 +197,7 @@ def test_faults_of_units(csv):
             "row 2, column t = 0.5 s: must be above the row before, 1 s, by a nanosecond at least",
         ),
         (
-            "1,0,0,0,0,0,1\n1.0000000001,0,0,0,0,0,1\n",
+            "1,0,0,0,0,0,1\n1.0000000001,0,0,0,0,0,3\n",
             "row 2, column t = 1 s: must be above the row before, 1 s, by a nanosecond at least",
         ),
     ],

@@ -14,7 +14,7 @@ from alignment.calibration.words import untold
 from alignment.units import DEG
 from stand.procedure.procedure import procedure_from
 from stand.rehearsal.constants import planned_session
-from stand.rehearsal.rehearse import prepared
+from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.result import Verdict
 from stand.simulation.settings import assembled, with_procedure
 from stand.toml_files import Source
@@ -35,7 +35,8 @@ def with_text(settings, old, new):
 
 
 def sigmas(settings):
-    return {p.quantity: p.sigma / p.per for p in stand.rehearse(settings).predictions}
+    found = stand.rehearse(settings).predictions
+    return {p.quantity: p.sigma / p.per for p in found if p.determined}
 
 
 def test_a_full_calibration_reaches_what_the_methods_say():
@@ -76,6 +77,7 @@ def test_turns_about_the_vertical_show_no_lag_of_accelerometers_and_spins_do():
     assert not any(line.startswith("accelerometer lag") for line in unseen("spins"))
 
 
+@pytest.mark.slow
 def test_whole_turns_see_three_of_nine_lever_arms():
     for name in ("rate-steps", "spins", "calibration-full"):
         (line,) = [line for line in unseen(name) if line.startswith("accelerometer lever arms")]
@@ -98,6 +100,41 @@ def test_rests_alone_show_no_gyro_scale_and_moves_do():
         assert term + ":" not in whole
 
 
+def test_what_no_sheet_states_is_told_by_the_readings_and_not_by_a_guess():
+    """Six faces of 60 s: half a difference of 0.07 deg/rt-h, 4.2/sqrt(60)/sqrt(2) = 0.383 deg/h/g.
+
+    Looked for within 1 deg/h/g: sigma 1/sqrt(1/0.383^2 + 1) = 0.358; of a unit that has none the
+    fit errs by 0.383/(1 + 0.383^2) = 0.334. Moves, which say a little too, take 2 % of either.
+    """
+    asked = REQUIRE.format("g_sensitivity_deg_h_g = 2")
+    answer = rehearse(with_text(made("tumble-6", "ln200s"), "[estimate]\n", asked))
+    (judged,) = answer.judgements
+    assert judged.verdict is Verdict.PASS
+    found = [p for p in answer.predictions if "g sensitivity" in p.quantity]
+    assert len(found) == 9
+    for p in found:
+        assert p.sigma / p.per == pytest.approx(0.358, rel=0.03)
+        assert p.drawn / p.per == pytest.approx(0.334, rel=0.03)
+    # 0.6 deg/rt-h: 3.3 deg/h/g by the readings, nearly all of 1 deg/h/g is left of the guess
+    answer = rehearse(with_text(made("tumble-6", "mpu9250"), "[estimate]\n", asked))
+    (judged,) = answer.judgements
+    assert judged.verdict is Verdict.FAIL
+    assert judged.sigma is None
+    assert "no sheet states its size, and the readings hardly tell it" in judged.reason
+    assert {p.sigma for p in answer.predictions if "g sensitivity" in p.quantity} == {None}
+
+
+def test_runs_do_not_contradict_what_no_sheet_states():
+    asked = REQUIRE.format("g_sensitivity_deg_h_g = 2")
+    settings = replace(made("tumble-6", "ln200s"), rate_hz=10)
+    answer = stand.rehearse(with_text(settings, "[estimate]\n", asked), verify=10)
+    assert answer.verification is not None
+    assert answer.verification.disagreeing == ()
+    told = [a.ratio[0] for a in answer.verification.achieved if "g sensitivity" in a.quantity]
+    # nine of ten runs each: one sigma of their mean square is 2/sqrt(180) = 15 %, 7 % of the root
+    assert np.sqrt(np.mean(np.square(told) ** -1.0)) == pytest.approx(1, abs=0.2)
+
+
 REQUIRE = "[require]\n{0}\n\n[estimate]\n"
 
 
@@ -114,6 +151,7 @@ def test_a_requirement_of_a_constant_counts_its_worst_axis():
     assert bias.unit == "deg/h"
 
 
+@pytest.mark.slow
 def test_what_would_do_is_said():
     result = required("accel_bias_ug = 20\ncoverage = 2")
     (judged,) = result.judgements

@@ -382,36 +382,46 @@ def another(key: str, value: Any, in_errors: bool) -> Any:
     return (4.0 if in_errors else 1.25) * value
 
 
-def changed(base: str, path: tuple[Any, ...]) -> dict[str, Any]:
-    """The data of a base with another value at a path."""
+def changed(base: str, *paths: tuple[Any, ...]) -> dict[str, Any]:
+    """The data of a base with another value at each path."""
     data = tomllib.loads(BASES[base])
+    for path in paths:
+        change(base, data, path)
+    return data
+
+
+def change(base: str, data: dict[str, Any], path: tuple[Any, ...]) -> None:
+    """Give what lies at a path another value, in place."""
     at: Any = data
     for key in path[:-1]:
         at = at[key]
     if path[-1] == "methods":
         at["methods"] = METHODS[base]
-        return data
+        return
     at[path[-1]] = another(path[-1], at[path[-1]], path[0] == "table_errors")
     if path[-1] == "label" and base == "rocked":  # what names it goes along
         for behind in data["background"]:
             behind["first"] = behind["last"] = at["label"]
-    return data
 
 
 def cases() -> Iterator[Any]:
+    """Two keys that lie far apart at a time: half the runs, and who is at fault is soon found."""
     for base, text in BASES.items():
         if base == "faces":  # its own keys change no run: see the verdicts below
             continue
-        for path in leaves(tomllib.loads(text)):
-            if path[-1] in FIRST or (base == "turns" and path[-1] == "axis"):
-                continue
-            if path[-1] in ("first", "last"):  # of a background: there is but one step to name
-                continue
-            name = ".".join(map(str, path))
-            quick = base == "rests" and path[0] == "table_errors"
-            yield pytest.param(
-                base, path, id=f"{base}-{name}", marks=() if quick else pytest.mark.slow
-            )
+        paths = [path for path in leaves(tomllib.loads(text)) if is_tried(base, path)]
+        half = (len(paths) + 1) // 2
+        for k, path in enumerate(paths[:half]):
+            both = (path, *paths[half + k : half + k + 1])
+            name = "+".join(".".join(map(str, one)) for one in both)
+            yield pytest.param(base, both, id=f"{base}-{name}")
+
+
+def is_tried(base: str, path: tuple[Any, ...]) -> bool:
+    """Whether a key is one that can have another value alone."""
+    if base == "turns" and path[-1] == "axis":
+        return False
+    return path[-1] not in FIRST | {"first", "last"}  # of a background: there is but one step
 
 
 def verified(base: str, data: dict[str, Any], folder: Any):
@@ -439,9 +449,10 @@ def off(made) -> list[Any]:
     ]
 
 
-@pytest.mark.parametrize(("base", "path"), list(cases()))
-def test_runs_come_to_what_another_value_predicts(base, path, tmp_path):
-    result, made = verified(base, changed(base, path), tmp_path)
+@pytest.mark.slow
+@pytest.mark.parametrize(("base", "paths"), list(cases()))
+def test_runs_come_to_what_other_values_predict(base, paths, tmp_path):
+    result, made = verified(base, changed(base, *paths), tmp_path)
     assert off(made) == []
     assert made.refused == ()
     assert any(a.ratio is not None for a in made.achieved)

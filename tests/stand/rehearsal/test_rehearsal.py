@@ -267,6 +267,7 @@ def test_what_is_advised_passes_in_a_fresh_rehearsal(name, imu, limits):
         assert fresh.judgements[0].sigma == pytest.approx(one.sigma)
 
 
+@pytest.mark.slow
 def test_a_move_may_bear_the_label_of_its_dwell():
     """What an advice changes is told of the right one."""
     text = required("two-position", "heading_deg = 3.0").text
@@ -412,6 +413,7 @@ def test_what_nobody_can_say_is_exit_code_one(stand_command, tmp_path):
         assert (outcome.code, outcome.json["verdict"]) == (code, verdict)
 
 
+@pytest.mark.slow
 def test_force_replaces_a_report_and_nothing_else_does(stand_command, tmp_path):
     folder = tmp_path / "report"
     folder.mkdir()

@@ -11,6 +11,7 @@ from scipy.stats import norm
 
 from alignment import Priors, Site
 from alignment.earth import EARTH_RATE, normal_gravity
+from alignment.estimators import ESTIMATORS
 from alignment.information import TriadErrors
 from alignment.methods.position_fit import fit_positions, predicted_covariance
 from alignment.units import DEG, DEG_PER_HOUR, DEG_PER_RT_HOUR, MILLI_G, STANDARD_GRAVITY
@@ -23,7 +24,7 @@ from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.accuracy import predict
 from stand.rehearsal.rehearse import prepared, rehearse
-from stand.rehearsal.rocking import turned_by_heading
+from stand.rehearsal.rocking import tilt_doubt, turned_by_heading
 from stand.rehearsal.rounding import Rounding, roundings_of
 from stand.rehearsal.verify import with_verification
 from stand.simulation.settings import assembled
@@ -298,6 +299,13 @@ def test_a_source_of_the_table_switched_off_takes_its_row_away(key, tmp_path):
     change_as_rows_say(less, {OF_TABLE[key]})
 
 
+def test_gravity_as_it_is_taken_for_takes_its_row_away(monkeypatch):
+    """The methods go on allowing for an anomaly; the scene has none."""
+    for name, method in list(ESTIMATORS.items()):
+        monkeypatch.setitem(ESTIMATORS, name, replace(method, anomaly=0.0))
+    change_as_rows_say([scene for scene, *_ in in_every_way()], {"gravity"})
+
+
 def test_a_base_that_rests_takes_the_row_of_its_motion_away():
     """And leaves what does not come from moving, within the cosines of 2 deg of rocking."""
     scene, _, whole = in_every_way()[-1]
@@ -321,7 +329,7 @@ def test_every_row_has_a_case():
     told = {c.source for *_, found in in_every_way() for p in found for c in p.contributions}
     of_unit = {row for rows in OF_UNIT.values() for row in rows}
     covered = {f"{sensor} {row}" for sensor in SENSORS for row in of_unit}
-    covered |= {"lag", OF_MOTION, *OF_TABLE.values()}
+    covered |= {"lag", "gravity", OF_MOTION, *OF_TABLE.values()}
     assert told <= covered
     # and every error that the models have is in this unit and these tables
     sheets = {f.name for f in fields(TriadErrors)} - {"drift", "random_walk", "noise", "bias"}
@@ -583,6 +591,24 @@ def test_tilts_that_a_heading_turns_by_monte_carlo():
         assert told["gyro bias"][0, 0] == pytest.approx(np.mean(north**2), rel=0.013)
         assert told["gyro bias"][1, 1] == pytest.approx(np.mean(east**2), rel=0.013)
         assert told["gyro bias"][2, 2] == h**2
+
+
+@pytest.mark.parametrize(
+    ("heading", "accelerometers", "doubt"),
+    [(0.4, 0.0, False), (70.0, 0.0, True), (70.0, 0.03, False)],
+    ids=["determined", "follows", "accelerometers"],
+)
+def test_no_tilt_is_predicted_where_heading_follows_the_gyros(heading, accelerometers, doubt):
+    """Then both horizontal components tilt: twice the variance of the one that first order has.
+
+    Where accelerometers make nine parts of ten the tenth may double: 5 % of a sigma.
+    """
+    level = np.diag([1.0, 1.0, 0.0]) * accelerometers**2
+    made = {
+        "gyro turn-on bias": np.diag([0.01**2, 0.0, heading**2]),
+        "accelerometer turn-on bias": level,
+    }
+    assert bool(tilt_doubt(made)) is doubt
 
 
 def test_ten_degrees_are_of_first_order():

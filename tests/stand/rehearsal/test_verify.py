@@ -444,6 +444,7 @@ def test_no_two_cases_share_a_draw(half_turn):
     assert 0 <= firsts[0] <= firsts[-1] < 2**53  # a number in any JSON
 
 
+@pytest.mark.slow
 def test_processes_change_nothing_but_the_time(half_turn):
     asked = asked_of(half_turn)
     result = rehearse(asked)
@@ -485,6 +486,7 @@ def test_a_fault_in_a_run_is_told_with_its_seed():
 # --- the command
 
 
+@pytest.mark.slow
 def test_the_command_tells_both(stand_command, half_turn, tmp_path):
     options = ("--imu", "ring-laser", "--rate", 20, "--verify", 5, "--json")
     outcome = stand_command("rehearse", half_turn, *options, "--report", tmp_path / "report")
@@ -508,6 +510,7 @@ def test_the_command_tells_both(stand_command, half_turn, tmp_path):
     assert rehearsal_json(rehearse(asked_of(half_turn)))["verification"] is None
 
 
+@pytest.mark.slow
 def test_a_contradiction_is_exit_code_one_and_said_first(
     stand_command, half_turn, tmp_path, monkeypatch
 ):

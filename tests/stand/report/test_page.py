@@ -437,6 +437,7 @@ def test_without_a_driver_the_page_says_so(monkeypatch):
     assert "No pictures: no OpenGL driver (osmosis:" in said
 
 
+@pytest.mark.slow
 def test_a_broken_driver_ends_nothing_but_the_pictures(tmp_path):
     # MuJoCo cannot even be imported with this choice, by the command's own process
     done = subprocess.run(
@@ -451,6 +452,7 @@ def test_a_broken_driver_ends_nothing_but_the_pictures(tmp_path):
     assert "No pictures: no OpenGL driver (osmosis:" in said
 
 
+@pytest.mark.slow
 def test_the_stand_is_drawn(monkeypatch):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     rest, tilted = pictures([np.zeros(6), [0, 0, 0, 0, 60 * DEG, 0]], width=160, height=120)
@@ -488,6 +490,7 @@ def run_page(recorded, tmp_path_factory):
     return write_run_page(recorded.folder, path).read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_page_of_a_run(run_page, recorded):
     shown = checked(run_page)
     assert shown.said.startswith("Run: Short test Recorded run: Short test")

@@ -65,6 +65,7 @@ def fatal():
     return lambda seed: os.kill(os.getpid(), signal.SIGKILL) if seed == 5 else seed
 
 
+@pytest.mark.slow
 def test_a_run_that_ends_its_process_is_named_and_the_rest_is_made():
     supply = Supply([Task(3, recipe_of(fatal), range(8)), Task(4, recipe_of(ready), [1, 2])])
     found = list(pool(supply, 2))

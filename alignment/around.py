@@ -1,0 +1,78 @@
+"""Where a heading's error is no longer small: what it comes to on the whole circle.
+
+Heading is the direction of a horizontal Earth rate that is known in size. First order takes the
+error across it for the heading's; what is found along it does not matter then. It does where the
+errors reach the size of the rate itself: the direction turns by more, and may turn round.
+"""
+
+import numpy as np
+
+from alignment.arrays import Array
+
+_SMALL = 0.1  # rad: below, first order is good to 0.2 % of sigma
+_DRAWS = np.linspace(-6, 6, 97)  # of a normal number, and their weights
+_WEIGHTS = np.exp(-(_DRAWS**2) / 2) / np.sum(np.exp(-(_DRAWS**2) / 2))
+_BOTH = np.outer(_WEIGHTS, _WEIGHTS)
+
+
+def whole_circle(covariance: Array, heading: float) -> Array:
+    """`covariance` (3, 3) about n with the heading's sigma grown to `heading` [rad], if it is less.
+
+    Correlations stay.
+    """
+    ratio = heading / max(float(np.sqrt(covariance[2, 2])), np.finfo(float).tiny)
+    grown = np.array([1.0, 1.0, max(ratio, 1.0)])
+    return np.asarray(covariance * np.outer(grown, grown))
+
+
+def by_direction(errors: Array) -> float:
+    """Root mean square [rad] of the direction of ``(1 + a, b)``, a and b normal.
+
+    `errors` (2, 2): covariance of a, along, and b, across, in parts of the horizontal rate.
+    """
+    if errors.trace() < _SMALL**2:
+        return float(np.sqrt(errors[1, 1]))
+    a, b = _drawn(errors)
+    return _rms(np.arctan2(b, 1 + a))
+
+
+def by_length(sigma: float) -> float:
+    """Mean square of ``|(1 + a, b)| - 1``, a and b normal of `sigma`, over that of a.
+
+    What is left along a direction that follows the error: one where it is small, two where it is
+    all, for then both components lie along it.
+    """
+    if sigma < _SMALL:
+        return 1.0
+    a, b = _drawn(sigma**2 * np.eye(2))
+    return (_rms(np.hypot(1 + a, b) - 1) / sigma) ** 2
+
+
+def by_one_gyro(azimuth: float, errors: Array) -> float:
+    """Root mean square [rad] of an azimuth that one gyro tells, and another gyro its side.
+
+    `azimuth` [rad] of the gyro from north, positive to the east; `errors` (2, 2): covariance of
+    what it reads along itself, and of what is felt across it, in parts of the horizontal rate.
+    Cosines beyond one, which are refused, are left out.
+    """
+    if errors.trace() < _SMALL**2 * np.sin(azimuth) ** 2:
+        return float(np.sqrt(errors[0, 0]) / abs(np.sin(azimuth)))
+    a, b = _drawn(errors)
+    cosine, side = np.cos(azimuth) + a, np.sin(azimuth) + b
+    told = np.abs(cosine) <= 1
+    found = np.copysign(np.arccos(np.clip(cosine, -1, 1)), side)
+    return _rms(np.angle(np.exp(1j * (found - azimuth))), told)
+
+
+def _drawn(errors: Array) -> tuple[Array, Array]:
+    """Two normal numbers over the grid, (k, k) each."""
+    values, vectors = np.linalg.eigh(errors)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    grid = np.stack(np.meshgrid(_DRAWS, _DRAWS, indexing="ij"))
+    a, b = np.tensordot(root, grid, axes=1)
+    return a, b
+
+
+def _rms(error: Array, told: Array | bool = True) -> float:
+    weights = _BOTH * told
+    return float(np.sqrt(np.sum(weights * error**2) / np.sum(weights)))
