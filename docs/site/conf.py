@@ -73,7 +73,7 @@ def _described_elsewhere(app, doctree):
     """A method's page shows a function that the reference describes: there its source leads."""
     if app.env.docname.startswith("catalogue/"):
         for signature in doctree.findall(addnodes.desc_signature):
-            signature["module"] = ""
+            signature["module"] = None
 
 
 def setup(app):
