@@ -57,7 +57,7 @@ def test_every_function_and_answer_of_the_python_face_is_described(site):
     pages = site[0].python_pages()
     for name in stand.__all__:
         assert name == "__version__" or f":: stand.{name}\n" in pages["reference/stand"] + "\n"
-    for answer in ("simulated.Simulated", "rehearsed.Rehearsal", "calibrated.Calibrated"):
+    for answer in ("simulated.Simulated", "rehearsed.Rehearsed", "calibrated.Calibrated"):
         assert f".. autoclass:: stand.results.{answer}\n" in pages["reference/results"]
 
 
