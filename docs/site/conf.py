@@ -4,6 +4,7 @@ from importlib.metadata import version as version_of
 
 from docutils import nodes
 from latex2mathml.converter import convert
+from sphinx import addnodes
 
 html_context = {"default_mode": "auto"}
 project = "imu-test-stand"
@@ -68,7 +69,15 @@ def _aliases(app, what, name, found, skip, options):
     return True if hasattr(found, "__origin__") else None
 
 
+def _described_elsewhere(app, doctree):
+    """A method's page shows a function that the reference describes: there its source leads."""
+    if app.env.docname.startswith("catalogue/"):
+        for signature in doctree.findall(addnodes.desc_signature):
+            signature["module"] = None
+
+
 def setup(app):
     """Formulas as MathML, which browsers draw themselves: no script, no network."""
     app.connect("autodoc-skip-member", _aliases)
+    app.connect("doctree-read", _described_elsewhere, priority=400)  # before viewcode looks
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))

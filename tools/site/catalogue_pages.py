@@ -230,7 +230,7 @@ def _table(name: str) -> str:
     return "\n\n".join(
         [
             f"# {name}",
-            f"{table.title}. Source: {table.entry.source}.",
+            f"{table.title}. Source: {table.entry.source.strip().rstrip('.')}.",
             _comments(table.text),
             "## Axes",
             _rows(columns, rows),

@@ -25,7 +25,7 @@ INK, SOFT = "#59636e", "#8a939d"  # on white and on black alike
 CAMERA = "135,-18,2.9"
 SIDE = 300  # pixels of a position
 MOST = 8  # positions of a procedure that are shown
-ACROSS = 4
+ACROSS = (4, 3, 5, 7)  # of several in a row: the first that leaves no gap
 
 
 def write_drawings(folder: Path) -> None:
@@ -53,7 +53,8 @@ def write_procedures(folder: Path) -> None:
         poses += own
     images = iter(pictures(np.array(poses), CAMERA, SIDE, SIDE))  # one process draws them all
     for name, count in counts.items():
-        row = _side_by_side([next(images) for _ in range(count)], ACROSS)
+        across = count if count <= ACROSS[0] else next(k for k in ACROSS if not count % k)
+        row = _side_by_side([next(images) for _ in range(count)], across)
         (target / f"{name}-positions.png").write_bytes(png(row))
 
 
@@ -91,11 +92,8 @@ def _timeline(planned: Any) -> Callable[[Figure], None]:
 
 
 def _side_by_side(images: Sequence[Any], across: int) -> Any:
-    """One image of several, so many in a row; what is left over is transparent no more: white."""
-    blank = np.full_like(images[0], 255)
-    rows = [list(images[k : k + across]) for k in range(0, len(images), across)]
-    if len(rows) > 1:
-        rows[-1] += [blank] * (across - len(rows[-1]))
+    """One image of several, so many in a row."""
+    rows = [images[k : k + across] for k in range(0, len(images), across)]
     return np.concatenate([np.concatenate(row, axis=1) for row in rows], axis=0)
 
 

@@ -1,4 +1,4 @@
-"""Every page of the site in a browser without a screen: what it complains of; search; pictures.
+"""Every page of the site in a browser without a screen: complaints, links, search; pictures.
 
     python tools/site/look.py                       # all pages and a search: complaints, exit code
     python tools/site/look.py index.html shots      # screenshots at three widths, light and dark
@@ -14,6 +14,7 @@ import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from urllib.parse import unquote
 
 ROOT = Path(__file__).resolve().parents[2]
 HTML = ROOT / "build" / "docs" / "html"
@@ -81,6 +82,23 @@ def complaints(html: Path = HTML) -> list[str]:
     return said + more
 
 
+def broken_links(html: Path = HTML) -> list[str]:
+    """Links within the site to a file, or to a place in a page, that is not there."""
+    pages = {path: path.read_text(encoding="utf-8") for path in html.rglob("*.html")
+             if "_static" not in path.parts}  # fmt: skip
+    places = {path: set(re.findall(r'id="([^"]+)"', text)) for path, text in pages.items()}
+    broken = []
+    for path, text in pages.items():
+        for link in set(re.findall(r'(?:href|src)="([^"]+)"', text)):
+            if re.match(r"[a-z]+:", link):
+                continue
+            file, _, place = map(unquote, link.partition("#"))
+            target = (path.parent / file.partition("?")[0]).resolve() if file else path
+            if not target.exists() or (place and place not in places.get(target, {place})):
+                broken.append(f"{path.relative_to(html)}: leads to nothing: {link}")
+    return broken
+
+
 def shots(page: Path, folder: Path) -> list[Path]:
     """Screenshots of a page at `WIDTHS`, by day and by night, and its PDF."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -116,7 +134,7 @@ def _main() -> int:
         for path in shots((HTML / sys.argv[1]).resolve(), Path(sys.argv[2])):
             print(path)
         return 0
-    said = complaints()
+    said = [*broken_links(HTML.resolve()), *complaints()]
     print("\n".join(said) or "every page opens without complaint; the search works from the disk")
     return 1 if said else 0
 
