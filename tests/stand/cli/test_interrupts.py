@@ -44,10 +44,12 @@ duration_s = 3600
 SWEEP = """
 title = "Some"
 procedure = "two-position"
+imu = "hg9900"
 runs = 2000
 rate_hz = 20
-[vary]
-imu = ["stim300", "hg9900"]
+[[vary]]
+key = "imu.gyro.angle_random_walk_deg_rt_h"
+values = [0.001, 0.01]
 """
 
 
