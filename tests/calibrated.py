@@ -1,7 +1,8 @@
 """Calibrations of many simulated units set against what each was given: short tests and proof."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from alignment.units import ARC_SECOND, DEG_PER_HOUR, MICRO_G, PPM, STANDARD_GRA
 from stand.calibration.truth import true_values
 from stand.procedure.procedure import Procedure
 from stand.simulation.monte_carlo import Trials
+from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings, settings
+from stand.simulation.work import Engine
 
 ASSUMED = ("lag", "lever_arm")  # terms that a calibration allows for and no sheet draws
 # group: unit, size in SI, sensor and term
@@ -49,17 +52,31 @@ def case(procedure: str | Procedure, imu: str, table: str, rate_hz: int = 50) ->
     return settings(procedure, imu, table, rate_hz=rate_hz, methods=["calibration"])
 
 
-def outcomes(made: Settings, seeds: Sequence[int]) -> Iterator[tuple[Outcome, Outcome]]:
-    """Runs of the stand, each calibrated: as it should be, and as if the table were perfect."""
-    trials = Trials(made)
-    bench = made.options.bench
+def outcomes(
+    made: Settings,
+    seeds: Sequence[int],
+    workers: int | None = 1,
+    engine: Engine | None = None,
+) -> Generator[tuple[Outcome, Outcome]]:
+    """Runs of the stand, each calibrated: as it should be, and as if the table were perfect.
+
+    `workers`, `engine`: who makes them, as `stand.simulation.parallel.campaign` takes them.
+    """
+    return campaign(partial(_ready, made), seeds, workers, engine=engine)
+
+
+def _ready(made: Settings) -> Callable[[int], tuple[Outcome, Outcome]]:
+    return partial(_trial, Trials(made))
+
+
+def _trial(trials: Trials, seed: int) -> tuple[Outcome, Outcome]:
+    made, bench = trials.settings, trials.settings.options.bench
     assert isinstance(bench, Bench)
-    for seed in seeds:
-        dwells, _ = trials.readings(seed)
-        seen = observed(dwells, made.site, bench.warmth)
-        truth = true_values(terms.ALL.keys, *trials.units(seed), made.unit)
-        fit = fitted([seen], bench, made.site)
-        yield _outcome(fit, truth, fit.growth), _outcome(_trusting(seen, bench, made), truth, 1.0)
+    dwells, _ = trials.readings(seed)
+    seen = observed(dwells, made.site, bench.warmth)
+    truth = true_values(terms.ALL.keys, *trials.units(seed), made.unit)
+    fit = fitted([seen], bench, made.site)
+    return _outcome(fit, truth, fit.growth), _outcome(_trusting(seen, bench, made), truth, 1.0)
 
 
 def _trusting(seen: Observed, bench: Bench, made: Settings) -> Fit:

@@ -4,7 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from alignment.calibration import Calibration, Gravity, Key, derived_of, parameters_of
+from alignment.calibration import (
+    Calibration,
+    Contribution,
+    Gravity,
+    Key,
+    LeftOut,
+    Residual,
+    derived_of,
+    parameters_of,
+)
 from stand.calibration.file import CalibrationRecord
 
 DEG_H = np.pi / 180 / 3600
@@ -27,3 +36,20 @@ def a_record(toml="", **more):
     )
     unit = {"id": "own", "title": "a unit <b>", "serial": "S1"} | ({"toml": toml} if toml else {})
     return replace(CalibrationRecord(calibration=calibration, unit=unit), **more)
+
+
+def a_full_record():
+    """The same with residuals, a budget, notes and what was left out, for pages."""
+    record = a_record()
+    c = record.calibration
+    rows = tuple(Residual(f"rest {k}", "rate at rest", (0.1 * k, -0.5, 1.0)) for k in range(1, 9))
+    c = replace(
+        c,
+        residuals=rows,
+        notes=("12 rests: rank 9 of 9",),
+        null_space=("what nobody can tell",),
+        left_out=(LeftOut("rest 3", "bumped <i>"),),
+        budget=(Contribution("noise", c.sigmas), Contribution("gravity", 1e-4 * c.sigmas)),
+    )
+    source = {"method": "hand-held", "recording": "log.csv"}
+    return replace(record, calibration=c, source=source, hashes={"log.csv": "ab" * 32})

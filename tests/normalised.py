@@ -4,9 +4,13 @@ One attitude has three degrees of freedom. Where heading is not determined only 
 stated, which has two.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
+from functools import partial
 from math import radians
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,8 +25,11 @@ from stand.evaluation.score import Truths, circular, suited
 from stand.imu import load_imu
 from stand.procedure.procedure import Procedure, table_of
 from stand.rehearsal.verify import first_seed
+from stand.simulation.journal import Journal
 from stand.simulation.monte_carlo import Trials
+from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings, assembled
+from stand.simulation.work import Engine
 
 UNDETERMINED = radians(30.0)  # sigma above which a heading is no number
 # A mean of 32 blocks knows its variance with 31 degrees of freedom, a mean over F(3, 31) is
@@ -78,36 +85,91 @@ def settings_of(procedure: Procedure, imu: str, rate_hz: int | None = None) -> S
     return assembled(procedure, load_imu(imu), table_of(procedure), site, rate)
 
 
-def promises(settings: Settings, runs: int, methods: Sequence[str] | None = None) -> list[Promise]:
-    """What all `methods` (those that take the procedure) come to; refusals are promises kept."""
+class Run(NamedTuple):
+    """What one run came to, in plain values: (method, reason) of refusals; method, label,
+    normalised squared error, its degrees of freedom and heading sigma [rad] of estimates."""
+
+    refused: list[list[Any]]
+    found: list[list[Any]]
+
+
+def promises(
+    settings: Settings,
+    runs: int,
+    methods: Sequence[str] | None = None,
+    *,
+    workers: int | None = 1,
+    engine: Engine | None = None,
+    keep: Path | None = None,
+) -> list[Promise]:
+    """What all `methods` (those that take the procedure) come to; refusals are promises kept.
+
+    `workers`, `engine`: who makes the runs, as `stand.simulation.parallel.campaign` takes them;
+    `keep`: a file for them, of which none is made again.
+    """
     first = first_seed(settings)
-    settings = replace(settings, seed=first)
-    trials, found = Trials(settings), _Found(f"{settings.procedure.id}/{settings.imu.id}")
-    for seed in range(first, first + runs):
-        try:
-            dwells, attitudes = trials.readings(seed)
-        except StandError as error:  # a sway drawn anew may be beyond the table
-            found.refused("", str(error))
-            continue
-        truths = {
-            d.label: Truths(C, mean=mean)
-            for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
-        }
-        for method in methods or applicable(trials.plan):
-            try:
-                estimates = ESTIMATORS[method].estimate(
-                    suited(method, dwells), settings.site, settings.options
-                )
-            except AlignmentError as error:
-                found.refused(method, str(error))
-                continue
-            for e in estimates:
-                if e.C_nb is None or e.label not in truths or circular(e):
-                    continue
-                truth = truths[e.label].of(method)
-                assert truth is not None
-                found.add(e, error_of(e.C_nb, truth))
+    made = replace(settings, seed=first, options=replace(settings.options, verdicts=False))
+    found = _Found(f"{settings.procedure.id}/{settings.imu.id}")
+    with ExitStack() as stack:
+        journal = None
+        if keep is not None:
+            journal = stack.enter_context(Journal(keep, "squared errors", settings).adding())
+        there = [] if journal is None else journal.runs[:runs]
+        for run in there:
+            found.add(Run(*run))
+        seeds = range(first + len(there), first + runs)
+        ready = partial(_ready, made, methods)
+        for run in stack.enter_context(closing(campaign(ready, seeds, workers, engine=engine))):
+            found.add(run)
+            if journal is not None:
+                journal.add(run)
     return found.all()
+
+
+def _ready(settings: Settings, methods: Sequence[str] | None) -> Callable[[int], Run]:
+    trials = Trials(settings)
+    return partial(_trial, trials, methods or applicable(trials.plan))
+
+
+def _trial(trials: Trials, methods: Sequence[str], seed: int) -> Run:
+    made, run = trials.settings, Run([], [])
+    try:
+        dwells, attitudes = trials.readings(seed)
+    except StandError as error:  # a sway drawn anew may be beyond the table
+        run.refused.append(["", str(error)])
+        return run
+    truths = {
+        d.label: Truths(C, mean=mean)
+        for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
+    }
+    for method in methods:
+        try:
+            own = suited(method, dwells)
+            estimates = ESTIMATORS[method].estimate(own, made.site, made.options)
+        except AlignmentError as error:
+            run.refused.append([method, str(error)])
+            continue
+        for e in estimates:
+            if e.C_nb is None or e.label not in truths or circular(e):
+                continue
+            truth = truths[e.label].of(method)
+            assert truth is not None
+            row = _normalised(e, error_of(e.C_nb, truth))
+            if row is not None:
+                run.found.append([e.method, e.label, *row])
+    return run
+
+
+def _normalised(e: AttitudeEstimate, error: np.ndarray) -> tuple[float, int, float] | None:
+    if e.covariance is None:
+        return None
+    P, size = e.covariance, 3
+    sigma = float(np.sqrt(P[2, 2]))
+    if not sigma <= UNDETERMINED:
+        P, error, size = P[:2, :2], error[:2], 2
+    if np.linalg.eigvalsh(P)[0] <= 0:
+        return None
+    return float(error @ np.linalg.solve(P, error)), size, sigma
 
 
 def error_of(C_nb: Rotation, truth: Rotation) -> np.ndarray:
@@ -126,20 +188,11 @@ class _Found:
         self._of: dict[tuple[str, str], list[tuple[float, int, float]]] = {}
         self._refused: dict[str, list[str]] = {}
 
-    def refused(self, method: str, reason: str) -> None:
-        self._refused.setdefault(method, []).append(reason)
-
-    def add(self, e: AttitudeEstimate, error: np.ndarray) -> None:
-        if e.covariance is None:
-            return
-        P, size = e.covariance, 3
-        sigma = float(np.sqrt(P[2, 2]))
-        if not sigma <= UNDETERMINED:
-            P, error, size = P[:2, :2], error[:2], 2
-        if np.linalg.eigvalsh(P)[0] <= 0:
-            return
-        value = float(error @ np.linalg.solve(P, error))
-        self._of.setdefault((e.method, e.label), []).append((value, size, sigma))
+    def add(self, run: Run) -> None:
+        for method, reason in run.refused:
+            self._refused.setdefault(method, []).append(reason)
+        for method, label, *row in run.found:
+            self._of.setdefault((method, label), []).append((row[0], row[1], row[2]))
 
     def all(self) -> list[Promise]:
         made = []

@@ -34,7 +34,8 @@ RUNS_OF = {
     "scorsby": 1,
     "random-sway": 1,
     "rate-sweep": 1,
-    **dict.fromkeys(("tumble-6", "tumble-12", "tumble-24", "rate-steps", "spins"), 1),
+    **dict.fromkeys(("tumble-6", "tumble-24", "rate-steps", "spins"), 1),
+    "tumble-12": 2,  # heading of its first run turns round, as that of one unit in a hundred does
     "calibration-full": 1,
 }
 
@@ -63,11 +64,30 @@ def test_fine_states_no_more_than_it_knows_of_a_ring_laser():
 
 
 @pytest.mark.slow
+def test_drifts_beyond_the_noise_are_in_what_filter_and_match_state():
+    """Accelerometers of 10 ug and 10 ug/rt-Hz: a walk as high stated a third of fine's variance."""
+    settings = short(load_procedure("random-sway"), "psins-inertial")
+    found = promises(settings, 16, ["fine", "inertial"])
+    assert len(found) == 2
+    assert broken(found) == []
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, COUNT, 5))
 def test_sigmas_of_generated_procedures_are_kept(first):
     made = [generated(number, LONGEST_S) for number in range(first, first + 5)]
     found = [p for g in made for p in promises(short(g.procedure, g.imu), RUNS)]
     assert broken(found) == []
+
+
+def test_runs_that_are_kept_are_gone_on_with(tmp_path):
+    made = short(load_procedure("two-position"), "hg9900")
+    kept = tmp_path / "runs.jsonl"
+    promises(made, 1, ["triad"], keep=kept)
+    first = kept.read_text()
+    assert promises(made, 2, ["triad"], keep=kept) == promises(made, 2, ["triad"])
+    assert kept.read_text().startswith(first)
+    assert len(kept.read_text().splitlines()) == 3  # of what they are, and the two
 
 
 def test_generated_procedures_are_by_number_and_as_wide_as_they_say():

@@ -1,6 +1,6 @@
 """A unit's calibration from the stretches of one recording or several."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from alignment.calibration.result import (
     Contribution,
     Gravity,
     Nuisance,
+    Residual,
     derived_of,
     nuisance_of,
     parameters_of,
@@ -82,8 +83,27 @@ def assembled(fit: Fit, reference_temperature: float = 25.0) -> Calibration:
         null_space=untold(design.origin),
         left_out=fit.left_out,
         derived=derived_of(outside.keys, values, covariance),
+        residuals=tuple(_residuals(fit)),
         reference_temperature=reference_temperature,
     )
+
+
+def _residuals(fit: Fit) -> Iterator[Residual]:
+    """What every stretch and move is off from what all others say of it, in sigmas of that."""
+    model, weight = fit.design.model, fit.design.weight
+    off = weight @ fit.off / np.sqrt(weight.diagonal())
+    for k, rows in enumerate(model.rows()):
+        session = model.sessions[k]
+        label = f"recording {k + 1}: " if len(model.sessions) > 1 else ""
+        for station, own in zip(session.stations, rows, strict=False):
+            name = f"{label}{station.stretch.label}"
+            kinds = ("mean {} of turns", "{} once a turn", "{} once a turn")
+            for of, values in zip(("rate", "force"), np.split(off[own], 2), strict=True):
+                orders = kinds if station.stretch.rate else ("{} at rest",)
+                for kind, three in zip(orders, values.reshape(-1, 3).tolist(), strict=True):
+                    yield Residual(name, kind.format(of), tuple(three))
+        for move, own in zip(session.moves, rows[len(session.stations) :], strict=True):
+            yield Residual(f"{label}{move.label}", "rotation of moves", tuple(off[own].tolist()))
 
 
 def with_budget(fit: Fit, calibration: Calibration) -> Calibration:

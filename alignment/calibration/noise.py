@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
-from alignment.arrays import Array
+from alignment.arrays import Array, IntArray
 from alignment.calibration.bench import SENSORS, Bench
 from alignment.calibration.model import Model
 from alignment.calibration.session import Poses
@@ -19,6 +19,7 @@ from alignment.information.model import TriadErrors, coefficient_weights
 
 # of the model itself, at each coefficient: second orders of table and unit that are left out
 FLOOR = {"gyro": 2e-10, "accel": 1e-6, "move": 1e-9}  # rad/s (4e-5 deg/h), m/s^2 (0.1 ug), rad
+MENDED = 0.3  # of what a move's integration was mended by, that may be left
 ALIKE = 0.2  # of a step, within which means are rounded alike
 NAMES = {"gyro": "gyro", "accel": "accelerometer"}
 
@@ -70,6 +71,8 @@ def _of_session(model: Model, k: int) -> Parts:
         for name, covariance in drifts.of(triad).items():
             part = covariance if sensor == "gyro" else covariance[: len(weights), : len(weights)]
             add(f"{label} {name}", own, _mixed(mixed, part))
+    mended = (MENDED * model.integration(k).ravel()) ** 2
+    add("integration of the moves", slice(edges[1], edges[2]), np.diag(mended))
     floor = np.repeat([FLOOR["gyro"], FLOOR["move"], FLOOR["accel"]], sizes) ** 2
     found["model"] = np.diag(floor)
     if bench.joint_noise.any() and poses.leanings.axes.shape[2]:
@@ -167,16 +170,33 @@ def _uneven(model: Model, k: int, size: int) -> Array:
 
 
 def _joints(model: Model, k: int, size: int) -> Array:
-    """Covariance by each rest's own errors of the joints' angles."""
-    poses = model.poses[k]
+    """Covariance by the joints' angles about what encoders say: of each rest, and of moves' ends.
+
+    A rest's are in the moves beside it; where an axis goes round, each end has its own, and the
+    mean rate that of both ends.
+    """
+    poses, rows = model.poses[k], model.rows()[k]
     found = np.zeros((size, size))
-    rows = model.rows()[k]
-    start = rows[0][0]
-    for n, station in enumerate(poses.session.stations):
-        if not station.stretch.rate:
-            at = poses.edges[n]
-            turns = poses.leanings.axes[at] * model.bench.joint_noise
-            own = np.concatenate([np.cross(x[at], turns.T) for x in (poses.w, poses.f)], axis=1).T
-            there = rows[n] - start
-            found[np.ix_(there, there)] = own @ own.T
+    stations, moves = poses.session.stations, poses.session.moves
+    start, axes = rows[0][0], poses.leanings.axes * model.bench.joint_noise
+    ends = axes[poses.edges[-1] :]
+    to_end = np.swapaxes(poses.expected, 1, 2)
+    beside: list[list[tuple[IntArray, Array]]] = [[] for _ in stations]
+    for m in range(len(moves)):
+        own = rows[len(stations) + m] - start
+        beside[moves[m].first].append((own, to_end[m] @ ends[2 * m]))
+        beside[moves[m].last].append((own, -ends[2 * m + 1]))
+    for n, station in enumerate(stations):
+        if station.stretch.rate:
+            for own, turns in beside[n]:
+                found[np.ix_(own, own)] += turns @ turns.T
+            own = rows[n][:3] - start
+            ends_of = axes[poses.edges[n], :, station.going_round] / station.stretch.span.length
+            found[np.ix_(own, own)] += 2 * np.outer(ends_of, ends_of)
+            continue
+        at = poses.edges[n]
+        own = np.concatenate([np.cross(x[at], axes[at].T) for x in (poses.w, poses.f)], axis=1).T
+        there = np.concatenate([rows[n] - start, *(place for place, _ in beside[n])])
+        whole = np.concatenate([own, *(-turns for _, turns in beside[n])])
+        found[np.ix_(there, there)] += whole @ whole.T
     return found

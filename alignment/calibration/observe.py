@@ -1,7 +1,7 @@
 """Readings of stretches made into what a calibration is solved for, and gross mistakes refused."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -29,6 +29,7 @@ DEGREES = 180 / np.pi
 ALIKE = 0.2  # relative, within which a ratio is 57.3 or 1/57.3
 LARGEST_STEP = 0.2  # rad in a sample of a move: beyond, two samples do not describe the turn
 ENDS = 20  # parts of a turn, of which the first and the last tell where it began and ended
+SETTLING = 1.0  # s: after a run-up, in which a servo and the axes that it shook come to rest
 AXES = ("X1", "Y1", "Z1")
 
 
@@ -156,12 +157,18 @@ def _turn(dwell: Dwell, window: ImuReadings) -> tuple[Stretch, Array]:
         axis_b=dwell.turn.axis_b if joints is None or joints.axis_b is None else joints.axis_b,
         angle=float(angle[0]),
     )
-    whole = (window.t > start) & (window.t <= start + stretch.span.length + EDGE)
-    turned = angle[whole]
-    A = np.stack([np.ones(len(turned)), np.cos(turned), np.sin(turned)], axis=1)
+    driven = joints is not None and joints.C_nb is not None  # by a servo, which has to settle
+    first = int(np.searchsorted(window.t, start + SETTLING)) if driven else 0
+    whole = (window.t > window.t[first]) & (window.t <= start + stretch.span.length + EDGE)
+    there = np.concatenate([[first], np.flatnonzero(whole)])
+    own = _rate(window.t[there], angle[there])  # of just these turns
+    stretch = replace(stretch, rate=own, duration=stretch.span.length * rate / own)
     values = np.concatenate([window.w_ib_b, window.f_b], axis=1)[whole]
+    # what comes twice a turn is of no use, but would leak where turns are not whole
+    waves = [f(k * angle[whole]) for k in ((1, 2) if first else (1,)) for f in (np.cos, np.sin)]
+    A = np.stack([np.ones(len(values)), *waves], axis=1)
     found, *_ = np.linalg.lstsq(A, values, rcond=None)
-    return stretch, found
+    return stretch, found[:3]
 
 
 def _rate(t: Array, angle: Array) -> float:

@@ -74,12 +74,12 @@ def sum_covariance(gain: Array, span: float, processes: Sequence[GaussMarkov]) -
         covariances[0] += one.sigma**2 * 2 * (a - decayed) / a**2
         covariances[1:m] += far
         covariances[size - m + 1 :] += far[::-1]
-    rows = np.fft.rfft(gain.reshape(m, 3 * k), size, axis=0).reshape(-1, k, 3)
     density = np.fft.rfft(covariances).real
     density[1:-1] *= 2  # of both signs of frequency
-    left = (rows * density[:, None, None]).transpose(1, 0, 2).reshape(k, -1)
-    right = rows.transpose(1, 0, 2).reshape(k, -1)
-    return np.asarray((left @ right.conj().T).real / size)
+    rows = np.fft.rfft(np.ascontiguousarray(gain.transpose(1, 2, 0)), size)
+    weighed = rows * density
+    # real and imaginary parts side by side: the real part of a product with the conjugate
+    return weighed.reshape(k, -1).view(float) @ rows.reshape(k, -1).view(float).T / size
 
 
 @dataclass(frozen=True, slots=True)

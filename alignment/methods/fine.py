@@ -13,6 +13,7 @@ GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013), 14.2, 15.2
 
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -158,11 +159,15 @@ class Model:
         return _ERRORS + 3 * (len(self.names) + len(self.drifts))
 
     def kept(self, span: float) -> Array:
-        """What `span` seconds leave of each state that nothing drives (s,)."""
-        kept = np.ones(self.size)
-        for k, (_, process) in enumerate(self.drifts, start=len(self.names)):
-            kept[columns_of(k)] = np.exp(-span / process.time)
-        return kept
+        """What `span` seconds leave of each constant and drift (c,)."""
+        fading = [np.exp(-span / process.time) for _, process in self.drifts]
+        return np.repeat([*np.ones(len(self.names)), *fading], 3)
+
+    def added(self, spans: Array) -> Array:
+        """Variances (k, c) that each constant and drift gains in `spans` (k, 1) [s]."""
+        walked = spans * np.square(self.walks)
+        drifted = [-np.expm1(-2 * spans / p.time) * p.sigma**2 for _, p in self.drifts]
+        return np.repeat(np.concatenate([walked, *drifted], axis=1), 3, axis=1)
 
     @property
     def start(self) -> Array:
@@ -181,6 +186,38 @@ class _Reference:
     carried: Carried
     C_ni: Rotation
     offset: Array
+
+
+class Steps(NamedTuple):
+    """From each of k updates to the next: errors of the reference, driven by constants and drifts.
+
+    `rows` (k, e, s): the errors' transition; `kept` (c,): what of each constant and drift is left;
+    `walks` (k, e, e), `added` (k, c): covariance of errors and variances of the others that noise
+    adds.
+    """
+
+    rows: Array
+    kept: Array
+    walks: Array
+    added: Array
+
+    @property
+    def F(self) -> Array:
+        """Transitions (k, s, s) of the whole state."""
+        k, e, size = self.rows.shape
+        kept = np.concatenate([np.zeros((len(self.kept), e)), np.diag(self.kept)], axis=1)
+        below = np.broadcast_to(kept, (k, size - e, size))
+        return np.concatenate([self.rows, below], axis=1)
+
+    @property
+    def Q(self) -> Array:
+        """Covariances (k, s, s) that noise adds to the whole state."""
+        k, e, size = self.rows.shape
+        Q = np.zeros((k, size, size))
+        Q[:, :e, :e] = self.walks
+        own = np.arange(e, size)
+        Q[:, own, own] = self.added
+        return Q
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -490,7 +527,7 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
 
 
 def careful_updates(
-    state: Array, given: tuple[Array, Array, Array, Array, float], part: slice, out: _Pass
+    state: Array, given: tuple[Steps, Array, Array, float], part: slice, out: _Pass
 ) -> None:
     """As `_updates`, by a root S of the covariance, ``P = S^T S``, and orthogonal triangles.
 
@@ -499,8 +536,8 @@ def careful_updates(
     Estimation (1977), chapter V. Differences of variances, of which one metre squared less itself
     leaves nothing of a square micrometre, do not arise.
     """
-    F, Q, H, z, variance = given
-    size = len(state)
+    steps, H, z, variance = given
+    F, Q, size = steps.F, steps.Q, len(state)
     S, x = _root(state[:, :-1]), state[:, -1].copy()
     for k, h in enumerate(H):
         rows = np.block([[np.sqrt(variance) * np.eye(3), np.zeros((3, size))], [S @ h.T, S]])
@@ -531,24 +568,21 @@ def _root(P: Array) -> Array:
 
 
 def _updates(
-    state: Array, given: tuple[Array, Array, Array, Array, float], part: slice, out: _Pass
+    state: Array, given: tuple[Steps, Array, Array, float], part: slice, out: _Pass
 ) -> None:
     """Update and propagate `state` (s, s + 1), covariance and errors ``[P x]``, through `part`.
 
     One product with H gives ``H P`` and ``H x``. The constants stand still, and drifts fade: only
     the rows of the first `_ERRORS` states are propagated, and mirrored.
     """
-    F, Q, H, z, variance = given
+    (rows, kept, walks, added), H, z, variance = given
     n, size, free = len(z), len(state), _ERRORS
     R = variance * np.eye(3)
     seen, spread = np.empty((n, 3, size + 1)), np.empty((n, 3, 3))
     after, moved = np.empty((n, size, size + 1)), np.empty((free, size + 1))
-    rows, walks = F[:, :free], Q[:, :free, :free]
-    drifts = np.diagonal(Q, axis1=1, axis2=2)[:, free:]
-    drifting = bool(drifts.any())
-    kept = np.diagonal(F[-1]).copy() if len(F) else np.ones(size)
-    kept[:free] = 1.0
-    fading = np.append(kept, 1.0) * kept[:, None] if np.any(kept < 1) else None
+    drifting = bool(added.any())
+    kept = np.concatenate([np.ones(free), kept, [1.0]])
+    fading = kept[:-1, None] * kept if np.any(kept < 1) else None
     # views, made once
     P, innovations = state[:, :-1], seen[:, :, -1]
     moving, mixed, mirrored = state[:free, :free], state[:free, free:], state[free:, :free]
@@ -561,18 +595,18 @@ def _updates(
         np.add(HP.dot(h.T), R, out=S)
         np.subtract(state, HP.T.dot(_inverse(S).dot(found)), out=state)
         after[k] = state
-        if k == len(F):
+        if k == len(rows):
             break
         row = rows[k]
         np.dot(row, state, out=moved)
         np.add(moved_P.dot(row.T), walks[k], out=moving)
         if fading is not None:
             np.multiply(state, fading, out=state)
-            np.multiply(moved_mixed, fading[0, free:], out=moved_mixed)
+            np.multiply(moved_mixed, kept[free:], out=moved_mixed)
         mixed[:] = moved_mixed
         mirrored[:] = moved_back
         if drifting:
-            constants += drifts[k]
+            constants += added[k]
         if k % _SYMMETRIC == 0:
             P[:] = 0.5 * (P + P.T)
     out.x[part] = after[:, :, -1]
@@ -600,8 +634,8 @@ def _inverse(S: Array) -> Array:
 
 def error_matrices(
     model: Model, carried: Carried, C_ni: Array, gravity: Array, part: slice
-) -> tuple[Array, Array, Array]:
-    """Transition and noise (k, s, s) of the intervals after the edges of `part`; updates (., 3, s).
+) -> tuple[Steps, Array]:
+    """The intervals after the edges of `part`, and what updates observe of the state (., 3, s).
 
     Errors of the reference: ``phi' = C (w errors)``, ``u' = phi x f + C (f errors)``,
     ``rho' = u``, where f is the reaction to gravity whose increments (k, 3) are `gravity`: were
@@ -611,9 +645,9 @@ def error_matrices(
     """
     C_nb = C_ni @ matrices(carried.q[part])
     steps = slice(part.start, min(part.stop, len(carried.dv)))
-    size = model.size
-    F = np.tile(np.diag(model.kept(float(carried.spans[-1]))), (steps.stop - steps.start, 1, 1))
-    H = np.zeros((len(C_nb), 3, size))
+    F = np.zeros((steps.stop - steps.start, _ERRORS, model.size))
+    F[:, np.arange(_ERRORS), np.arange(_ERRORS)] = 1.0
+    H = np.zeros((len(C_nb), 3, model.size))
     H[:, :, 6:9] = np.eye(3)
     spans, push = carried.spans[steps, None, None], cross_matrix(gravity)
     F[:, 3:6, :3] = -push
@@ -634,7 +668,7 @@ def error_matrices(
         _drive(F[:, :9, column], sensor, driven, push, spans)
     for k, (sensor, _) in enumerate(model.drifts, start=len(model.names)):
         _drive(F[:, :9, columns_of(k)], sensor, drive(carried, C_ni, steps), push, spans)
-    Q = _walks(model, carried, C_ni, push, steps, size)
+    Q = _walks(model, carried, C_ni, push, steps)
     up = gravity / np.linalg.norm(gravity, axis=1, keepdims=True)
     heave = _heave_density(carried, model.noise, model.priors, model.site.gravity)
     added = heave * spans * up[:, :, None] * up[:, None, :]
@@ -642,7 +676,7 @@ def error_matrices(
     Q[:, 6:9, 3:6] += spans / 2 * added
     Q[:, 3:6, 6:9] += spans / 2 * added
     Q[:, 6:9, 6:9] += spans**2 / 3 * added
-    return F, Q, H
+    return Steps(F, model.kept(float(carried.spans[-1])), Q, model.added(spans[:, :, 0])), H
 
 
 def _drive(F: Array, sensor: str, driven: Array, push: Array, spans: Array) -> None:
@@ -657,16 +691,14 @@ def _drive(F: Array, sensor: str, driven: Array, push: Array, spans: Array) -> N
         F[:, 6:9] = spans / 2 * driven
 
 
-def _walks(
-    model: Model, carried: Carried, C_ni: Array, push: Array, steps: slice, size: int
-) -> Array:
-    """Covariances (k, s, s) of what white noise adds in each interval.
+def _walks(model: Model, carried: Carried, C_ni: Array, push: Array, steps: slice) -> Array:
+    """Covariances (k, e, e) of what white noise adds to the errors in each interval.
 
     Angle walk and its integrals over gravity's push D, ``(1, D/2, D/6)``, have the moments
     1, 1/2, 1/6; 1/3, 1/8; 1/20, velocity walk and its integral 1, 1/2; 1/3. Two of them are
     those of this integration, in steps of two samples with the rates held.
     """
-    Q = np.zeros((steps.stop - steps.start, size, size))
+    Q = np.zeros((steps.stop - steps.start, _ERRORS, _ERRORS))
     spans = carried.spans[steps, None, None]
     turned = drive(carried, C_ni, steps) / np.sqrt(spans)
     gyro, accel = turned * model.noise.gyro, turned * model.noise.accel
@@ -680,12 +712,6 @@ def _walks(
     Q[:, 6:9, 3:6] = spans * (twice / 8 + kick / 2)
     Q[:, 6:9, 6:9] = spans**2 * (twice / 20 + kick * (1 - part) / 3)
     Q[:, 6:9, 6:9] += spans * model.noise.jitter**2 * np.eye(3)
-    for k, walk in enumerate(model.walks):
-        own = np.arange(columns_of(k).start, columns_of(k).stop)
-        Q[:, own, own] = walk**2 * spans[:, 0]
-    for k, (_, process) in enumerate(model.drifts, start=len(model.names)):
-        own = np.arange(columns_of(k).start, columns_of(k).stop)
-        Q[:, own, own] = -np.expm1(-2 * spans[:, 0] / process.time) * process.sigma**2
     for row, column in ((3, 0), (6, 0), (6, 3)):
         block = Q[:, row : row + 3, column : column + 3]
         Q[:, column : column + 3, row : row + 3] = block.transpose(0, 2, 1)

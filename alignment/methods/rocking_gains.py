@@ -66,10 +66,11 @@ def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Func
     model = model_of(readings, site, noise, priors)
     C_ni = matched.C_ni.as_matrix()
     push = np.diff(gravity_velocity(carried.t, site)[0], axis=0)
-    F, Q, H = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
+    steps, H = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
+    F = steps.F
     walk = float(np.mean(noise.gyro**2)) * float(carried.t[-1] - carried.t[0])
     variance = (STILL**2 + 100 * priors.lever_arm**2 * walk) * UPDATE / STEP
-    rows = _rows(F, H, _kalman_gains(F, Q, H, np.diag(model.start), variance))
+    rows = _rows(F, H, _kalman_gains(F, steps.Q, H, np.diag(model.start), variance))
     gyro, accel = _by_sensor(rows[1:], carried, C_ni, push)
     arm = np.zeros((3, 3))
     if "lever_arm" in model.names:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from alignment.arrays import Array
-from alignment.calibration import Key, TriadConstants, constants_of
-from alignment.units import DEG_PER_HOUR, MICRO_G
+from alignment.calibration import Key, TriadConstants, constants_of, derived_of
+from alignment.units import ARC_SECOND, DEG_PER_HOUR, MICRO_G
 from stand.calibration.file import CalibrationRecord
 from stand.calibration.snippets import c_text, python_text
 from stand.calibration.units import AXES, unit_of
@@ -189,6 +189,7 @@ def preset_files(record: CalibrationRecord, out: Path) -> dict[Path, str]:
             "# One unit as it was calibrated: what is known is drawn about its value with its",
             "# sigma, each apart; the rest is as its data sheet says. Direction: what the unit",
             "# does to the truth.",
+            *_apart(record),
             *left,
             "known = [",
             *(f"  {line}," for line in known),
@@ -198,6 +199,21 @@ def preset_files(record: CalibrationRecord, out: Path) -> dict[Path, str]:
     )
     imu_from(Source(out.stem, str(out), text))  # its faults are told before it is written
     return {out: text}
+
+
+def _apart(record: CalibrationRecord) -> list[str]:
+    """What a preset loses where sigmas are of one cause: how gyros lie to accelerometers."""
+    c = record.calibration
+    known = [d.sigma for d in c.derived if d.quantity == "gyro_to_accel"]
+    if not known:
+        return []
+    alone = derived_of(c.keys, c.values, np.diag(c.sigmas**2))
+    drawn = [d.sigma for d in alone if d.quantity == "gyro_to_accel"]
+    told, left = (float(np.sqrt(np.mean(np.square(s)))) / ARC_SECOND for s in (known, drawn))
+    return [
+        f"# Not in it: correlations. Gyros are known against accelerometers to {told:.2g} arcsec,",
+        f"# in units drawn from this file they scatter by {left:.2g}; calibration.json has it all.",
+    ]
 
 
 def _without_known(sheet: str) -> str:

@@ -1,8 +1,10 @@
 """From recordings of a test on a table to a unit's calibration: what `stand calibrate` answers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -21,10 +23,11 @@ from stand.calibration.truth import errors_of
 from stand.errors import StandError, located
 from stand.imu import ImuSpec, load_imu, unstated, without
 from stand.procedure.procedure import procedure_from
+from stand.recording.attached_model import attached_model
 from stand.recording.entrance import log_file
 from stand.recording.hashes import sha256_of_file
 from stand.recording.log import Log
-from stand.recording.metadata import RUN, recorded_imu
+from stand.recording.metadata import MODEL_FOLDER, RUN, recorded_imu
 from stand.samples import Sampling
 from stand.simulation.benches import Warmth, bench_of
 from stand.simulation.settings import temperature_of
@@ -84,7 +87,8 @@ def on_table(
         sheet = _sheet(imu, metadata)
         on = _table(table, first)
         site = _site(first, gravity, gravity_sigma, latitude_deg, height_m)
-        bench = _bench(first, sheet, on, site)
+        with _with_its_model(on, first) as whole:
+            bench = _bench(first, sheet, whole, site)
         bench = _freed(bench, free)
     sigma = _gravity_sigma(site, bench, gravity, gravity_sigma)
     bench = replace(bench, gravity_sigma=sigma)
@@ -165,6 +169,20 @@ def _table(table: str | Table | None, log: Log) -> Table | None:
         raise StandError(f"the table in its metadata: {error}") from error
     priors = log.options.priors
     return recorded if priors.seat or priors.turn else without_errors(recorded)
+
+
+@contextmanager
+def _with_its_model(table: Table | None, log: Log) -> Iterator[Table | None]:
+    """A recorded table with the model of a stand of its owner's: as attached, or as it was run."""
+    run = log.imu.metadata.get(RUN, {})
+    if table is None or table.model is None or table.model.exists():
+        yield table
+    elif "model_file" in run:
+        yield replace(table, model=Path(run["model_file"]))
+    else:
+        with TemporaryDirectory() as folder:
+            main = MODEL_FOLDER + run.get("model", table.model.name)
+            yield replace(table, model=attached_model(Path(log.path), main, Path(folder)))
 
 
 def _site(
@@ -255,5 +273,5 @@ def _source(logs: Sequence[Log], table: Table | None, trusted: bool) -> dict[str
     if procedure:
         told["procedure"] = procedure
     if table is not None:
-        told |= {"table": table.id, "table_title": table.title}
+        told |= {"table": table.id, "table_title": table.title, "table_toml": table.text}
     return told | ({"trusted": "table and seat"} if trusted else {})

@@ -1,6 +1,6 @@
 """Estimates set against what was true and what was nominal, and their JSON form."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
@@ -101,10 +101,9 @@ def evaluate(
     AlignmentError
         A method refuses, or there is no stretch that it is for.
     """
-    known = {dwell.label: truth for dwell, truth in zip(dwells, truths, strict=True)}
-    several = Truths(latitude=truths[0].latitude if truths else None)
+    known = _by_label(dwells, truths)
     return [
-        score(estimate, known.get(estimate.label, several))
+        score(estimate, known(estimate.label))
         for method in methods
         for estimate in ESTIMATORS[method].estimate(suited(method, dwells), site, options)
     ]
@@ -125,17 +124,25 @@ def circular(estimate: AttitudeEstimate) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A method that would not answer, or a `stretch` that no method was asked about; why."""
+    """A method that would not answer, of a `stretch` or at all, and why.
+
+    Without a `method`: a stretch that none was asked about.
+    """
 
     method: str
     reason: str
     stretch: str = ""
 
+    @property
+    def who(self) -> str:
+        """What gives no estimate, in words."""
+        return " at ".join(part for part in (self.method, self.stretch) if part)
+
 
 def refusal_to_json(refusal: Refusal) -> dict[str, str]:
     """One refusal for machines."""
-    who = {"stretch": refusal.stretch} if refusal.stretch else {"method": refusal.method}
-    return who | {"reason": refusal.reason}
+    who = {"method": refusal.method, "stretch": refusal.stretch}
+    return {name: text for name, text in who.items() if text} | {"reason": refusal.reason}
 
 
 def evaluate_each(
@@ -145,15 +152,45 @@ def evaluate_each(
     options: Options,
     methods: Sequence[str],
 ) -> tuple[list[Score], list[Refusal]]:
-    """As `evaluate`, but one method's refusal does not silence the others."""
+    """As `evaluate`, but no refusal silences other methods, or what other stretches tell."""
     scores: list[Score] = []
     refusals = []
+    known = _by_label(dwells, truths)
     for method in methods:
-        try:
-            scores += evaluate(dwells, truths, site, options, [method])
-        except AlignmentError as error:
-            refusals.append(Refusal(method, str(error)))
+        estimates, refused = answered(method, dwells, site, options)
+        scores += [score(e, known(e.label)) for e in estimates]
+        refusals += refused
     return scores, refusals
+
+
+def _by_label(dwells: Sequence[Dwell], truths: Sequence[Truths]) -> Callable[[str], Truths]:
+    """The truths of an estimate by its label; of several dwells only the latitude is known."""
+    known = {dwell.label: truth for dwell, truth in zip(dwells, truths, strict=True)}
+    several = Truths(latitude=truths[0].latitude if truths else None)
+    return lambda label: known.get(label, several)
+
+
+def answered(
+    method: str, dwells: Sequence[Dwell], site: Site, options: Options
+) -> tuple[list[AttitudeEstimate], list[Refusal]]:
+    """What a method makes of the stretches, and why it refuses some of them, or all.
+
+    A refusal that names a stretch ("X1 up: ...") is of that stretch: it is asked again without
+    it. Where that leaves no answer, the first reason is that of the method.
+    """
+    refused: list[Refusal] = []
+    left = list(dwells)
+    while True:
+        try:
+            own = suited(method, left)
+            return ESTIMATORS[method].estimate(own, site, options), refused
+        except AlignmentError as error:
+            reason = str(error)
+            named = [d for d in left if reason.startswith(f"{d.label}: ")]
+            refused.append(Refusal(method, reason, named[0].label if named else ""))
+            left = [d for d in left if d not in named[:1]]
+            if not (named and left):
+                return [], [Refusal(method, refused[0].reason)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
-from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Priors, Site, Turn
+from alignment import AttitudeEstimate, Dwell, Options, Priors, Site, Turn
 from alignment.arrays import Array
-from alignment.errors import AlignmentError, NotAtRest
+from alignment.errors import NotAtRest
 from alignment.estimate import ANGLE_LIMIT, LATITUDE_LIMIT
 from alignment.noise import check_at_rest
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.evaluation.score import Refusal, circular
+from stand.evaluation.score import Refusal, answered, circular
 
 SHORT = 0.02  # part of a window by which the last one may be short
 TAIL = 0.025  # of either end of a 95 % interval
@@ -30,6 +30,8 @@ LIMITS = {
 }  # sigmas that say nothing
 BELOW = "scatter below sigma: a unit better than its sheet"
 COMMON = "most of sigma is common to all windows: no scatter shows it"
+HIDDEN = "a part of sigma is common to all windows: a scatter below it says nothing"
+CAREFUL = "scatter below sigma: noise is taken for more than windows show"
 MOST = 0.5  # of a variance
 ALIKE = 0.5  # of their scatter by which estimates with and without constant errors may differ
 BASE_MOVES = "the base moves, and so does what is estimated"
@@ -190,16 +192,11 @@ def _estimated(
     method: str, together: Sequence[Sequence[Dwell]], site: Site, options: Options
 ) -> tuple[list[AttitudeEstimate], list[str]]:
     estimates: list[AttitudeEstimate] = []
-    refused = []
-    entry = ESTIMATORS[method]
+    refused: list[str] = []
     for dwells in together:
-        mine = [dwell for dwell in dwells if entry.suited(dwell)]
-        try:
-            if not mine:
-                raise AlignmentError(entry.lacking)
-            estimates += [e for e in entry.estimate(mine, site, options) if not circular(e)]
-        except AlignmentError as error:
-            refused.append(str(error))
+        found, reasons = answered(method, dwells, site, options)
+        estimates += [e for e in found if not circular(e)]
+        refused += [one.reason for one in reasons[:1]]
     return estimates, refused
 
 
@@ -246,7 +243,8 @@ def _summed(
                 changing=_rms(own_sigmas) if same else None,
                 remark="",
             )
-            yield _remarked(row, priors.noise_only, label in moving)
+            hidden = other is not None and not same
+            yield _remarked(row, priors.noise_only, label in moving, hidden)
 
 
 def _grouped(
@@ -270,8 +268,11 @@ def _alike(values: Array, others: Array, scatter: float) -> bool:
     return float(np.sqrt(np.mean(off**2))) <= ALIKE * scatter
 
 
-def _remarked(row: Scatter, noise_only: bool, moves: bool) -> Scatter:
-    """The row with what must be known beside it; a sigma that says nothing is taken away."""
+def _remarked(row: Scatter, noise_only: bool, moves: bool, hidden: bool) -> Scatter:
+    """The row with what must be known beside it; a sigma that says nothing is taken away.
+
+    `hidden`: whether nobody knows how much of the sigma is common to all windows.
+    """
     remarks = [NOISE_ONLY] if noise_only else []
     remarks += [BASE_MOVES] if moves else []
     sigma = row.sigma
@@ -281,9 +282,12 @@ def _remarked(row: Scatter, noise_only: bool, moves: bool) -> Scatter:
     if sigma is not None and row.changing is not None and row.changing**2 < MOST * sigma**2:
         remarks.append(COMMON)
     own = row.changing or sigma
-    if own is not None and not moves:
+    if own is not None and hidden and not row.low > own:
+        remarks.append(HIDDEN)
+    elif own is not None and not moves:
         remarks += [BEYOND] if row.low > own else []
-        remarks += [BELOW] if row.high < own and not noise_only else []
+        below = CAREFUL if noise_only else BELOW
+        remarks += [below] if row.high < own else []
     return replace(row, remark="; ".join(remarks))
 
 

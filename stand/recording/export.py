@@ -2,15 +2,18 @@
 
 import importlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+from zipfile import ZipFile, ZipInfo
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from alignment.angles import Sequence, SequenceRule, angles_from_C_nb
+from alignment.parts import PART, release
 from alignment.units import ARC_SECOND, DEG
 from stand.errors import StandError, unknown
 from stand.folder import file_beside, refuse_files, write_file
@@ -18,6 +21,7 @@ from stand.imu.priors import placement
 from stand.recording.encoders import Encoders
 from stand.recording.entrance import open_log
 from stand.recording.log import Log
+from stand.recording.mcap.reader import JointLog
 from stand.recording.metadata import (
     RUN,
     SCHEDULE,
@@ -35,7 +39,29 @@ READINGS = ("gx_rad_s", "gy_rad_s", "gz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2")
 _ROWS = 20_000  # of text put together at once
 _LARGEST_MAT = 2**31  # bytes of a variable of a MAT-file of version 5
 
-Columns = dict[str, NDArray[Any]]
+Rows = Callable[[slice], NDArray[Any]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """Columns of `length` rows by name, each worked out part by part from arrays that are `held`:
+    a long recording lies in a file, and is not brought into memory as a whole.
+    """
+
+    length: int
+    made: Mapping[str, Rows]
+    held: tuple[NDArray[Any], ...]
+
+    def parts(self, size: int | None = None) -> Iterator[slice]:
+        """Successive rows, whose memory is given back behind whoever takes them."""
+        size = size or PART
+        for first in range(0, self.length, size):
+            yield slice(first, min(first + size, self.length))
+            release(*self.held)
+
+    def whole(self) -> dict[str, NDArray[Any]]:
+        """All at once."""
+        return {name: column(slice(0, self.length)) for name, column in self.made.items()}
 
 
 def stretches_file(out: Path) -> Path:
@@ -84,33 +110,51 @@ def export_log(log: Log, out: Path, kind: str, *, force: bool = False) -> list[P
 def columns_of(log: Log) -> Columns:
     """Every sample: time [s], readings, and of a recording of ours truth and encoder angles.
 
-    Returns
-    -------
-    dict of (n,)
-        By names that end in their units: ``t_s``, `READINGS`, ``true_gx_rad_s`` ..., ``q_nb_x``
-        ... (true ``C_nb``), ``outer_rad`` ...
+    By names that end in their units: ``t_s``, `READINGS`, ``true_gx_rad_s`` ..., ``q_nb_x`` ...
+    (true ``C_nb``), ``outer_rad`` ...
     """
-    found: Columns = {"t_s": log.readings.t}
-    found |= _six(READINGS, log.readings.w_ib_b, log.readings.f_b)
+    r = log.readings
+    made = _single("t_s", r.t) | _six(READINGS, r.w_ib_b, r.f_b)
     if not log.simulated or not Path(log.path).is_file():
-        return found
+        return Columns(len(r), made, (r.t, r.w_ib_b, r.f_b))
     with open_log(log.path) as file:
         truth = file.truth()
         joints = file.joints() if SCHEDULE in log.imu.metadata else None
+    held = [r.t, r.w_ib_b, r.f_b]
     if np.array_equal(truth.t_ns, log.imu.t_ns):
-        found |= _six([f"true_{name}" for name in READINGS], truth.w_ib_b, truth.f_b)
-        q_nb = (C_NW * Rotation.from_quat(truth.q_wb)).as_quat()
-        found |= {f"q_nb_{axis}": q_nb[:, k] for k, axis in enumerate("xyzw")}
+        made |= _six([f"true_{name}" for name in READINGS], truth.w_ib_b, truth.f_b)
+        made |= {f"q_nb_{axis}": _attitude(truth.q_wb, k) for k, axis in enumerate("xyzw")}
+        held += [truth.q_wb, truth.w_ib_b, truth.f_b]
     if joints is not None:
-        encoders = Encoders(joints, epoch_of(log.imu.metadata), counted=True)
-        t = log.readings.t
-        found |= {f"{name}_rad": encoders.angle(name, t) for name in joints.names}
+        made |= {f"{n}_rad": _angle(joints, n, log) for n in joints.names}
+        held.append(joints.angles)
+    return Columns(len(r), made, tuple(held))
+
+
+def _single(name: str, values: NDArray[Any]) -> dict[str, Rows]:
+    return {name: lambda rows: values[rows]}
+
+
+def _six(names: Iterable[str], w: NDArray[Any], f: NDArray[Any]) -> dict[str, Rows]:
+    found: dict[str, Rows] = {}
+    for name, column in zip(names, (*w.T, *f.T), strict=True):
+        found |= _single(name, column)
     return found
 
 
-def _six(names: Iterable[str], w: NDArray[Any], f: NDArray[Any]) -> Columns:
-    columns = [*w.T, *f.T]
-    return dict(zip(names, columns, strict=True))
+def _attitude(q_wb: NDArray[Any], k: int) -> Rows:
+    """A component of the quaternion of ``C_nb``."""
+    return lambda rows: (C_NW * Rotation.from_quat(q_wb[rows])).as_quat()[:, k]
+
+
+def _angle(joints: JointLog, name: str, log: Log) -> Rows:
+    """Of an encoder, at the stamps of the readings."""
+    if np.array_equal(joints.t_ns, log.imu.t_ns):
+        column = joints.angles[:, joints.names.index(name)]
+        return lambda rows: column[rows]
+    encoders = Encoders(joints, epoch_of(log.imu.metadata), counted=True)
+    values = encoders.angle(name, log.readings.t)
+    return lambda rows: values[rows]
 
 
 # The stretches ----------------------------------------------------------------------------------
@@ -181,32 +225,38 @@ def attitude_text(sequence: Sequence, angles: NDArray[Any]) -> str:
 
 def _csv(path: Path, columns: Columns) -> None:
     with path.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(",".join(columns) + "\n")
+        file.write(",".join(columns.made) + "\n")
         file.writelines(_lines(columns))
 
 
 def _lines(columns: Columns) -> Iterator[str]:
     """Rows of text: times to the nanosecond, other numbers as exact decimals."""
-    t, *others = columns.values()
-    for first in range(0, len(t), _ROWS):
-        rows = np.column_stack([values[first : first + _ROWS] for values in others]).tolist()
-        for stamp, row in zip(t[first : first + _ROWS].tolist(), rows, strict=True):
+    for part in columns.parts(_ROWS):
+        t, *others = (column(part) for column in columns.made.values())
+        rows = np.column_stack(others).tolist()
+        for stamp, row in zip(t.tolist(), rows, strict=True):
             yield f"{stamp:.9f},{','.join(map(repr, row))}\n"
 
 
 def _npz(path: Path, columns: Columns) -> None:
-    with path.open("wb") as file:
-        np.savez(file, **columns)  # pyright: ignore[reportArgumentType]
+    """As `numpy.savez` does, part by part."""
+    head = {"descr": "<f8", "fortran_order": False, "shape": (columns.length,)}
+    with ZipFile(path, "w") as archive:
+        for name, column in columns.made.items():
+            with archive.open(ZipInfo(f"{name}.npy"), "w", force_zip64=True) as file:
+                np.lib.format.write_array_header_1_0(file, head)
+                for part in columns.parts():
+                    file.write(np.ascontiguousarray(column(part), "<f8").tobytes())
 
 
 def _mat(path: Path, columns: Columns) -> None:
     from scipy.io import savemat
 
-    most = max(values.nbytes for values in columns.values())
+    most = columns.length * np.float64().nbytes
     if most >= _LARGEST_MAT:
         raise StandError(f"mat: {most} bytes a column, must be below {_LARGEST_MAT}: npz would do")
     with path.open("wb") as file:
-        savemat(file, columns, oned_as="column")
+        savemat(file, columns.whole(), oned_as="column")
 
 
 def _parquet(path: Path, columns: Columns) -> None:
@@ -217,7 +267,11 @@ def _parquet(path: Path, columns: Columns) -> None:
         raise StandError(
             "parquet: is written by pyarrow: pip install 'imu-test-stand[logs]'"
         ) from None
-    parquet.write_table(pyarrow.table(columns), path)
+    schema = pyarrow.schema([(name, pyarrow.float64()) for name in columns.made])
+    with parquet.ParquetWriter(path, schema) as writer:
+        for part in columns.parts():
+            rows = {name: column(part) for name, column in columns.made.items()}
+            writer.write_table(pyarrow.table(rows, schema=schema))
 
 
 WRITERS: Mapping[str, Callable[[Path, Columns], None]] = MappingProxyType(

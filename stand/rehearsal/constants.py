@@ -99,7 +99,8 @@ def _station(step: PlannedStep, scene: Scene) -> Station:
 
 def _planned_move(k: int, one: PlannedStep, other: PlannedStep, scene: Scene) -> Move:
     t_from, t_to = one.steady_to - _reach(one), other.steady_from + _reach(other)
-    edges = np.linspace(t_from, t_to, max(3, round((t_to - t_from) * MOVE_RATE_HZ) + 1))
+    rate = min(MOVE_RATE_HZ, scene.rate_hz)
+    edges = np.linspace(t_from, t_to, max(5, round((t_to - t_from) * rate) + 1))
     true = scene.truth().over(scene.plan.motion, edges, scene.settings.sampling)
     joints, *_ = scene.plan.motion.joints(np.array([t_from, t_to]))
     return Move(

@@ -22,13 +22,20 @@ def number(value: float, sigma: float) -> str:
     if not sigma > 0:
         return f"{value:.6g}"
     exponent = int(f"{sigma:e}".partition("e")[2])
-    digits = max(0, 1 - exponent)
-    return f"{value:.{min(digits, 12)}f}"
+    digits = min(max(0, 1 - exponent), 12)
+    return f"{round(value, digits) + 0.0:.{digits}f}"  # no -0.0
 
 
 def size(sigma: float) -> str:
     """An uncertainty to its second digit, written out."""
     return number(sigma, sigma)
+
+
+def prior(sigma: float) -> str:
+    """What was known beforehand, to three digits, written out."""
+    if sigma == float("inf"):
+        return "nothing"
+    return f"{sigma:.0f}" if sigma >= 1000 else f"{sigma:.3g}"
 
 
 def name_of(record: CalibrationRecord) -> str:
@@ -95,7 +102,7 @@ def _row(p: Parameter, error: float | None) -> tuple[str, ...]:
         number(p.value / si, sigma),
         size(sigma),
         unit,
-        f"{p.prior_sigma / si:.3g}" if p.prior_sigma < float("inf") else "nothing",
+        prior(p.prior_sigma / si),
         BASES[p.basis],
     )
     return cells if error is None else (*cells, number(error / si, sigma))
@@ -118,7 +125,7 @@ def derived_table(record: CalibrationRecord) -> TableData:
         )
         for d in record.calibration.derived
     ]
-    return TableData("angles", ("angle", "value arcsec", "sigma"), tuple(rows))
+    return TableData("angles of the triads", ("angle", "value arcsec", "sigma"), tuple(rows))
 
 
 def nuisance_table(record: CalibrationRecord) -> TableData:
@@ -127,9 +134,15 @@ def nuisance_table(record: CalibrationRecord) -> TableData:
     for n in record.calibration.nuisance:
         unit, si = OF_NUISANCE[n.unit]
         sigma = n.sigma / si
-        before = f"{n.prior_sigma / si:.3g}" if n.prior_sigma < float("inf") else "nothing"
         rows.append(
-            (n.name, number(n.value / si, sigma), size(sigma), unit, before, BASES[n.basis])
+            (
+                n.name,
+                number(n.value / si, sigma),
+                size(sigma),
+                unit,
+                prior(n.prior_sigma / si),
+                BASES[n.basis],
+            )
         )
     columns = ("what else", "value", "sigma", "unit", "known before", "told by")
     return TableData("estimated beside the unit", columns, tuple(rows))

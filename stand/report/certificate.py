@@ -31,6 +31,7 @@ from stand.report.calibration import (
     named,
     nuisance_table,
     number,
+    prior,
     size,
 )
 from stand.report.page import HUES, INK, SOFT, Drawing, drawing, frame, logarithmic, picture, render
@@ -166,13 +167,12 @@ def result_table(
             continue
         unit, si = unit_of(p.key)
         expanded = coverage * p.sigma / si
-        before = f"{p.prior_sigma / si:.3g}" if np.isfinite(p.prior_sigma) else "nothing"
         row = (
             named(p),
             number(p.value / si, p.sigma / si),
             size(expanded),
             unit,
-            before,
+            prior(p.prior_sigma / si),
             BASES[p.basis],
             f"{100 * p.share:.0f} %",
         )

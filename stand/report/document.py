@@ -323,7 +323,7 @@ def _line(cells: Sequence[str]) -> str:
 
 def refusal_lines(refusals: Sequence[Refusal]) -> list[str]:
     """One line for each method that would not answer, and each stretch that is not whole."""
-    return [f"{r.stretch or r.method} gives no estimate: {r.reason}" for r in refusals]
+    return [f"{r.who} gives no estimate: {r.reason}" for r in refusals]
 
 
 def report_document(result: RunResult) -> str:

@@ -115,7 +115,7 @@ def summary_lines(scores: Sequence[Score], refusals: Sequence[Refusal]) -> list[
         told = [text for text in (_greatest(own), _undetermined(own)) if text]
         if told:
             lines.append(f"{method}: {'; '.join(told)}")
-    return lines + [f"{r.stretch or r.method}: no estimate" for r in refusals]
+    return lines + [f"{r.who}: no estimate" for r in refusals]
 
 
 def _greatest(scores: Sequence[Score]) -> str:

@@ -121,6 +121,8 @@ class Simulated(Shown):
 
     def _imu_log(self) -> ImuLog:
         told = describe_settings(self.settings)
+        own = self.settings.table.model  # of a stand of one's own, which no file has with it
+        model = {} if own is None else {"model_file": str(own)}
         return ImuLog(
             path=self.name,
             topic="",
@@ -130,7 +132,7 @@ class Simulated(Shown):
             f_b=self.f_b,
             metadata={
                 **told,
-                RUN: {**told[RUN], "epoch_ns": "0"},
+                RUN: {**told[RUN], **model, "epoch_ns": "0"},
                 "unit": self._unit(),
                 "schedule": self.schedule,
             },

@@ -35,6 +35,13 @@ _COUNTED_S = 2.0  # between looks at how many workers there are
 # the opposite in the environment of its workers, for which a run pays 10 ms of page faults
 _TRIM, _MMAP = (-1, 64 << 20), (-3, 32 << 20)
 _TRIMMED = "MALLOC_TRIM_THRESHOLD_"
+# samples of stacks, memory and loops: 7 % of a core for two workers that have nothing to do
+_UNWATCHED = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.worker.memory.monitor-interval": "2s",
+}
 
 
 def libraries() -> tuple[Any, Any]:
@@ -294,7 +301,7 @@ def of_this_machine(workers: int) -> Iterator[str]:
     own = dict(library.config.get("distributed.nanny.pre-spawn-environ"))
     own.pop(_TRIMMED, None)
     before = dict(os.environ)
-    chosen = {
+    chosen = _UNWATCHED | {
         "distributed.nanny.pre-spawn-environ": own,
         "distributed.scheduler.allowed-failures": 0,  # halving isolates what ends a worker
     }

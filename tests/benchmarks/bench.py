@@ -19,7 +19,7 @@ import numpy as np
 from bench_film import film_rows
 from bench_logs import log_rows
 from bench_long import long_rows, step_rows
-from bench_methods import allan_rows, compare_rows, method_rows
+from bench_methods import allan_rows, calibration_rows, compare_rows, method_rows
 from bench_rehearsal import keeping_bytecode, rehearsal_rows
 from mujoco.batch import Batch
 
@@ -292,6 +292,7 @@ def main() -> None:
             *servo_rows(),
             *imu_rows(),
             *method_rows(best),
+            *calibration_rows(best),
             *allan_rows(),
             *compare_rows(),
         ]

@@ -144,15 +144,16 @@ def _timed(name: str, path: Path, folder: str, engine: Callable) -> str:
     from stand.campaigns.sweep import load_sweep
 
     made = Campaign(load_sweep(path), Path(folder) / name, engine=engine)
-    before, begin, stamps = _spent(), time.perf_counter(), []
-    for _ in made:
-        stamps.append(time.perf_counter())
-    first, last = stamps[0], stamps[-1]
-    spent = _spent() - before
+    before, begin = _spent(), time.perf_counter()
+    runs = iter(made)
+    next(runs)
+    started, first = _spent(), time.perf_counter()
+    rest = sum(1 for _ in runs)
+    seconds, spent = time.perf_counter() - first, _spent() - started
     print(
-        f"{name}: {made.done} runs, start-up {first - begin:.1f} s, then "
-        f"{(len(stamps) - 1) / (last - first):.1f} runs/s; {1e3 * spent / made.done:.1f} ms of a "
-        "processor a run, start-up included",
+        f"{name}: {made.done} runs, start-up {first - begin:.1f} s ({started - before:.1f} s of a "
+        f"processor), then {rest / seconds:.1f} runs/s ({1e3 * spent / rest:.2f} ms of a "
+        "processor a run)",
         flush=True,
     )
     return hashlib.sha256((made.folder / "results.parquet").read_bytes()).hexdigest()

@@ -12,6 +12,10 @@ import numpy as np
 
 from alignment import ESTIMATORS, ImuReadings
 from alignment.allan import analyse
+from alignment.calibration.bench import Bench
+from alignment.calibration.calibrate import calibrate
+from alignment.calibration.fit import fitted
+from alignment.calibration.observe import observed
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from stand.evaluation.comparison import compare
 from stand.simulation.monte_carlo import Trials
@@ -56,6 +60,25 @@ def method_rows(best: Best) -> Rows:
     ]
 
 
+def calibration_rows(best: Best) -> Rows:
+    """Calibrations by `calibration-full` (60 stretches, 35 moves), once its design is known."""
+    made = settings("calibration-full", "stim300", rate_hz=25, methods=["calibration"])
+    bench = made.options.bench
+    assert isinstance(bench, Bench)
+    dwells, _ = Trials(made).readings(5000)
+    seen = observed(dwells, made.site, bench.warmth)
+    design = fitted([seen], bench, made.site).design
+
+    def known() -> None:
+        calibrate([seen], bench, made.site, design)
+
+    calls = 5
+    rate = calls / best(lambda: [known() for _ in range(calls)], 3)
+    return [
+        ("calibrations, procedure known", f"{rate:.3g} a second", f"{rate / 20:.2f} of the goal")
+    ]
+
+
 def allan_rows(n: int = 10_000_000) -> Rows:
     """Allan analysis of six channels of a long record."""
     rng = np.random.default_rng(0)
@@ -91,5 +114,5 @@ def _row(what: str, rate: float, goal: float = 0.0) -> tuple[str, str, str]:
 if __name__ == "__main__":
     from bench import best
 
-    for row in (*method_rows(best), *allan_rows(), *compare_rows()):
+    for row in (*method_rows(best), *calibration_rows(best), *allan_rows(), *compare_rows()):
         print("{:36}{:>26}   {}".format(*row))

@@ -10,6 +10,7 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 
@@ -20,6 +21,9 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))  # what the short tests use
 
 from calibrated import BETWEEN, GROUPS, Outcome, case, outcomes, rms  # noqa: E402
+
+from stand.simulation.cluster import engine_at  # noqa: E402
+from stand.simulation.work import Engine  # noqa: E402
 
 KEPT, PAGE = ROOT / "recordings" / "proof-calibration", ROOT / "docs" / "proof-calibration.md"
 UNITS, TABLES = ("stim300", "hg9900", "ring-laser", "adis16470"), ("precision", "mid-class")
@@ -55,15 +59,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=50)
     parser.add_argument("--only", nargs="*", default=[], help="UNIT-TABLE: no page is written")
+    parser.add_argument("--workers", type=int, help="processes; as many as there are cores")
+    parser.add_argument("--scheduler", help="of a Dask cluster, or local")
     asked = parser.parse_args()
+    by = asked.workers, None if asked.scheduler is None else engine_at(asked.scheduler)
     if asked.only:
         for imu, table in CASES:
             if f"{imu}-{table}" in asked.only:
-                kept(imu, table, asked.runs)
+                kept(imu, table, asked.runs, *by)
         return
     found = {}
     for runs in [*range(ROUND, asked.runs, ROUND), asked.runs]:
-        found = {one: kept(*one, runs) for one in CASES}
+        found = {one: kept(*one, runs, *by) for one in CASES}
     nees = [line for key, pair in found.items() for line in promises(*key, *pair)]
     rows = [row for key, pair in found.items() for row in groups(*key, *pair)]
     head = "| unit | table | freedom | NEES | 95 % | chi-square | NEES, trusting |\n" + "|---" * 7
@@ -72,7 +79,13 @@ def main() -> None:
     print(text)
 
 
-def kept(imu: str, table: str, runs: int) -> tuple[list[Outcome], list[Outcome]]:
+def kept(
+    imu: str,
+    table: str,
+    runs: int,
+    workers: int | None = None,
+    engine: Engine | None = None,
+) -> tuple[list[Outcome], list[Outcome]]:
     """The outcomes of a case, as kept, and those that are missing: plain, and trusting."""
     path = KEPT / f"{imu}-{table}.json"
     there: list[tuple[Outcome, Outcome]] = []
@@ -82,11 +95,12 @@ def kept(imu: str, table: str, runs: int) -> tuple[list[Outcome], list[Outcome]]
     first = FIRST + APART * CASES.index((imu, table))
     missing = range(first + len(there), first + runs)
     made = case("calibration-full", imu, table, RATES.get(imu, RATE))
-    for pair in outcomes(made, missing) if missing else ():
-        there.append(pair)
-        KEPT.mkdir(parents=True, exist_ok=True)
-        kept_so_far = [[asdict(one), asdict(other)] for one, other in there]
-        path.write_text(json.dumps(kept_so_far), encoding="utf-8")
+    with closing(outcomes(made, missing, workers, engine)) as pairs:
+        for pair in pairs:
+            there.append(pair)
+            KEPT.mkdir(parents=True, exist_ok=True)
+            kept_so_far = [[asdict(one), asdict(other)] for one, other in there]
+            path.write_text(json.dumps(kept_so_far), encoding="utf-8")
     print(path.stem, len(there), file=sys.stderr, flush=True)
     plain, trusting = zip(*there[:runs], strict=True)
     return list(plain), list(trusting)

@@ -1,10 +1,10 @@
 """Whether every sigma is a promise kept: `make proof` writes docs/proof-nees.md.
 
 Every catalogue procedure and thirty procedures by number (tests/generated.py), on five units, with
-every method that takes them: mean of the normalised squared errors, per degree of freedom. What
-a case came to is kept in recordings/proof-nees: an interrupted proof goes on where it was, a case
-that has `--runs` or more is not run again, and `--runs 0` writes the page of what is there. Remove
-that folder when stand or estimators have changed.
+every method that takes them: mean of the normalised squared errors, per degree of freedom. Runs,
+and what a case came to, are kept in recordings/proof-nees: an interrupted proof goes on with the
+run where it was, a case that has `--runs` or more is not run again, and `--runs 0` writes the page
+of what is there. Remove that folder when stand or estimators have changed.
 """
 
 import argparse
@@ -25,7 +25,9 @@ from generated import COUNT, IMUS, generated  # noqa: E402
 from normalised import LOW_HZ, UNDETERMINED, Promise, promises, settings_of  # noqa: E402
 
 from stand.procedure.procedure import Procedure, load_procedure  # noqa: E402
+from stand.simulation.cluster import engine_at  # noqa: E402
 from stand.simulation.settings import Settings  # noqa: E402
+from stand.simulation.work import Engine  # noqa: E402
 from stand.toml_files import ids  # noqa: E402
 
 KEPT, PAGE = ROOT / "recordings" / "proof-nees", ROOT / "docs" / "proof-nees.md"
@@ -56,12 +58,16 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=40, help="a quarter of what rocks or turns")
     parser.add_argument("--only", nargs="*", default=[], help="PROCEDURE")
     parser.add_argument("--low", action="store_true", help="5 and 20 Hz, without rounding")
+    parser.add_argument("--workers", type=int, help="processes; as many as there are cores")
+    parser.add_argument("--scheduler", help="of a Dask cluster, or local")
     asked = parser.parse_args()
+    engine = None if asked.scheduler is None else engine_at(asked.scheduler)
     found: list[tuple[int, list[Promise]]] = []
     for procedure, imu in cases():
         if not asked.only or procedure.id in asked.only:
             runs = -(-asked.runs // SLOW) if procedure.id in TURNING else asked.runs
-            found.append(kept_or_made(procedure, imu, asked.low, runs))
+            at = asked.low, runs, asked.workers, engine
+            found.append(kept_or_made(procedure, imu, *at))
     rows = "\n".join(told(found)) + "\n"
     print(rows)
     if not asked.only:
@@ -70,17 +76,28 @@ def main() -> None:
         PAGE.write_text(head + rows, encoding="utf-8")
 
 
-def kept_or_made(procedure: Procedure, imu: str, low: bool, runs: int) -> tuple[int, list[Promise]]:
+def kept_or_made(
+    procedure: Procedure,
+    imu: str,
+    low: bool,
+    runs: int,
+    workers: int | None = None,
+    engine: Engine | None = None,
+) -> tuple[int, list[Promise]]:
     """How many runs a case has, and what they came to: as kept, if those are enough."""
     path = KEPT / f"{procedure.id}-{imu}{'-low' * low}.json"
     there: dict[str, Any] = {"runs": 0, "promises": []}
     if path.exists():
         there = json.loads(path.read_text(encoding="utf-8"))
     if there["runs"] < runs:
-        made = promises(case(procedure, imu, low), runs)
+        case_runs = path.with_suffix(".jsonl")  # of a case that is not whole yet
+        made = promises(
+            case(procedure, imu, low), runs, workers=workers, engine=engine, keep=case_runs
+        )
         there = {"runs": runs, "promises": [asdict(p) for p in made]}
         KEPT.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(there), encoding="utf-8")
+        case_runs.unlink()
         print(path.stem, runs, file=sys.stderr, flush=True)
     return there["runs"], [_promise(entry) for entry in there["promises"]]
 

@@ -31,6 +31,7 @@ from alignment.methods.fine import (
     _ERRORS,
     METHOD,
     Model,
+    Steps,
     _inverse,
     _Pass,
     _updates,
@@ -282,20 +283,24 @@ def test_inverse_of_a_covariance_by_hand():
 
 @pytest.mark.parametrize("drifting", [False, True])
 def test_updates_are_those_of_the_textbook(drifting):
-    """Against the filter as it is printed (Groves 3.2.2), on random matrices whose constants stay.
+    """Against the filter as it is printed (Groves 3.2.2), on random matrices.
+
+    Constants stay, or walk and fade.
 
     Rounding of matrices of size 10, over 40 updates: 1e-10.
     """
     rng = np.random.default_rng(8)
     m, size, free = 40, _ERRORS + 6, _ERRORS
-    F = np.tile(np.eye(size), (m - 1, 1, 1))
-    F[:, :free] += 0.1 * rng.normal(size=(m - 1, free, size))
-    Q = np.zeros((m - 1, size, size))
+    rows = np.eye(free, size) + 0.1 * rng.normal(size=(m - 1, free, size))
     root = rng.normal(size=(m - 1, free, free))
-    Q[:, :free, :free] = 0.01 * root @ root.transpose(0, 2, 1)
+    walks = 0.01 * root @ root.transpose(0, 2, 1)
+    kept, added = np.ones(6), np.zeros((m - 1, 6))
     if drifting:
-        own = np.arange(free, size)
-        Q[:, own, own] = rng.uniform(0.01, 0.1, (m - 1, len(own)))
+        kept[3:], added = [0.9, 0.8, 0.95], rng.uniform(0.01, 0.1, (m - 1, 6))
+    F, Q = np.tile(np.eye(size), (m - 1, 1, 1)), np.zeros((m - 1, size, size))
+    F[:, :free], Q[:, :free, :free] = rows, walks
+    for k in range(6):
+        F[:, free + k, free + k], Q[:, free + k, free + k] = kept[k], added[:, k]
     H, z = rng.normal(size=(m, 3, size)), rng.normal(size=(m, 3))
     root = rng.normal(size=(size, size))
     x, P = rng.normal(size=size), root @ root.T
@@ -304,7 +309,10 @@ def test_updates_are_those_of_the_textbook(drifting):
     out = _Pass(*(np.empty(shape) for shape in shapes))
     for part in (slice(0, 25), slice(25, m)):  # as chunks: each but the last propagates to the next
         steps = slice(part.start, min(part.stop, m - 1))
-        _updates(state, (F[steps], Q[steps], H[part], z[part], 0.2), part, out)
+        given = Steps(rows[steps], kept, walks[steps], added[steps])
+        np.testing.assert_array_equal(given.F, F[steps])
+        np.testing.assert_array_equal(given.Q, Q[steps])
+        _updates(state, (given, H[part], z[part], 0.2), part, out)
     for k in range(m):
         S = H[k] @ P @ H[k].T + 0.2 * np.eye(3)
         K, innovation = P @ H[k].T @ np.linalg.inv(S), z[k] - H[k] @ x
@@ -348,8 +356,8 @@ def test_a_long_interval_is_its_short_ones(motion):
     for span in (0.1, 0.01):
         carried = carry(readings, span)
         push = np.diff(gravity_velocity(carried.t, site(motion))[0], axis=0)
-        F, Q, _ = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
-        found.append((F, Q))
+        steps, _ = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
+        found.append((steps.F, steps.Q))
     (F, Q), (short_F, short_Q) = found
     whole_F, whole_Q = np.eye(F.shape[1]), np.zeros(F.shape[1:])
     for a, q in zip(short_F[:10], short_Q[:10], strict=True):
@@ -535,8 +543,8 @@ def plain_kalman(model, reference, variance, count):
     module = sys.modules["alignment.methods.fine"]
     carried, C_ni = reference.carried, reference.C_ni.as_matrix()
     push = np.diff(gravity_velocity(carried.t, model.site)[0][: count + 1], axis=0)
-    given = module.error_matrices(model, carried, C_ni, push, slice(0, count))
-    F, Q, H = (np.asarray(x, np.longdouble) for x in given)
+    steps, H = module.error_matrices(model, carried, C_ni, push, slice(0, count))
+    F, Q, H = (np.asarray(x, np.longdouble) for x in (steps.F, steps.Q, H))
     sigmas = [np.repeat(getattr(model.priors, name), 3) for name in model.names]
     sigmas += [np.repeat(process.sigma, 3) for _, process in model.drifts]
     P = np.diag(np.concatenate([module.START, [0.0], *sigmas]).astype(np.longdouble) ** 2)

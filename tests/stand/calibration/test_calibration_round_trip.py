@@ -114,3 +114,19 @@ def test_the_calibrated_unit_is_replayed(units, tmp_path):
         off = errors.bias - [p.value for p in bias]
         assert (np.abs(off) < 4 * np.array([p.sigma for p in bias])).all()
         assert off.any()
+
+
+def test_a_preset_says_what_of_the_covariance_it_loses(units, tmp_path):
+    """Sigmas of one cause: gyros against accelerometers as `calibration.json` has it, and apart."""
+    unit, _ = units[0]
+    (path,) = exported(unit, tmp_path / "unit.toml")
+    said = path.read_text(encoding="utf-8").replace("\n#", "")
+    c = unit.calibration
+    known = [d.sigma for d in c.derived if d.quantity == "gyro_to_accel"]
+    own = {p.key: p.sigma for p in c.parameters if p.key.term == "misalignment"}
+    # of a rotation half the difference of two misalignments, of both triads: by hand
+    apart = np.sqrt(sum(s**2 for s in own.values()) / 4 / 3)
+    sizes = [f"{x / DEG_H:.2g}" for x in (np.sqrt(np.mean(np.square(known))), apart)]
+    assert f"known against accelerometers to {sizes[0]} arcsec" in said
+    assert f"they scatter by {sizes[1]};" in said
+    assert float(sizes[1]) > 2 * float(sizes[0])  # the case's rotation, which nobody told

@@ -1,24 +1,28 @@
 """Scores: errors to truth and to nominal, spreads by hand, and the JSON that others read."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from alignment import ESTIMATORS, AttitudeEstimate
+from alignment import ESTIMATORS, AttitudeEstimate, ImuReadings
 from alignment.angles import C_nb_from_angles, Sequence
 from alignment.units import DEG
 from stand.evaluation.score import (
     Score,
     Truths,
     by_method,
+    evaluate_each,
     score,
     score_to_json,
     spread_to_json,
     spreads,
 )
 from stand.report.document import score_tables
+from stand.simulation.monte_carlo import Trials
+from stand.simulation.settings import settings
 
 YPR, YRP = Sequence.YAW_PITCH_ROLL, Sequence.YAW_ROLL_PITCH
 ROUNDING = 1e-13  # deg: a few rotations multiplied and read
@@ -44,6 +48,45 @@ def with_errors(*errors_deg, method="rk4", window="", nominal=None):
         to_nominal = error if nominal is None else np.array(nominal[k]) * DEG
         found.append(Score(e, error, to_nominal, None, None))
     return found
+
+
+@pytest.fixture(scope="module")
+def one_shaken():
+    """Four rests a quarter turn apart; in the second somebody turns the unit by hand."""
+    made = settings("four-position", imu="hg9900", rate_hz=5)
+    dwells, _ = Trials(made).readings(0)
+    shaken = dwells[1].readings
+    hand = 0.2 * np.sin(0.5 * shaken.t)[:, None] * [0.0, 0.0, 1.0]
+    moved = ImuReadings(shaken.t, shaken.w_ib_b + hand, shaken.f_b)
+    return made, [replace(d, readings=moved) if d is dwells[1] else d for d in dwells]
+
+
+@pytest.mark.parametrize(
+    "method",
+    ["six-position", "rk4", "triad", "single-gyro", "two-position", "multi-position"],
+)
+def test_a_stretch_that_is_refused_is_named_and_silences_no_other(one_shaken, method):
+    made, dwells = one_shaken
+    found, refused = evaluate_each(
+        dwells, [Truths()] * len(dwells), made.site, made.options, [method]
+    )
+    (one,) = refused
+    assert (one.method, one.stretch) == (method, "90")
+    assert one.reason.startswith("90: ")
+    labels = {s.estimate.label for s in found}
+    assert labels >= {"0", "180"}
+    assert "90" not in labels
+
+
+def test_a_method_that_answers_for_no_stretch_gives_its_first_reason(one_shaken):
+    made, dwells = one_shaken
+    found, refused = evaluate_each(
+        dwells[1:2], [Truths()], made.site, made.options, ["triad", "multi-position"]
+    )
+    assert found == []
+    assert [r.who for r in refused] == ["triad", "multi-position"]
+    assert refused[0].reason.startswith("90: ")
+    assert refused[1].reason.startswith("too little turn")
 
 
 def test_errors_to_truth_and_to_nominal_differ_by_what_the_table_did_wrong():

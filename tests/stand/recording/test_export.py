@@ -69,6 +69,20 @@ def test_every_format_is_read_by_others(recordings, tmp_path, kind):
     assert np.linalg.norm(q, axis=1) == pytest.approx(1)
 
 
+@pytest.mark.parametrize("kind", ["npz", "parquet"])
+def test_a_long_recording_is_written_in_parts(recordings, tmp_path, monkeypatch, kind):
+    """Of 97 rows here, the last one shorter."""
+    log = stand.read(recordings / "two-position")
+    export_log(log, tmp_path / f"whole.{kind}", kind)
+    monkeypatch.setattr("stand.recording.export.PART", 97)
+    assert len(log.readings) % 97
+    export_log(log, tmp_path / f"parts.{kind}", kind)
+    whole, parts = (READERS[kind](tmp_path / f"{name}.{kind}") for name in ("whole", "parts"))
+    assert list(whole) == list(parts)
+    for name, values in whole.items():
+        np.testing.assert_array_equal(parts[name], values)
+
+
 @pytest.mark.parametrize("name", ["two-position", "carousel"])
 @pytest.mark.parametrize("given", [True, False], ids=["exported stretches", "found stretches"])
 def test_without_its_procedure_a_run_gives_the_same_estimate(recordings, tmp_path, name, given):

@@ -4,6 +4,7 @@ import os
 import struct
 import subprocess
 import sys
+import tracemalloc
 import zlib
 from collections import defaultdict
 from pathlib import Path
@@ -39,6 +40,7 @@ from stand.recording.mcap import (
     schemas,
     write_imu_log,
 )
+from stand.recording.mcap.container import Container, Part, Topic
 from stand.recording.mcap.decode import (
     decode_fixes,
     decode_imu,
@@ -1173,3 +1175,23 @@ def test_faults_of_fixes(tmp_path, made, match):
     with pytest.raises(StandError, match=match) as caught:
         read_fixes(path)
     assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_the_index_of_a_chunk_takes_few_bytes(tmp_path):
+    """A day is 86 400 chunks: as objects, of 2 kB each, their index was 200 MB."""
+    one, payload = np.array([0]), np.zeros((1, 8), np.uint8)
+    with Container(
+        tmp_path / "a.mcap", [Topic("/a", "std_msgs/msg/Int8", "int8 data", "")]
+    ) as file:
+        file.chunk([Part(0, one, payload)])
+        tracemalloc.start()
+        before, _ = tracemalloc.get_traced_memory()
+        for k in range(1, 501):
+            file.chunk([Part(0, one + k, payload)])
+        after, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert (after - before) / 500 < 400  # bytes: 110 in the file, room to grow, and what is once
+    with open(tmp_path / "a.mcap", "rb") as file:
+        found = make_reader(file).get_summary()
+    assert [c.message_start_time for c in found.chunk_indexes] == list(range(501))
+    assert (found.statistics.chunk_count, found.statistics.message_end_time) == (501, 500)

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calibrations import a_full_record
 from matplotlib.image import imread
 from pages import Page
 from rehearsed import answer, verified
 
 import stand
+from stand.calibration.limits import Limits
 from stand.evaluation.allan import analyse
 from stand.physics.picture import NoDriver
 from stand.recording.mcap.writer import write_imu_log
@@ -218,6 +220,17 @@ def test_a_recorded_run_opens_without_complaint(recorded, tmp_path, undrawn):
     assert "Recorded run: Short test" in opened.dom.said
     assert len(opened.dom.of("svg")) == 5  # the channels with them
     assert opened.share(BARS["light"]) > 0.0005
+
+
+def test_a_certificate_opens_by_night_and_is_printed(tmp_path):
+    """Its verdict, two figures, some sheets of paper."""
+    limits = Limits(2.0, {("gyro", "bias"): (1e-5, "limits.toml")})  # 2 deg/h, of 8, -10, 12
+    opened = seen(certificate(a_full_record(), limits), tmp_path / "page", "dark", width=768)
+    assert opened.console == []
+    assert "✗ FAIL" in opened.dom.said
+    assert tuple(opened.screen[2, 2]) == PAPER["dark"]
+    assert len(opened.dom.of("svg")) == 2
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", opened.pdf)) <= 5
 
 
 SHAPES = ((768, "light"), (1440, "dark"))

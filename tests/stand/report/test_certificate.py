@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calibrations import DEG_H, a_record
+from calibrations import DEG_H, a_full_record, a_record
 from pages import checked
 
-from alignment.calibration import Contribution, LeftOut, Residual
 from stand.calibration.file import load_calibration
 from stand.calibration.limits import Limits
 from stand.errors import StandError
@@ -15,22 +14,6 @@ from stand.report.calibration import number, tables
 from stand.report.certificate import page, residual_figure, write_certificate
 
 LIMITS = Limits(2.0, {("gyro", "bias"): (10 * DEG_H, "limits.toml")})
-
-
-def a_full_record():
-    record = a_record()
-    c = record.calibration
-    rows = tuple(Residual(f"rest {k}", "rate at rest", (0.1 * k, -0.5, 1.0)) for k in range(1, 9))
-    c = replace(
-        c,
-        residuals=rows,
-        notes=("12 rests: rank 9 of 9",),
-        null_space=("what nobody can tell",),
-        left_out=(LeftOut("rest 3", "bumped <i>"),),
-        budget=(Contribution("noise", c.sigmas), Contribution("gravity", 1e-4 * c.sigmas)),
-    )
-    source = {"method": "hand-held", "recording": "log.csv"}
-    return replace(record, calibration=c, source=source, hashes={"log.csv": "ab" * 32})
 
 
 def test_the_page_says_it_all():
