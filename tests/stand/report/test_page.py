@@ -12,9 +12,11 @@ import pytest
 from pages import checked
 from rehearsed import DEG, PROCEDURE, achieved, answer, infeasible, runs, verified
 
+import stand
 from stand.errors import StandError
 from stand.folder import refuse_files
 from stand.physics.picture import NoDriver, pictures, png
+from stand.recording.mcap.writer import write_imu_log
 from stand.rehearsal.result import Duration, Finding, Rehearsal, Severity, Verdict
 from stand.rehearsal.verification import Verification
 from stand.report import gallery as gallery_module
@@ -29,6 +31,7 @@ from stand.report.figures import (
     timeline,
 )
 from stand.report.gallery import MOST, Position, angles_text, gallery
+from stand.report.log_page import page as log_page
 from stand.report.page import _numeric, span_text
 from stand.report.rehearsal import JSON, JUNIT, PAGE, page, write_report
 from stand.report.run_page import write_run_page
@@ -562,3 +565,22 @@ def test_a_drive_has_neither_table_nor_steps(stand_command, tmp_path):
     assert "vectors" in shown.said
     assert "The stand in each position" not in shown.said
     assert "Table, serial number" not in shown.said
+
+
+# A log -------------------------------------------------------------------------------------------
+
+
+def test_the_page_of_a_log_says_first_what_was_found(tmp_path, recorded):
+    """Rests give an attitude with its sigma; what never rests gives none."""
+    found = checked(log_page(stand.read(recorded.folder))).said
+    head = found.partition("Rests and steady turns")[0]
+    assert "Of the longest stretch: " in head
+    assert re.search(r"pitch -?[\d.]+° ± [\d.]+°, by \w+", head)
+    t = np.arange(1, 1201) / 20
+    turning = np.column_stack([np.sin(0.7 * t), np.cos(0.9 * t), np.sin(1.3 * t)])
+    write_imu_log(
+        tmp_path / "tumbling.mcap", t_ns=np.round(t * 1e9).astype(np.int64), w_ib_b=turning,
+        f_b=9.81 * turning, metadata={},
+    )  # fmt: skip
+    said = checked(log_page(stand.read(tmp_path / "tumbling.mcap"))).said
+    assert "✗ NO ATTITUDE" in said.partition("Rests and steady turns")[0]
