@@ -1,13 +1,14 @@
 """The lint: every mix-up of units planted into shipped presets is found, shipped presets pass."""
 
 import re
+from math import pi
 
 import pytest
 
 from stand import toml_files as catalogue
 from stand.errors import StandError
 from stand.imu import load_imu, without
-from stand.imu.bands import ACCEL_BANDS, GYRO_BANDS, SAMPLING_BANDS, SLIPS
+from stand.imu.bands import ACCEL_BANDS, GYRO_BANDS, SAMPLING_BANDS, SLIPS, slips
 from stand.imu.lint import PresetFinding, grade_of, lint
 from stand.imu.preset import ACCEL_KEYS, GYRO_KEYS, SamplingEntry
 from stand.report.lint_table import findings_table
@@ -405,6 +406,53 @@ def test_every_key_has_a_band_and_every_unit_its_mix_ups():
 def test_bands_are_narrower_than_the_mix_up_they_must_find(bands, key, factor):
     for low, high in bands[key].spans:
         assert high / low < factor
+
+
+ROUND = {1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8}
+
+
+def test_bands_are_round_and_narrow_from_grade_to_grade():
+    """Nobody knows their ends to three digits; a better grade has less of every error."""
+    for bands in (GYRO_BANDS, ACCEL_BANDS, SAMPLING_BANDS):
+        for key, band in bands.items():
+            for end in (end for span in band.spans for end in span):
+                assert float(f"{end:e}".partition("e")[0]) in ROUND, (key, end)
+            for ends in zip(*band.spans, strict=True):
+                assert list(ends) == sorted(ends, reverse=True), (key, ends)
+
+
+def test_factors_between_units_by_hand():
+    """What a value of one is, given in the other unit by mistake."""
+    degree, g = 180 / pi, 9.80665
+    for unit, other, factor in (
+        ("deg/h", "deg/s", 3600), ("deg/h", "rad/s", 3600 * degree),
+        ("deg/rt-h", "deg/s/rt-Hz", 60), ("deg/rt-h", "rad/s/rt-Hz", 60 * degree),
+        ("deg/rt-h", "deg/h/rt-Hz", 1 / 60), ("deg/h/rt-h", "deg/h/rt-s", 60),
+        ("deg/h/rt-h", "deg/s/rt-h", 3600), ("deg/h/rt-h", "deg/s/rt-s", 3600 * 60),
+        ("deg/h/h", "deg/s/h", 3600), ("deg/h/h", "deg/s/s", 3600**2),
+        ("deg/h/g", "deg/s/g", 3600), ("deg/h/g^2", "deg/s/g^2", 3600),
+        ("deg/h/K", "deg/s/K", 3600), ("deg/s", "rad/s", degree), ("deg/s", "deg/h", 1 / 3600),
+        ("arc seconds", "rad", 3600 * degree), ("arc seconds", "deg", 3600),
+        ("mg", "g", 1e3), ("mg", "m/s^2", 1e3 / g), ("mg", "ug", 1e-3), ("ug", "mg", 1e3),
+        ("ug", "g", 1e6), ("ug", "m/s^2", 1e6 / g), ("m/s/rt-h", "m/s^2/rt-Hz", 60),
+        ("m/s/rt-h", "ug/rt-Hz", 60e-6 * g), ("ug/rt-h", "mg/rt-h", 1e3), ("ug/h", "mg/h", 1e3),
+        ("ug/g^2", "mg/g^2", 1e3), ("ug/K", "mg/K", 1e3), ("ppm", "%", 1e4),
+        ("ppm", "parts of one", 1e6), ("ppm/K", "%/K", 1e4), ("ppm/K", "parts of one per K", 1e6),
+        ("mrad", "rad", 1e3), ("mrad", "deg", 1e3 / degree),
+        ("mrad", "arc minutes", 1e3 / 60 / degree),
+        ("mrad", "arc seconds", 1e3 / 3600 / degree), ("g", "mg", 1e-3), ("g", "m/s^2", 1 / g),
+        ("Hz", "kHz", 1e3), ("us", "ms", 1e3), ("us", "s", 1e6), ("us", "ns", 1e-3),
+        ("ms", "s", 1e3), ("ms", "us", 1e-3),
+    ):  # fmt: skip
+        assert SLIPS[unit][other] == pytest.approx(factor, rel=1e-6), (unit, other)
+    again = {u: 1 / f for u, s in SLIPS.items() for name, f in s.items() if "once too" in name}
+    assert again == pytest.approx(
+        dict.fromkeys(["deg/h", "deg/h/g", "deg/h/g^2", "deg/h/K"], 3600)
+        | {"ug": 1e3, "ug/g^2": 1e3, "ug/K": 1e3, "m/s/rt-h": 60, "ppm": 1e4}
+    )
+    # the ends of a band are in it
+    assert slips(2.0, "mg", (2e3, 2e3)) == [("g", 2e3)]
+    assert slips(2.0, "mg", (2.1e3, 3e3)) == slips(2.0, "mg", (1.0, 1.9)) == []
 
 
 def test_findings_as_a_table():

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stand.bounds import LONGEST_S
 from stand.errors import StandError
 from stand.motion.polynomial import Motion, summed
 from stand.motion.profile import profile
@@ -163,6 +164,54 @@ def test_a_file_that_stands_still(tmp_path):
     motion = read(tmp_path, "time_s,outer_deg\n" + "".join(f"{i},40\n" for i in range(12)))
     assert motion.at_rest.all()
     np.testing.assert_array_equal(motion.joints([5.0])[0][0], START)
+
+
+def resting(times, deg=40.0) -> str:
+    return "time_s,outer_deg\n" + "".join(f"{t!r},{deg!r}\n" for t in times)
+
+
+def test_the_ends_of_what_is_allowed(tmp_path):
+    """Rows every 0.1 ms, over a whole day of the longest run, at the farthest angle there is."""
+    assert read(tmp_path, resting(k / 1e4 for k in range(12))).duration == 11e-4
+    with pytest.raises(StandError, match=r"line 13, time_s = 0\.00109: must be 0\.0001 s or more"):
+        read(tmp_path, resting([*(k / 1e4 for k in range(11)), 0.00109]))
+    far = [k * LONGEST_S / 11 for k in range(11)]
+    assert read(tmp_path, resting([*far, LONGEST_S])).duration == LONGEST_S
+    with pytest.raises(StandError, match="must be within"):
+        read(tmp_path, resting([*far, LONGEST_S + 1]))
+    most = START * [1, 1, 1, 0, 1, 1] + [0, 0, 0, 36e3 * DEG, 0, 0]
+    assert read(tmp_path, resting(range(12), 36e3), most).at_rest.all()
+    # a millionth of a degree is rounding of what a file writes
+    near = resting(range(12), 40.0000009)
+    assert read(tmp_path, near).joints([0.0])[0][0, 3] == START[3]
+
+
+def test_rates_at_the_ends_may_be_those_of_rest(tmp_path):
+    """0.001 deg/s and 0.1 deg/s^2 pass for none, and become none."""
+    rows = RATES.splitlines()
+    rows[1] = rows[1].split(",")
+    rows[1][2:4] = "0.001", "-0.1"
+    rows[1] = ",".join(rows[1])
+    _, rate, acceleration = read(tmp_path, "\n".join(rows)).joints([0.0])
+    assert not rate.any()
+    assert not acceleration.any()
+
+
+@pytest.mark.parametrize(("off", "allowed"), [(0.0599, True), (0.0601, False), (-0.0601, False)])
+def test_angles_must_grow_as_their_rates_say(tmp_path, off, allowed):
+    """1 deg/s at rows 1 s apart is 1 deg: 0.01 deg and half of 0.1 s at 1 deg/s may be missing."""
+    t = np.arange(20) * 0.1
+    rate = np.where((t > 0) & (t < 1.85), 1.0, 0.0)
+    angle = 40 + np.concatenate([[0], np.cumsum(0.1 * (rate[1:] + rate[:-1]) / 2)])
+    angle[10:] += off
+    table = np.stack([t, angle, rate, 0 * t], axis=1).tolist()
+    rows = [",".join(map(repr, row)) + "\n" for row in table]
+    text = "time_s,outer_deg,outer_deg_s,outer_deg_s2\n" + "".join(rows)
+    if allowed:
+        read(tmp_path, text)
+    else:
+        with pytest.raises(StandError, match=r"line 12, outer_deg = .* near 40\.95, as its rates"):
+            read(tmp_path, text)
 
 
 def swapped(text: str, line: int, new: str) -> str:

@@ -405,6 +405,11 @@ def test_long_runs_forget():
     assert len(servo._pieces) * BLOCK * 1e-3 < 30  # s
     with pytest.raises(ValueError, match="kept from"):
         servo.covering(1.0, 2.0)
+    # blocks of 4 s, each less the 48 steps that the next one changes: the tenth ends at 39.952 s,
+    # before the 40 s that lie 15 s before the last span
+    with pytest.raises(ValueError, match=r"t_from = 39.9515: kept from 39.952 s on only"):
+        servo.covering(39.9515, 41.0)
+    assert servo.covering(39.9525, 41.0).start == pytest.approx(39.952)
 
 
 # --- accounts by hand

@@ -10,11 +10,19 @@ from test_traps import DWELL, case
 
 from alignment.errors import AlignmentError
 from alignment.information import InstrumentErrors, TriadErrors
+from alignment.information.circle import Rival
 from alignment.units import STANDARD_GRAVITY
 from stand.imu import load_imu
 from stand.procedure.procedure import load_procedure, table_of
 from stand.rehearsal.feasibility import feasibility
-from stand.rehearsal.refusals import check_carried, check_quiet, check_vertical, coarse, coarse_tilt
+from stand.rehearsal.refusals import (
+    check_carried,
+    check_quiet,
+    check_vertical,
+    coarse,
+    coarse_tilt,
+    rivalled,
+)
 from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.traps import allan_lengths, averaging_time, from_margins
 from stand.simulation.settings import assembled
@@ -106,6 +114,23 @@ def test_a_vertical_that_most_units_miss_is_refused():
     assert not refused(check_vertical, [leaning(1e-6, (radians(4.99), 0.0))])
     # one unit goes through all positions: the worst of them counts
     assert refused(check_vertical, [leaning(1e-6), leaning(1.08 * median)])
+
+
+def test_half_of_the_units_is_not_most():
+    """Of the 1000 units' first numbers 500 lie beyond their median: by size, and one unit more."""
+    size = np.sort(np.abs(np.random.default_rng(0).standard_normal((1000, 2))[:, 0]))
+    one = leaning(1.0)
+    for last, expected in ((size[499:501].mean(), ""), (size[498:500].mean(), "would refuse 50 %")):
+        one.feigned_tilt = lambda last=last: radians(5) / last * np.diag([1.0, 0.0])
+        assert refused(check_vertical, [one]).startswith(expected)
+        assert bool(refused(check_vertical, [one])) == bool(expected)
+
+
+def test_a_heading_elsewhere_forbids_a_number_from_ten_per_cent_on():
+    assert rivalled(Rival(1.1, 1.0, 2.0)) == ""
+    assert rivalled(Rival(1.101, radians(75), 2.04)).startswith(
+        "a heading 75 deg off fits the readings nearly as well (chi-square 2.0 more)"
+    )
 
 
 # --- attitudes carried too far, and rounding that nothing blurs

@@ -369,6 +369,25 @@ def test_rounding_is_noise_as_far_as_noise_blurs_it():
             assert one.steepness == pytest.approx(np.sqrt(np.mean(slope[5:-5] ** 2)), rel=0.03)
 
 
+def test_one_wave_of_a_step_by_hand():
+    """At noise of 0.45 steps the second wave is exp(-12 pi^2 0.2025) = 4e-11 of the first, which is
+    ``q^2/(2 pi^2) exp(-(2 pi 0.45)^2)`` at hand, times ``exp(-2 (pi d)^2)`` if known to d steps."""
+    q = 4.0
+    one, first = Rounding(q, 0.45 * q), q**2 / (2 * np.pi**2) * np.exp(-((0.9 * np.pi) ** 2))
+    for apart, doubt, share in (
+        (0.0, 0.0, 1.0),
+        (0.0, 0.2, np.exp(-2 * (0.2 * np.pi) ** 2)),
+        (0.25, 0.1, 0.0),  # a quarter of a turn
+        (0.5, 0.1, -np.exp(-2 * (0.1 * np.pi) ** 2)),
+    ):
+        found = one.shared(np.array([apart * q]), np.array([doubt * q]))[0]
+        assert found == pytest.approx(share * first, rel=1e-9, abs=1e-12 * first)
+    assert one.noise == pytest.approx(np.sqrt(q**2 / 12 - first), rel=1e-9)
+    assert one.steepness == pytest.approx(2 * np.pi / q * np.sqrt(first), rel=1e-9)
+    none = Rounding(0.0, 0.1)
+    assert (none.noise, none.steepness, none.shared(np.zeros(1), np.zeros(1))[0]) == (0, 0, 0)
+
+
 @pytest.mark.parametrize("sigma", [0.1, 0.2, 0.3, 0.5])
 def test_rounded_noise_at_a_known_place_by_simulation(sigma):
     """Means of 2 million rounded normal numbers, steps of one, at five places of a step.

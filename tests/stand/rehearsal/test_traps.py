@@ -13,11 +13,12 @@ from alignment.units import DEG_PER_HOUR
 from stand import toml_files as catalogue
 from stand.imu import Temperature, load_imu
 from stand.motion.planner import plan
+from stand.motion.polynomial import Motion
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import procedure_from, table_of
 from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.result import Judgement, Verdict
-from stand.rehearsal.rocking import over_time
+from stand.rehearsal.rocking import over_time, readings_of, steps_as_noise, turned_by_heading
 from stand.rehearsal.traps import averaging_time, procedure_doubts
 from stand.rehearsal.warmth import warmed
 from stand.simulation.settings import assembled
@@ -259,3 +260,84 @@ def test_a_walk_has_begun_before_the_stretch():
     )
     walked = over_time(both, unit, scene_of(load_imu("ideal")))["gyro random walk"]
     assert walked / 9e-18 == pytest.approx((105 * 25 + 10 * 9) * np.eye(3), rel=1e-9)
+
+
+def one_block(**changes):
+    """Answers of 2 to gyros and 3 to accelerometers, over 4 s from 10 s on."""
+    made = Functional(
+        t=np.array([10.0, 14.0]),
+        gyro=2 * np.eye(3)[None],
+        accel=3 * np.eye(3)[None],
+        rate=np.zeros((1, 3)),
+        force=np.zeros((1, 3)),
+        motion=5e-9 * np.eye(3),
+        C_nb=Rotation.identity(),
+    )
+    return replace(made, **changes)
+
+
+def test_noise_and_steps_of_a_rocking_base_by_hand():
+    """A mean of 4 s has N^2/4 of white noise, and of steps q^2/12/20 Hz/4, of 80 samples."""
+    still = load_imu("ideal")
+    unit = replace(
+        still,
+        gyro=replace(still.gyro, resolution=1e-5),
+        accel=replace(still.accel, resolution=1e-3),
+    )
+    scene = scene_of(unit)
+    assert steps_as_noise(scene) == pytest.approx((1e-5 / np.sqrt(240), 1e-3 / np.sqrt(240)))
+    errors = InstrumentErrors(TriadErrors(noise=3e-7), TriadErrors(noise=1e-4))
+    found = over_time(one_block(), errors, scene)
+    for name, variance in (
+        ("gyro white noise", 4 * 9e-14 / 4),
+        ("gyro rounding", 4 * 1e-10 / 12 / 80),
+        ("accelerometer white noise", 9 * 1e-8 / 4),
+        ("accelerometer rounding", 9 * 1e-6 / 12 / 80),
+        ("motion", 5e-9),
+    ):
+        assert found[name] == pytest.approx(variance * np.eye(3), rel=1e-12), name
+
+
+def test_warmth_and_constants_of_a_rocking_base_by_hand():
+    """12 s are the middle: 1.2 K above, and a ramp of 12 s; turning at 0.1, 0.2 and 0.3 rad/s."""
+    rate = np.array([[0.1, 0.2, 0.3]])
+    per_kelvin, scale, ramp, biased = 1e-8, 1e-6, 1e-9, 4e-8
+    still = load_imu("ideal")
+    gyro = replace(still.gyro, bias_temperature=per_kelvin, scale_temperature=scale)
+    warming = Temperature(np.array([0.0, 1000.0]), 25.0 + np.array([0.0, 100.0]))
+    scene = scene_of(replace(still, gyro=gyro), warming)
+    unit = InstrumentErrors(TriadErrors(bias=biased, ramp=ramp), TriadErrors())
+    found = over_time(one_block(rate=rate), unit, scene)
+    bias, scaled = 2 * 1.2 * per_kelvin * np.eye(3), 2 * 1.2 * scale * rate[0]
+    assert found["gyro temperature"] == pytest.approx(bias**2 + np.outer(scaled, scaled))
+    assert found["gyro ramp"] == pytest.approx((2 * 12 * ramp) ** 2 * np.eye(3))
+    assert found["gyro turn-on bias"] == pytest.approx((2 * biased) ** 2 * np.eye(3))
+    assert "accelerometer ramp" not in found
+    assert not found["accelerometer temperature"].any()
+
+
+def test_a_heading_that_is_not_small_turns_the_tilt_of_the_gyros():
+    """(1 +- exp(-2 h^2))/2 of either axis, their product exp(-h^2/2); h^2 = 0.25 + 0.24."""
+    P = np.array([[4.0, 1.0, 0.2], [1.0, 1.0, 0.1], [0.2, 0.1, 0.25]])
+    other = np.diag([1.0, 1.0, 0.24])
+    found = turned_by_heading({"gyro bias": P, "accelerometer bias": other})
+    kept, turned = (1 + np.exp(-0.98)) / 2, (1 - np.exp(-0.98)) / 2
+    level = [[kept * 4 + turned, kept - turned], [kept - turned, kept + 4 * turned]]
+    assert found["gyro bias"][:2, :2] == pytest.approx(np.array(level))
+    assert found["gyro bias"][2] == pytest.approx(
+        [0.2 * np.exp(-0.245), 0.1 * np.exp(-0.245), 0.25]
+    )
+    assert found["gyro bias"][:, 2] == pytest.approx(found["gyro bias"][2])
+    assert found["accelerometer bias"] is other
+
+
+def test_perfect_readings_are_of_the_middles_of_samples():
+    """Outer at t^2 deg, so at 2 t deg/s: 20 samples a second from 2 s on, stamped at their ends."""
+    coefficients = np.zeros((3, 1, 6))
+    coefficients[0, 0, 3] = np.radians(1.0)
+    motion = Motion(np.array([0.0, 10.0]), coefficients)
+    readings = readings_of(scene_of(load_imu("ideal")).truth(), motion, 2.0, 5.0)
+    assert readings.t == pytest.approx(2.05 + 0.05 * np.arange(60))
+    earth = 15.0411 / 3600 * np.sin(np.radians(48.5))
+    up = np.degrees(readings.w_ib_b[:, 1])
+    assert up == pytest.approx(2 * (2.025 + 0.05 * np.arange(60)) + earth, abs=1e-6)

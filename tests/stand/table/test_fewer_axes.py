@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from alignment.angles import C_nb_from_angles, Sequence
 from stand import toml_files as catalogue
 from stand.errors import StandError
+from stand.motion.missing_axes import same_vertical
 from stand.motion.planner import plan
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import load_procedure, procedure_from
@@ -88,6 +90,27 @@ def test_the_attitude_that_the_axes_there_reach_is_told_and_does():
     # Z1 up is reached by no other pair: outer and middle leave Z1 level
     with pytest.raises(StandError, match=r"it has outer, middle$"):
         plan(procedure(move(up)), STAND, table("outer", "middle"))
+
+
+@pytest.mark.parametrize(
+    ("axes", "wanted", "told"),
+    [
+        # X1 30 deg up by middle alone; Y1 50 deg over by inner alone, to either side
+        (("middle",), (Sequence.YAW_PITCH_ROLL, 0.0, 40.0, 30.0), "roll = 0, yaw = 0, pitch = 30"),
+        (("inner",), (Sequence.YAW_PITCH_ROLL, 50.0, 40.0, 0.0), "roll = 50, yaw = 0, pitch = 0"),
+        (("inner",), (Sequence.YAW_PITCH_ROLL, -50.0, 9.0, 0.0), "roll = -50, yaw = 0, pitch = 0"),
+        # both: middle first is pitch, inner roll
+        (("middle", "inner"), (Sequence.YAW_PITCH_ROLL, 50.0, 40.0, -30.0),
+         "roll = 50, yaw = 0, pitch = -30"),
+        (("middle",), (Sequence.YAW_PITCH_ROLL, 50.0, 40.0, 30.0), ""),
+        (("outer",), (Sequence.YAW_PITCH_ROLL, 0.0, 40.0, 30.0), ""),
+    ],
+)  # fmt: skip
+def test_the_same_vertical_by_hand(axes, wanted, told):
+    C_nb = C_nb_from_angles(wanted[0], *np.radians(wanted[1:]))
+    found = same_vertical(C_nb, np.zeros(6), wanted[0], STAND, table(*axes))
+    by_hand = f"; attitude_deg = {{ {told} }} has the same vertical and can be reached"
+    assert found == (by_hand if told else "")
 
 
 def test_joints_by_name_and_joints_that_stay():

@@ -1,0 +1,71 @@
+"""Workers that a cluster must not have, without a cluster: what is asked and what is told."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from stand.errors import StandError
+from stand.simulation import cluster as door
+from stand.simulation.work import Supply, Task
+from stand.versions import versions
+
+ADDRESS = "tcp://127.0.0.1:9"
+
+
+class Client:
+    """Of a scheduler with one worker that is there at once, and no second one ever."""
+
+    status = "running"
+
+    def __init__(self, threads, theirs):
+        self.threads, self.theirs, self.closed = threads, theirs, False
+
+    def wait_for_workers(self, least, timeout):
+        assert timeout == 60
+        if self.threads is None or least > 1:
+            raise TimeoutError
+
+    def scheduler_info(self, n_workers):
+        assert n_workers == -1  # all of them, not the first five
+        return {"workers": {"far": {"nthreads": self.threads}}}
+
+    def run(self, function, on_error):
+        return {"far": function() | self.theirs if isinstance(self.theirs, dict) else self.theirs}
+
+    def close(self, timeout):
+        self.closed = True
+
+
+@pytest.mark.parametrize(
+    ("threads", "theirs", "told"),
+    [
+        (None, {}, f"--scheduler {ADDRESS}: has no workers"),
+        (2, {}, f"--scheduler {ADDRESS}: worker far has 2 threads, must have 1"),
+        (1, ImportError("no stand"), "worker far has no stand like this one: no stand"),
+        (1, {"numpy_version": "0.1"}, "worker far: has numpy 0.1, must be "),
+    ],
+)
+def test_workers_that_would_compute_something_else(monkeypatch, threads, theirs, told):
+    client = Client(threads, theirs)
+    asked = []
+
+    def made(address, **options):
+        asked.append((address, options["timeout"]))
+        return client
+
+    monkeypatch.setattr(door, "libraries", lambda: (None, SimpleNamespace(Client=made)))
+    supply = Supply([Task(1, b"", range(3))])
+    with pytest.raises(StandError, match=told.replace("(", r"\(")):
+        list(door.cluster(supply, ADDRESS))
+    assert asked == [(ADDRESS, 10.0)]
+    assert client.closed
+
+
+def test_python_may_be_another_and_nothing_else():
+    """Python has no say in the numbers."""
+    assert set(versions()) - set(door._own_versions()) == {"python_version"}
+
+
+def test_nothing_to_do_asks_nobody(monkeypatch):
+    monkeypatch.setattr(door, "libraries", lambda: (None, None))
+    assert list(door.cluster(Supply([]), ADDRESS)) == []
