@@ -7,11 +7,12 @@ import pytest
 
 from alignment.units import DEG
 from stand.errors import StandError
+from stand.motion import limits
 from stand.motion.limits import Peak, check, uses
 from stand.motion.planner import plan
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import procedure_from
-from stand.table.table import load_table
+from stand.table.table import Table, load_table, table_from
 from stand.toml_files import Source
 
 STAND = describe(load_model())
@@ -112,6 +113,61 @@ def test_the_change_that_is_advised_does():
         assert max(p.ratio for p in used(steps)[0].values()) < 1.001
 
 
+def test_how_much_slower_by_hand():
+    """A time goes into rates once, into accelerations twice, into jerks three times."""
+    w = 2 * math.pi * 0.6
+    peaks = used(sine(10, 0.6))[0]
+    for quantity, slower in (
+        ("angle", 1.0),
+        ("rate", 10 * w / 30),
+        ("acceleration", math.sqrt(10 * w**2 / 60)),
+        ("jerk", (10 * w**3 / 300) ** (1 / 3)),
+    ):
+        assert peaks[quantity].slower == pytest.approx(slower, rel=1e-3)
+    assert used(sine(16, 0.1))[0]["angle"].slower == math.inf  # it turns as far, however slowly
+
+
+MOVE = '[[step]]\nkind = "move"\nlabel = "{0}"\njoints_deg = {{ {1} }}\n'
+DWELL = '[[step]]\nkind = "dwell"\nlabel = "d"\nduration_s = 5\n'
+
+
+def test_a_rest_uses_nothing_of_the_moves_beside_it():
+    """Neither of jerks that begin and end where it does, and of the angle where it stands."""
+    steps = MOVE.format("a", "base_roll = -9") + DWELL + MOVE.format("b", "base_roll = 6")
+    move, rest, back = used(steps)
+    for quantity in ("rate", "acceleration", "jerk"):
+        assert rest[quantity].ratio == pytest.approx(0.0, abs=1e-9)
+        assert move[quantity].ratio > 0.1 < back[quantity].ratio
+    assert (rest["angle"].value, rest["angle"].limit) == pytest.approx((-9, 15))
+    assert rest["angle"].ratio == pytest.approx(0.6)
+    assert back["angle"].value == pytest.approx(-9)  # where it comes from
+    assert move["angle"].value == pytest.approx(-9)
+
+
+def test_travel_has_two_ends():
+    """-10 to 20 deg: 8 deg are most of the one side and little of the other."""
+    lopsided = made("base_roll", "travel_deg = [-10.0, 20.0]\n")
+    for angle, ratio in ((8, 0.4), (-8, 0.8), (0, 0.0)):
+        steps = MOVE.format("a", f"base_roll = {angle}") + DWELL
+        procedure = procedure_from(Source("p", "p.toml", HEAD + steps))
+        *_, rest = uses(plan(procedure, STAND, lopsided), lopsided)
+        (angles,) = [p for p in rest.peaks if p.quantity == "angle"]
+        assert angles.ratio == pytest.approx(ratio, abs=1e-12)
+
+
+def made(axis: str, more: str) -> Table:
+    limits = "rate_deg_s = 30.0\nacceleration_deg_s2 = 60.0\njerk_deg_s3 = 300.0\n"
+    text = f'title = "T"\nsource = "the test itself"\n[axis.{axis}]\n{limits}{more}'
+    return table_from(Source("t", "t.toml", text))
+
+
+def test_it_does_not_matter_how_many_pieces_are_looked_at_at_once(monkeypatch):
+    steps = sine(5, 0.5) + rate(20)
+    whole = used(steps)
+    monkeypatch.setattr(limits, "CHUNK", 7)
+    assert used(steps) == whole
+
+
 def test_a_peak_that_lies_in_the_second_step():
     assert 'step 2 "rock"' in refusal(rate(10) + sine(5, 1.5))
 
@@ -124,8 +180,8 @@ def test_torque_is_set_against_the_motors(monkeypatch):
         needed[:, 3] = 3.0 * a[:, 3] + 2.0
         return needed
 
-    limits = np.full(6, 10.0)
-    monkeypatch.setattr(type(TABLE), "torque", property(lambda self: limits))
+    allowed = np.full(6, 10.0)
+    monkeypatch.setattr(type(TABLE), "torque", property(lambda self: allowed))
     wave = sine(20, 0.5, "outer")
     w2 = (2 * math.pi * 0.5) ** 2
     peak = used(wave, torque)[0]["torque"]
@@ -134,7 +190,15 @@ def test_torque_is_set_against_the_motors(monkeypatch):
     assert peak.ratio == pytest.approx(needed / 10, rel=1e-3)
     # of 10 N m, 2 are needed to hold it: 8 are left for I w^2 A
     assert peak.slower == pytest.approx(math.sqrt((needed - 2) / 8), rel=1e-3)
+    # sqrt(10.335/8) is 1.1366, up; 10/12.335 is 0.8107, down
     assert "outer: torque" in refusal(wave, torque)
-    limits[3] = 1.5
+    assert refusal(wave, torque).endswith("; 1.137 times slower, or 0.810 of the angle, would do")
+    small = used(sine(10, 0.5, "outer"), torque)[0]["torque"]
+    assert small.slower == 1.0
+    assert small.ratio == pytest.approx((3 * 10 * DEG * w2 + 2) / 10, rel=1e-3)
+    # held and moved the other way it is the same
+    other = used(wave, lambda q, v, a: -torque(q, v, a))[0]["torque"]
+    assert (other.value, other.slower) == pytest.approx((-peak.value, peak.slower))
+    allowed[3] = 1.5
     assert used(wave, torque)[0]["torque"].slower == math.inf
     assert "slower" not in refusal(wave, torque)

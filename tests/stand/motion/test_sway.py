@@ -354,6 +354,28 @@ def test_density_files_that_are_not_right(tmp_path, text, message):
     assert str(caught.value).startswith("berth.csv: ")
 
 
+@pytest.mark.parametrize(
+    ("rows", "allowed"),
+    [
+        (((0, 1), (5, 1)), True),
+        (((0.1, 0), (0.100001, 9e8), (0.100002, 1e9)), True),  # 1e-6 Hz apart, as dense as may be
+        (((0.1, 0), (0.1000009, 1)), False),
+        (((0.1, 0), (0.100001, 1.01e9)), False),
+        (((1, 1), (1000.1, 1)), False),
+        (((1, 180**2), (2, 180**2)), True),  # 180 deg rms
+        (((1, 180.1**2), (2, 180.1**2)), False),
+    ],
+)
+def test_the_ends_of_what_a_density_may_be(tmp_path, rows, allowed):
+    (tmp_path / "a.csv").write_text("".join(f"{f!r}, {d!r}\n" for f, d in rows), encoding="utf-8")
+    axis = entry(outer={"psd_file": "a.csv"})
+    if allowed:
+        assert np.isfinite(sway(axis, 2.0, 1.0, rng_of(1), tmp_path).coefficients).all()
+    else:
+        with pytest.raises(StandError, match=r"^a\.csv: "):
+            sway(axis, 2.0, 1.0, rng_of(1), tmp_path)
+
+
 def test_a_density_file_that_is_not_there(tmp_path):
     with pytest.raises(StandError, match=r"^no\.csv: cannot read this file: No such file"):
         sway(entry(outer={"psd_file": "no.csv"}), 10.0, 4.0, rng_of(1), tmp_path)

@@ -229,6 +229,37 @@ def test_verdicts_keep_a_guard_band(sigma, verdict):
     assert judge(require, {"heading": DEG}, ["triad"], found)[0].verdict.value == verdict
 
 
+def one_of(method, label, sigma, quantity="heading"):
+    parts = () if sigma is None else (Contribution("all", sigma),)
+    return Prediction(method, "", label, quantity, "deg", DEG, sigma, parts)
+
+
+def test_the_best_method_counts_by_its_worst_stretch():
+    """Two gyros are good once and bad once; carousel is better where it is worst."""
+    found = [
+        one_of("two-position", "a", 1e-4), one_of("two-position", "b", 4e-4),
+        one_of("carousel", "a", 2e-4), one_of("carousel", "b", 3e-4),
+        one_of("triad", "a", None), one_of("carousel", "c", 9e-4, "pitch"),
+    ]  # fmt: skip
+    names = ["triad", "two-position", "carousel"]
+    require = required("static", "heading_deg = 1.0").entry.require
+    (best,) = judge(require, {"heading": 1.0}, names, found)
+    assert (best.method, best.label, best.sigma) == ("carousel", "b", 3e-4)
+    assert (best.required, best.coverage, best.guard) == (1.0, 2.0, 0.1)
+    assert require is not None
+    by_name = require.model_copy(update={"method": "two-position"})
+    (asked_for,) = judge(by_name, {"heading": 1.0}, names, found)
+    assert (asked_for.method, asked_for.label, asked_for.sigma) == ("two-position", "b", 4e-4)
+    # none says anything of roll; without requirement there is nothing to judge
+    (nothing,) = judge(require, {"roll": 1.0}, names, found)
+    assert (nothing.method, nothing.verdict) == ("", Verdict.INDETERMINATE)
+    assert nothing.reason == "no method of this procedure tells roll"
+    assert judge(None, {"heading": 1.0}, names, found) == []
+    # a vertical X1 has a yaw for its heading
+    (yaw,) = judge(require, {"heading": 1.0}, ["triad"], [one_of("triad", "up", 5e-4, "yaw")])
+    assert yaw.label == "up"
+
+
 def test_limits_of_one_part_hold_for_it_alone():
     lines = "heading_deg = 1.0\n[[require.limit]]\ngrade = 'tactical MEMS'\nheading_deg = 2.0\n"
     lines += "[[require.limit]]\npart = 'stim300'\nrevision = 'C'\nheading_deg = 3.0\n"

@@ -19,6 +19,7 @@ from scipy.stats import chi2
 
 from alignment import ESTIMATORS, AttitudeEstimate
 from alignment.angles import Sequence, angles_from_C_nb
+from alignment.calibration.bench import Bench
 from alignment.errors import AlignmentError
 from stand.errors import StandError
 from stand.imu import ImuSpec, load_imu, without
@@ -30,7 +31,7 @@ from stand.rehearsal.result import Verdict
 from stand.rehearsal.result_json import rehearsal_json
 from stand.rehearsal.sums import RunErrors, Sums
 from stand.rehearsal.verification import Achieved, Verification
-from stand.rehearsal.verify import errors_of, first_seed, with_verification
+from stand.rehearsal.verify import errors_of, errors_of_runs, first_seed, with_verification
 from stand.report.rehearsal_tables import headline, tables
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import RunFailed, campaign
@@ -178,6 +179,43 @@ def test_two_gyros_at_rest_are_predicted_and_reached(half_turn):
         assert found.agrees
         # chi-square of 12 at 0.1 and 99.9 %
         assert 0.18 < (found.sigma / found.predicted) ** 2 * 12 / 12 < 2.75
+
+
+@pytest.mark.parametrize("told", ["by its height", "by a bench", "by a number"])
+def test_gravity_is_as_wrong_as_a_method_is_told(half_turn, monkeypatch, told):
+    """A normal number of each run, times its sigma: 100 mGal are 324 m of height in free air."""
+    seen = []
+
+    def looking(dwells, site, options):
+        seen.append(site)
+        raise AlignmentError("no answer")
+
+    asked = asked_of(half_turn)
+    result = rehearse(asked)
+    sigma = 1e-3  # m/s^2
+    own = replace(ESTIMATORS["triad"], estimate=looking, anomaly=sigma)
+    if told == "by a bench":
+        bench = replace(asked.options, bench=Bench(gravity_sigma=sigma))
+        asked, own = replace(asked, options=bench), replace(own, design=lambda: 0, gains=None)
+    if told == "by a number":
+        asked = replace(asked, site=replace(asked.site, local_gravity=9.81))
+    monkeypatch.setitem(ESTIMATORS, "triad", own)
+    first = first_seed(asked)
+    list(errors_of_runs(result, asked, range(3, 5), workers=1))
+    normals = [
+        np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(4,))).standard_normal()
+        for seed in (first + 3, first + 4)
+    ]
+    assert len(seen) == 2
+    for site, normal in zip(seen, normals, strict=True):
+        if told == "by its height":
+            assert site.local_gravity is None
+            assert site.height == pytest.approx(asked.site.height - 324.04 * normal, rel=1e-4)
+            assert site.gravity == pytest.approx(asked.site.gravity + sigma * normal, abs=2e-5)
+        elif told == "by a bench":
+            assert site == replace(asked.site, local_gravity=asked.site.gravity + sigma * normal)
+        else:
+            assert site == asked.site  # somebody has measured it
 
 
 # --- statistics
