@@ -68,10 +68,8 @@ def same_vertical(
     ``up_b = (sin m, cos m cos i, -cos m sin i)``.
     """
     up = C_nb.inv().apply([0.0, 0.0, -1.0])
-    options = [(np.arctan2(up[0], up[1]), 0.0), (0.0, np.arctan2(-up[2], up[1]))]
-    middle = float(np.arcsin(np.clip(up[0], -1, 1)))
-    options.append((middle, float(np.arctan2(-up[2], up[1]))))
-    for middle, inner in options:
+    both = np.arcsin(np.clip(up[0], -1, 1)), np.arctan2(-up[2], up[1])
+    for middle, inner in ((np.arctan2(up[0], up[1]), 0.0), both):  # beyond 90 deg middle alone
         tried = np.array([*joints[:3], 0.0, middle, inner])
         reached = attitude(model, tried)
         same = np.allclose(reached.inv().apply([0.0, 0.0, -1.0]), up, atol=1e-9)

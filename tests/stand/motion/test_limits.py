@@ -144,6 +144,11 @@ def test_a_rest_uses_nothing_of_the_moves_beside_it():
     assert move["angle"].value == pytest.approx(-9)
 
 
+def test_half_a_second_alone_is_looked_at():
+    (still,) = used(DWELL.replace("= 5", "= 0.5"))
+    assert [still[q].ratio for q in ("angle", "rate", "acceleration", "jerk")] == [0, 0, 0, 0]
+
+
 def test_travel_has_two_ends():
     """-10 to 20 deg: 8 deg are most of the one side and little of the other."""
     lopsided = made("base_roll", "travel_deg = [-10.0, 20.0]\n")
@@ -196,6 +201,8 @@ def test_torque_is_set_against_the_motors(monkeypatch):
     small = used(sine(10, 0.5, "outer"), torque)[0]["torque"]
     assert small.slower == 1.0
     assert small.ratio == pytest.approx((3 * 10 * DEG * w2 + 2) / 10, rel=1e-3)
+    # a rest beside it needs what holds it
+    assert used(DWELL + wave, torque)[0]["torque"].value == pytest.approx(2.0)
     # held and moved the other way it is the same
     other = used(wave, lambda q, v, a: -torque(q, v, a))[0]["torque"]
     assert (other.value, other.slower) == pytest.approx((-peak.value, peak.slower))

@@ -10,6 +10,7 @@ from alignment.units import DEG
 from stand.procedure.procedure import procedure_from
 from stand.rehearsal.admissible import turned
 from stand.rehearsal.rehearse import rehearse
+from stand.rehearsal.result import Severity
 from stand.rehearsal.result_json import rehearsal_json
 from stand.report.rehearsal import page
 from stand.simulation.settings import settings
@@ -94,3 +95,12 @@ def test_a_base_that_rests_is_not_asked():
     still = TEXT.format(limit=1, amplitude=1).split("[[background]]")[0]
     made = settings(procedure_from(Source("p", "p.toml", still)), "hg9900", rate_hz=50)
     assert rehearse(made).rocking == ()
+
+
+def test_what_the_table_cannot_do_is_told_before_what_a_method_admits(tmp_path):
+    told = [f.severity for f in rehearsed(tmp_path, amplitude=35.0).findings]
+    assert Severity.WARNING in told
+    first = told.index(Severity.WARNING)
+    assert first > 0
+    assert set(told[:first]) == {Severity.ERROR}
+    assert Severity.ERROR not in told[first:]

@@ -4,6 +4,7 @@ import re
 import time
 import tomllib
 from dataclasses import replace
+from hashlib import sha256
 
 import pytest
 from hypothesis import given
@@ -199,6 +200,8 @@ def test_all_limits_that_are_broken_are_told_with_their_first_time():
     broken = {m.quantity for m in result.feasibility[0].margins if not m.kept}
     # 20 deg of 15; 125.7 deg/s of 30; 789.6 deg/s^2 of 60; 4961 deg/s^3 of 300
     assert {"angle", "rate", "acceleration", "jerk"} <= broken
+    for name, whole in (("procedure", text), ("table", load_table("mid-class").text)):
+        assert result.inputs.sha256[name] == sha256(whole.encode()).hexdigest()
     rate = next(m for m in result.feasibility[0].margins if m.quantity == "rate")
     assert rate.ratio == pytest.approx(125.66 / 30, rel=1e-2)
     assert 0 < rate.first_violation < rate.t

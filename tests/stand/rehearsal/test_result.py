@@ -3,9 +3,13 @@
 from dataclasses import replace
 from math import inf, sqrt
 
+import numpy as np
 import pytest
 from rehearsed import answer, infeasible, margins, prediction, verified
 
+from alignment.information.circle import Rival
+from stand.rehearsal.predictions import prediction as predicted
+from stand.rehearsal.predictions import rounder, withheld
 from stand.rehearsal.result import Finding, Judgement, Severity, Verdict
 
 
@@ -73,6 +77,49 @@ def test_sigma_and_bias_in_quadrature():
     better = replace(one, sigma=1.0, bias=0.0)
     worst = replace(none, beyond=inf)
     assert sorted([worst, none, one, better], key=lambda p: p.rank) == [better, one, none, worst]
+
+
+def made_of(limit, bias=0.0, **sizes):
+    return predicted("triad", "", "a", "roll", ("deg", 0.1), sizes, limit, lambda: "why", bias)
+
+
+def test_sources_of_a_prediction_in_their_order():
+    one = made_of(10.0, noise=3.0, drift=4.0, nothing=4e-6)
+    assert one.sigma == pytest.approx(5.0)
+    assert [(c.source, c.sigma) for c in one.contributions] == [("drift", 4.0), ("noise", 3.0)]
+    one = made_of(13.1, bias=-12.0, noise=3.0, drift=4.0)
+    assert (one.sigma, one.bias) == (pytest.approx(5.0), -12.0)
+    assert one.contributions[0].sigma == 12.0
+    assert one.rms == pytest.approx(13.0)
+
+
+def test_what_is_beyond_first_order_has_no_number():
+    """Five of something are not below five; a bias of twelve and a sigma of five make thirteen."""
+    assert made_of(5.0001, noise=3.0, drift=4.0).determined
+    none = made_of(5.0, noise=3.0, drift=4.0)
+    assert (none.sigma, none.beyond, none.contributions) == (None, 5.0, ())
+    assert none.reason == "not determined: sigma of 50 deg is beyond first order; why"
+    none = made_of(13.0, bias=12.0, noise=5.0)
+    assert none.reason.startswith("not determined: error that is known of 130 deg is beyond")
+    assert made_of(float("inf"), noise=float("nan")).sigma is None
+
+
+def test_a_number_is_withheld_where_there_is_a_reason():
+    found = [made_of(9.0, noise=1.0), replace(made_of(9.0, noise=1.0), quantity="pitch")]
+    roll, pitch = withheld(found, ("roll",), "it rocks")
+    assert (roll.sigma, roll.reason) == (None, "not determined: it rocks")
+    assert pitch is found[1]
+    assert list(withheld(found, ("roll", "pitch"), "")) == found
+
+
+def test_the_circle_of_headings_adds_to_the_variance_of_heading_alone():
+    """A rms of 1.25 times that of first order: 0.5625 of its variance more."""
+    parts = {"a": np.diag([1.0, 2.0, 3.0]), "b": np.diag([1.0, 1.0, 1.0])}
+    more = rounder(parts, Rival(1.25, 1.0, 9.0))
+    assert more.pop("heading beyond first order") == pytest.approx(np.diag([0, 0, 2.25]))
+    assert more == parts
+    assert rounder(parts, Rival(1.0, 0.0, np.inf)) == parts
+    assert rounder(parts, Rival(0.9, 0.0, np.inf)) == parts  # it makes nothing better
 
 
 def test_an_expanded_uncertainty():

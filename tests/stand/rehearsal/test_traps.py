@@ -232,6 +232,26 @@ def test_warmth_of_a_turn_that_starts_at_ninety_degrees():
         assert not accel.any()
 
 
+def test_warmth_of_scales_by_hand():
+    """s a t x(t). At rest it is s a (T/2) x. Of x = cos(w t) over a turn the mean of t cos(w t) is
+    nothing, twice that of t cos^2 is T/2, and twice that of t cos sin is -1/(2 w)."""
+    unit = load_imu("hg9900")
+    per_kelvin, a, w = 1e-5, 0.1, 2 * np.pi / 60
+    unit = replace(unit, accel=replace(unit.accel, scale_temperature=per_kelvin))
+    warming = Temperature(np.array([0.0, 1000.0]), 25.0 + np.array([0.0, 100.0]))
+    rest = Stretch("rest", 0.0, 60.0, Rotation.identity())
+    turn = Stretch("turn", 0.0, 60.0, Rotation.identity(), w)
+    wave = np.zeros((3, 6))
+    wave[1, 3:] = 1.0, 2.0, 3.0
+    gyro, accel = warmed([rest, turn], [np.full((1, 6), 9.0), wave], scene_of(unit, warming))
+    assert not gyro.any()
+    for k in range(3):
+        by_hand = per_kelvin * a * np.array([9 * 30, 0, (k + 1) * 30, -(k + 1) / (2 * w)])
+        own = accel[k + 3 :: 6, k + 3 :: 6]
+        assert own == pytest.approx(np.outer(by_hand, by_hand), rel=1e-3, abs=1e-12)
+    assert not any(part.any() for part in warmed([rest], [np.ones((1, 6))], scene_of(unit)))
+
+
 def test_a_walk_has_begun_before_the_stretch():
     """K sqrt(t) of a bias from the recording's start on: 105 s at the middle of 100 to 110 s."""
     one = np.ones((1, 3, 3)) * np.eye(3)
