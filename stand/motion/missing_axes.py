@@ -68,7 +68,7 @@ def same_vertical(
     ``up_b = (sin m, cos m cos i, -cos m sin i)``.
     """
     up = C_nb.inv().apply([0.0, 0.0, -1.0])
-    both = np.arcsin(np.clip(up[0], -1, 1)), np.arctan2(-up[2], up[1])
+    both = np.arctan2(up[0], np.hypot(up[1], up[2])), np.arctan2(-up[2], up[1])
     for middle, inner in ((np.arctan2(up[0], up[1]), 0.0), both):  # beyond 90 deg middle alone
         tried = np.array([*joints[:3], 0.0, middle, inner])
         reached = attitude(model, tried)

@@ -171,6 +171,8 @@ def test_without_a_grade_the_bias_instability_tells(name, factor, unit):
         (0.0012, 15.0, "error", "white noise is below it after 2.3e-05 s"),
         # (2 / 0.4)^2 h = 9e4 s: long, and 2 / 60 would do
         (2.0, 0.4, "error", "deg/h/rt-Hz (then 0.0333 deg/rt-h)"),
+        # (0.0559 / 15)^2 h = 0.05 s: a hundred samples, so only unusual
+        (0.0559, 15.0, "warning", "white noise is below it after 0.05 s"),
         # the same at a thousandth: no known mix-up repairs it, so only unusual
         (0.002, 0.0004, "warning", "white noise hides it for 9e+04 s"),
     ],
@@ -209,6 +211,15 @@ def test_white_noise_and_bias_instability_that_cannot_both_be_true(
         ("primus200", "accel", "turn_on_bias_mg", 4.0, "warning", "has 0.005 to 3 mg"),
         ("stim300", "sampling", "latency_ms", 1e-5, "error", "is it in s (then 0.01 ms)"),
         ("stim300", "sampling", "jitter_us", 0.0, "none", ""),
+        # log2(2 x 400/step): 33.05 and 7.97
+        ("stim300", "gyro", "resolution_deg_s", 9e-8, "error", "33 bits in 400 deg/s"),
+        ("stim300", "gyro", "resolution_deg_s", 3.2, "error", "8 bits in 400 deg/s"),
+        # what lies on a limit is within it
+        ("stim300", "gyro", "scale_factor_ppm", 30, "none", ""),
+        ("stim300", "gyro", "scale_factor_ppm", 3000, "none", ""),
+        ("stim300", "gyro", "scale_factor_ppm", 3010, "warning", "has 30 to 3000 ppm"),
+        ("adis16470", "gyro", "bandwidth_hz", 1000, "none", ""),
+        ("adis16470", "gyro", "bandwidth_hz", 2000, "warning", "above half the output rate"),
     ],
 )
 def test_pairs(name, sensor, key, value, severity, told):
@@ -219,6 +230,13 @@ def test_pairs(name, sensor, key, value, severity, told):
         assert new == []
         return
     assert any(f.severity == severity and told in f.message for f in new), new
+
+
+def test_a_drift_as_large_as_the_bias_can_be():
+    """0.3 deg/h of instability: nobody could measure less than that from run to run."""
+    for bias, told in ((0.3, False), (0.299, True)):
+        findings = found(changed("stim300", "gyro", "turn_on_bias_deg_h", bias))
+        assert any("from run to run" in f.message for f in findings) == told
 
 
 # --- sources and kinds

@@ -199,19 +199,50 @@ def test_rates_at_the_ends_may_be_those_of_rest(tmp_path):
 
 @pytest.mark.parametrize(("off", "allowed"), [(0.0599, True), (0.0601, False), (-0.0601, False)])
 def test_angles_must_grow_as_their_rates_say(tmp_path, off, allowed):
-    """1 deg/s at rows 1 s apart is 1 deg: 0.01 deg and half of 0.1 s at 1 deg/s may be missing."""
+    """From 0 to 1 deg/s in 0.1 s are 0.05 deg: 0.01 deg and half of 0.1 s at 1 deg/s may be off."""
     t = np.arange(20) * 0.1
     rate = np.where((t > 0) & (t < 1.85), 1.0, 0.0)
     angle = 40 + np.concatenate([[0], np.cumsum(0.1 * (rate[1:] + rate[:-1]) / 2)])
-    angle[10:] += off
+    angle[1:] += off
     table = np.stack([t, angle, rate, 0 * t], axis=1).tolist()
     rows = [",".join(map(repr, row)) + "\n" for row in table]
     text = "time_s,outer_deg,outer_deg_s,outer_deg_s2\n" + "".join(rows)
     if allowed:
         read(tmp_path, text)
     else:
-        with pytest.raises(StandError, match=r"line 12, outer_deg = .* near 40\.95, as its rates"):
+        with pytest.raises(StandError, match=r"line 3, outer_deg = .* near 40\.05, as its rates"):
             read(tmp_path, text)
+
+
+def of_angles(angles) -> str:
+    """Rows 0.1 s apart, from 40 deg on."""
+    rows = [f"{k / 10!r},{40 + x!r}\n" for k, x in enumerate(angles)]
+    return "time_s,outer_deg\n" + "".join(rows)
+
+
+@pytest.mark.parametrize(("rate", "allowed"), [(0.17771, True), (0.17773, False)])
+def test_how_fast_a_file_of_angles_may_begin(tmp_path, rate, allowed):
+    """``s t + t^2`` up to 1 s, and the same back: a fifth of ``s + 0.7`` of the fourth rate, 1e-5
+    deg of a row in 0.1 s and a thousandth of the fastest ``s + 1.9``: s = 0.1420/0.799."""
+    t = np.arange(11) / 10
+    there = rate * t + t**2
+    text = of_angles(np.concatenate([there, 2 * there[-1] - there[-2::-1]]).tolist())
+    if allowed:
+        read(tmp_path, text)
+    else:
+        with pytest.raises(StandError, match=r"line 2, .* begin at rest, but moves at 0\.178 deg"):
+            read(tmp_path, text)
+
+
+@pytest.mark.parametrize(("rate", "allowed"), [(9.9, True), (10.1, False)])
+def test_a_jump_is_ten_times_as_fast_as_what_is_about_it(tmp_path, rate, allowed):
+    up = [0, 0, 0, 0, 0, 0.2, 0.4, 0.6, 0.8, 1, 1, 1]
+    angles = np.cumsum([0, *up, rate, *up[::-1]]) * 0.1
+    if allowed:
+        read(tmp_path, of_angles(angles.tolist()))
+    else:
+        with pytest.raises(StandError, match=r"line 15, .* must not jump; .* before has 40\.5$"):
+            read(tmp_path, of_angles(angles.tolist()))
 
 
 def swapped(text: str, line: int, new: str) -> str:
