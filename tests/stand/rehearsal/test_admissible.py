@@ -8,9 +8,9 @@ from pages import checked
 
 from alignment.units import DEG
 from stand.procedure.procedure import procedure_from
-from stand.rehearsal.admissible import turned
-from stand.rehearsal.rehearse import rehearse
-from stand.rehearsal.result import Severity
+from stand.rehearsal.admissible import admissible, base_rocking, turned
+from stand.rehearsal.rehearse import prepared, rehearse
+from stand.rehearsal.result import Contribution, Prediction, Severity
 from stand.rehearsal.result_json import rehearsal_json
 from stand.report.rehearsal import page
 from stand.simulation.settings import settings
@@ -95,6 +95,43 @@ def test_a_base_that_rests_is_not_asked():
     still = TEXT.format(limit=1, amplitude=1).split("[[background]]")[0]
     made = settings(procedure_from(Source("p", "p.toml", still)), "hg9900", rate_hz=50)
     assert rehearse(made).rocking == ()
+
+
+def test_the_rocking_of_a_prediction_by_hand(tmp_path):
+    """A sigma of 5 by rocking of 3 and the sensors' 4: of 4.5 are left 2.06 for it."""
+    path = tmp_path / "rocking.toml"
+    still = '[[step]]\nkind = "dwell"\nlabel = "still"\nduration_s = 20\n[[step]]'
+    text = TEXT.format(limit=2.0, amplitude=1.0).replace("[[step]]", still, 1)
+    path.write_text(text.replace('kind = "sine"', 'kind = "sine"\nfirst = "rocked"'))
+    scene = prepared(settings(str(path), "hg9900", rate_hz=50))
+    planned, frequency = base_rocking(scene, scene.plan.stretches[1])
+    assert (planned / DEG, frequency) == pytest.approx((1 / 2**0.5, 0.2), rel=0.02)
+    assert base_rocking(scene, scene.plan.stretches[0]) == (0.0, 0.0)
+
+    def admitted(allowed, **sizes):
+        parts = tuple(Contribution(name, size) for name, size in sizes.items())
+        total = sum(size**2 for size in sizes.values()) ** 0.5
+        one = Prediction("inertial", "", "rocked", "heading", "deg", DEG, total, parts)
+        (found,) = admissible(scene, ["inertial", "fine"], [one], allowed)
+        assert found.sensors == pytest.approx(sizes["noise"])
+        return found.rms / planned
+
+    assert admitted(4.5, motion=3.0, noise=4.0) == pytest.approx((4.5**2 - 16) ** 0.5 / 3)
+    assert admitted(5.0, motion=3.0, noise=4.0) == pytest.approx(1.0)
+    assert admitted(3.9, motion=3.0, noise=4.0) == 0.0
+    assert admitted(9.9, motion=1.0, noise=0.1) == pytest.approx((9.9**2 - 0.01) ** 0.5)
+    assert admitted(10.1, motion=1.0, noise=0.1) == np.inf
+    assert admitted(4.5, noise=4.0) == np.inf
+    assert admitted(3.9, noise=4.0) == 0.0
+
+
+def test_half_a_turn_of_a_resonance_by_hand(tmp_path):
+    """w T = pi, d = 0.1: u = 3.12584, rho = exp(-0.314159) (-0.999876 + 0.001583) = -0.729156."""
+    assert turned(np.array([0.25]), 2.0)[0] == pytest.approx((2 * 1.729156) ** 0.5, abs=2e-6)
+    means = rehearsed(tmp_path).rocking[0]
+    assert means.frequencies[[0, -1]] == pytest.approx([0.01 / 120, 5.0])
+    seen = means.curve * turned(means.frequencies, 120.0)
+    assert seen == pytest.approx(means.rms * turned(np.array([means.frequency]), 120.0)[0])
 
 
 def test_what_the_table_cannot_do_is_told_before_what_a_method_admits(tmp_path):

@@ -253,6 +253,11 @@ def test_the_best_method_counts_by_its_worst_stretch():
     by_name = require.model_copy(update={"method": "two-position"})
     (asked_for,) = judge(by_name, {"heading": 1.0}, names, found)
     assert (asked_for.method, asked_for.label, asked_for.sigma) == ("two-position", "b", 4e-4)
+    # one that carries a nominal attitude finds none: it counts where nothing else is there
+    nominal = one_of("two-sample", "a", 1e-6)
+    assert judge(require, {"heading": 1.0}, [*names, "two-sample"], [*found, nominal]) == [best]
+    (alone,) = judge(require, {"heading": 1.0}, ["two-sample"], [nominal])
+    assert alone.method == "two-sample"
     # none says anything of roll; without requirement there is nothing to judge
     (nothing,) = judge(require, {"roll": 1.0}, names, found)
     assert (nothing.method, nothing.verdict) == ("", Verdict.INDETERMINATE)
@@ -261,6 +266,19 @@ def test_the_best_method_counts_by_its_worst_stretch():
     # a vertical X1 has a yaw for its heading
     (yaw,) = judge(require, {"heading": 1.0}, ["triad"], [one_of("triad", "up", 5e-4, "yaw")])
     assert yaw.label == "up"
+
+
+def test_a_constant_is_refused_where_its_floor_is_above_the_limit():
+    """Twice the worse axis' floor of 0.4 or 0.6 against 1."""
+    require = required("static", "heading_deg = 1.0").entry.require
+    rows = [one_of("calibration", "all", 3.0 + k, f"gyro bias {a}") for k, a in enumerate("XYZ")]
+    for floor, refused in ((0.4, False), (0.5, False), (0.6, True)):
+        floors = {"calibration": lambda f=floor: {"gyro bias X": 0.1, "gyro bias Y": f, "x": 9.0}}
+        (one,) = judge(require, {"gyro bias": 1.0}, ["calibration"], rows, floors)
+        assert (one.sigma, one.verdict, one.refused) == (5.0, Verdict.FAIL, refused)
+        assert ("no unit and no longer test on this table" in one.reason) == refused
+    (kept,) = judge(require, {"gyro bias": 20.0}, ["calibration"], rows, floors)
+    assert (kept.verdict, kept.refused) == (Verdict.PASS, False)
 
 
 def test_limits_of_one_part_hold_for_it_alone():
