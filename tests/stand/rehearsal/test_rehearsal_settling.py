@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,15 +11,16 @@ from alignment.units import ARC_SECOND
 from stand import toml_files as catalogue
 from stand.imu import load_imu
 from stand.motion.planner import plan
-from stand.motion.polynomial import MotionKind
+from stand.motion.polynomial import Motion, MotionKind
 from stand.physics.following import StepSpan
 from stand.physics.mjcf import describe, load_model
 from stand.physics.servo import Servo
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
-from stand.rehearsal.following import left_off
+from stand.rehearsal.following import left_off, never_settling
 from stand.rehearsal.rehearse import prepared, rehearse
 from stand.simulation.settings import assembled
 from stand.table.joints import JOINTS
+from stand.table.table import load_table
 
 MODEL = load_model()
 STAND = describe(MODEL)
@@ -139,3 +141,39 @@ def test_an_axis_that_friction_holds_beyond_what_counts_as_settled_is_named(tmp_
     assert "within 10 arc s" in told
     kept = rehearse(servo_case(tmp_path, integrator=False)).findings
     assert not [f for f in kept if f.kind == "servo"]
+
+
+def test_an_axis_is_short_of_where_it_last_went():
+    """2 N m over ``I w^2`` of 4 kg m^2 and 10 rad/s are 5 mrad, against the last way of all."""
+    rates = np.zeros((2, 4, len(JOINTS)))  # of pieces of 1 s; the last is after the rest
+    outer, middle, inner = map(JOINTS.index, ("outer", "middle", "inner"))
+    rates[0, :, outer] = 1, -1, 0, 1
+    rates[0, :, middle] = -1, 1, 0, -1
+    rates[0, :, inner] = 1, 0, 0, -1
+    usual = load_table("mid-class").motors[outer]
+    assert usual is not None
+    motor = replace(usual, coulomb=2.0, bandwidth=10.0, integral=None)
+    within = 3e-3
+    scene = SimpleNamespace(
+        settings=SimpleNamespace(motion=MotionKind.SERVO),
+        plan=SimpleNamespace(motion=Motion(np.arange(5.0), rates)),
+        table=SimpleNamespace(motors=[motor] * 6, settle_within=within),
+        inertias=np.full(6, 4.0),
+    )
+    step = SimpleNamespace(steady_from=2.5, turning=None)
+    expected = np.zeros(6)
+    expected[[outer, middle, inner]] = 5e-3, -5e-3, -5e-3
+    assert left_off(scene, step) == pytest.approx(expected, abs=1e-15)
+    turning = SimpleNamespace(steady_from=2.5, turning=SimpleNamespace(axis=outer))
+    assert left_off(scene, turning)[outer] == 0.0
+    assert not left_off(scene, SimpleNamespace(steady_from=0.0, turning=None)).any()
+    told = never_settling(scene, [turning, step])
+    assert [one.partition(":")[0] for one in told] == ["outer", "middle", "inner"]
+    assert "1.03e+03 arc s off, and within 619 arc s" in told[0]
+    assert len(never_settling(scene, [turning])) == 2
+    assert never_settling(scene, []) == []
+    # one with an integrator, or as planned, is where it should be
+    scene.table.motors = [replace(motor, integral=0.1)] * 6
+    assert not left_off(scene, step).any()
+    scene.table.motors, scene.settings.motion = [motor] * 6, MotionKind.IDEAL
+    assert not left_off(scene, step).any()
