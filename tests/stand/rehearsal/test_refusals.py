@@ -256,6 +256,23 @@ def test_a_record_is_ten_times_as_long_as_a_term_needs():
             assert found[0].text.endswith("of rest on, the longest lasts 20 s")
 
 
+def test_the_longest_rest_counts_for_allan_terms_and_no_turn_does():
+    unit = rest().imu
+    gyro = replace(unit.gyro, noise=0.664 * sqrt(2), instability=1.0)  # 20 s, as above
+    unit = replace(unit, gyro=gyro, accel=replace(unit.accel, instability=0.0))
+
+    def told(*stretches):
+        made = [SimpleNamespace(label=label, steady_from=5.0, steady_to=5.0 + seconds, turning=turns)
+                for label, seconds, turns in stretches]  # fmt: skip
+        found = list(allan_lengths(SimpleNamespace(stretches=made), unit, ["B"]))
+        return [(f.step, f.text.rpartition("lasts ")[2]) for f in found]
+
+    a, b, turn = ("a", 15.0, None), ("b", 19.0, None), ("t", 100.0, "outer")
+    assert told(a, b, a, turn) == [("b", "19 s")]
+    assert told(turn) == told() == [("", "0 s")]
+    assert told(a, ("c", 20.1, None)) == []
+
+
 def test_a_limit_is_first_broken_when_it_is():
     """15.05 sin(2 pi 0.05 (t - 10)) deg is beyond 15 from 10 + 1.489237/0.314159 = 14.7404 s on."""
     text = '[[step]]\nkind = "sine"\nlabel = "rocks"\nduration_s = 40\nfade_s = 10\n'
