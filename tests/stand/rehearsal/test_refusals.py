@@ -262,8 +262,10 @@ def test_the_longest_rest_counts_for_allan_terms_and_no_turn_does():
     unit = replace(unit, gyro=gyro, accel=replace(unit.accel, instability=0.0))
 
     def told(*stretches):
-        made = [SimpleNamespace(label=label, steady_from=5.0, steady_to=5.0 + seconds, turning=turns)
-                for label, seconds, turns in stretches]  # fmt: skip
+        made = [
+            SimpleNamespace(label=label, steady_from=5.0, steady_to=5 + seconds, turning=turns)
+            for label, seconds, turns in stretches
+        ]
         found = list(allan_lengths(SimpleNamespace(stretches=made), unit, ["B"]))
         return [(f.step, f.text.rpartition("lasts ")[2]) for f in found]
 
