@@ -481,3 +481,27 @@ def test_sway_depends_on_the_seed_and_on_its_place_alone():
     same, again, other = (m.joints(t)[0][:, 0] for m in motions)
     assert same.tolist() == again.tolist()
     assert np.abs(same - other).max() > 0.1 * DEG
+
+
+def test_times_of_a_wave_by_hand():
+    """Fades of 3 s about 20.5 s make 26.5 s, which last to 27 s; it begins with the step."""
+    wave = '[[step]]\nkind = "sine"\nlabel = "rocks"\nduration_s = 20.5\nfade_s = 3\n'
+    wave += "axes = { base_pitch = { amplitude_deg = 2, frequency_hz = 0.5 } }\n"
+    made = planned(dwell(duration_s=2.5) + wave + dwell("B"))
+    step = made.steps[1]
+    times = (step.t_from, step.steady_from, step.steady_to, step.t_to, made.steps[2].t_to)
+    assert times == (2.5, 5.5, 26.0, 29.5, 30.5)
+    pitch = JOINTS.index("base_pitch")
+    assert made.rests.tolist() == [[True] * 6, [i != pitch for i in range(6)], [True] * 6]
+    angles = made.motion.joints([2.5, 6.0, 8.0, 29.0])[0][:, pitch] / DEG
+    # sin(pi (t - 5.5)) from the steady part on: a quarter of a wave, and two and a half pi
+    assert angles == pytest.approx([0, 2, 2 * math.sin(math.pi * 2.5), 0], abs=1e-9)
+
+
+def test_a_move_of_more_than_seven_thousand_seconds_is_refused():
+    """170 deg at 0.02 deg/s last 8500 s, at 0.025 deg/s 6800 s and little more."""
+    line = refusal(move("rate_deg_s = 0.02", outer=170.0, inner=90.0) + dwell())
+    assert line.endswith("rate_deg_s = 0.02 on outer: the move would take 8500 s, allowed 7000")
+    assert planned(move("rate_deg_s = 0.025", outer=170.0) + dwell()).steps[
+        0
+    ].t_to == pytest.approx(6801)
