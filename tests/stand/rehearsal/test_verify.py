@@ -31,7 +31,13 @@ from stand.rehearsal.result import Verdict
 from stand.rehearsal.result_json import rehearsal_json
 from stand.rehearsal.sums import RunErrors, Sums
 from stand.rehearsal.verification import Achieved, Verification
-from stand.rehearsal.verify import errors_of, errors_of_runs, first_seed, with_verification
+from stand.rehearsal.verify import (
+    errors_of,
+    errors_of_runs,
+    first_seed,
+    verification_of,
+    with_verification,
+)
 from stand.report.rehearsal_tables import headline, tables
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import RunFailed, campaign
@@ -293,6 +299,18 @@ def test_interval_covers_in_nineteen_of_twenty():
             assert plain >= 399
         elif true > 1:
             assert held > plain
+
+
+def test_an_interval_is_widened_by_as_many_as_are_compared(half_turn):
+    result = rehearse(asked_of(half_turn))
+    told = [p for p in result.predictions if p.determined][:2]
+    for compared in (1, 2):
+        sums = Sums()
+        for x in (1.0, -1.0, 2.0):
+            errors = {(p.method, p.window, p.label, p.quantity): x * p.per for p in told[:compared]}
+            sums.add(RunErrors(errors, {}))
+        found = verification_of(result, sums, 3, 0, 1.0)
+        assert [a.among for a in found.achieved] == [compared] * compared
 
 
 def test_numbers_that_are_none_do_not_count():
