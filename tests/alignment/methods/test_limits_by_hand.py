@@ -1,6 +1,8 @@
 """Where methods begin to refuse or to doubt, on both sides; means and densities by hand."""
 
+import sys
 from math import cos, radians, sin, sqrt
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, TooShort
 from alignment.methods.carousel import carousel_attitude, combined, lag_of
 from alignment.methods.harmonics import TurningVector
+from alignment.methods.positions import _doubts, _growth, _switched_on
 from alignment.methods.single_gyro import gyro_latitude
 from alignment.methods.two_gyro import azimuth_of_sway, two_gyro, white_density
 
@@ -133,3 +136,39 @@ def test_a_lag_by_hand():
     back = vector([cos(0.3), 0.0, sin(0.3)], 0.5)
     np.testing.assert_allclose(lag_of([forth, back], [2.0, -1.0], UP), [0.1, 1 / 12])
     np.testing.assert_array_equal(lag_of([forth, back], [2.0, 1.0], UP), [0.0, 0.0])
+
+
+# --- positions ------------------------------------------------------------------------------------
+
+
+def test_biases_as_they_were_switched_on_by_hand(monkeypatch):
+    """A drift of 8 since then: of a bias told to a quarter (1 - 2/4) 8 = 4 is added, of one told
+    wholly 8 is taken off, down to a tenth of what was found."""
+    # the package has the function under that name
+    module = sys.modules["alignment.methods.positions"]
+    monkeypatch.setattr(module, "mean_drift", lambda *_: np.array([8.0, 2.0]))
+    told = np.diag([0.25, 1.0, 5.0, 1.0, 4.0, 0.0])
+    fit = SimpleNamespace(bias_covariance=told, bias_prior=np.array([1, 1, 1, 2, 2, 2.0]))
+    found = _switched_on(np.array([5.0, 24.0, 7.0, 3.0, 3.0, 2.0]), fit, Priors(), [])
+    # 1, 1 and 1 of variances 1; 1/4, 1 and 0 of variances 4
+    np.testing.assert_allclose(found, np.sqrt([9.0, 16.0, 0.7, 4.0, 1.0, 4.0]), rtol=1e-12)
+
+
+def fitted(**changes) -> SimpleNamespace:
+    fit = {"growth": 1.0, "chi2": 9.0, "freedom": 4.0, "margin": 1e9}
+    return SimpleNamespace(**fit | {"unseen": [False] * 6, "contradicted": False} | changes)
+
+
+def test_doubts_of_positions_by_hand():
+    assert _doubts(fitted()) == ()
+    (hidden,) = _doubts(fitted(unseen=[False, True, False, False, False, True]))
+    assert hidden == "biases not shown by these turns: Y1 gyro, Z1 accelerometer"
+    assert _doubts(fitted(margin=12.01)) == ()
+    (near,) = _doubts(fitted(margin=11.94))
+    assert "another attitude fits nearly as well (chi-square 11.9 more)" in near
+    (said,) = _doubts(fitted(contradicted=True, growth=2.25))
+    assert "chi-square 9 for 4 degrees of freedom" in said
+    assert said.endswith("sigmas are 1.5 times as large for it")
+    assert _growth(fitted(growth=2.25)) == 2.25
+    with pytest.raises(AlignmentError, match="chi-square 9 for 4 degrees of freedom, too few"):
+        _growth(fitted(growth=np.inf))

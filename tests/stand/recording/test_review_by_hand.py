@@ -527,3 +527,9 @@ def test_a_long_stretch_without_phases(tmp_path, monkeypatch):
         assert found.at(entity, "sim_time").tolist() == [S, 4 * S, 5 * S, 8 * S]
     assert "/phase sim_time" not in found.timed
     assert found.screens["ContainerBlueprint:row_shares"] == [[1.0, 1.0]]
+
+
+def test_a_stretch_a_little_too_long(tmp_path, monkeypatch):
+    monkeypatch.setattr(excerpt, "ROW_BUDGET", 4)
+    t, values = np.arange(1.0, 7.0), np.ones((6, 3))
+    assert write_excerpt(tmp_path / "a.rrd", "a", ImuReadings(t, values, values)) == 3
