@@ -123,9 +123,11 @@ def test_noise_of_an_update_by_hand():
     """A micrometre, and 100 r^2 N^2 T: mean of squares of 1, 2, 3 e-6 is 14/3 e-12; T 50 s."""
     carried = SimpleNamespace(t=np.array([100.0, 120.0, 150.0]))
     noise = Noise(np.array([1e-6, 2e-6, 3e-6]), NONE)
-    assert _update_variance(carried, noise, Priors()) == pytest.approx(1e-12)
+    assert _update_variance(carried, noise, Priors()) == pytest.approx(1e-12, abs=0)
     want = 1e-12 + 100 * 0.2**2 * 14 / 3 * 1e-12 * 50
-    assert _update_variance(carried, noise, Priors(lever_arm=0.2)) == pytest.approx(want, rel=1e-12)
+    assert _update_variance(carried, noise, Priors(lever_arm=0.2)) == pytest.approx(
+        want, rel=1e-12, abs=0
+    )
 
 
 @pytest.mark.parametrize(("leaned", "needed"), [(0.0, True), (0.99, True), (1.01, False)])
@@ -141,7 +143,7 @@ def test_noise_along_the_vertical_by_hand(leaned, needed):
     priors = Priors(accel_bias=3e-3, accel_scale=4e-4, gyro_instability=2e-6)
     found = _heave_density(carried, Noise(np.full(3, 1e-5), NONE), priors, 10.0)
     want = 20 * s2 * (50 * b2 + 2 / 3 * 100 * s2) if needed else 0.0
-    assert found == pytest.approx(want, rel=1e-12)
+    assert found == pytest.approx(want, rel=1e-12, abs=0)
 
 
 @pytest.mark.parametrize(("turned", "folded"), [(0.0098, True), (0.0102, False)])
