@@ -11,7 +11,6 @@ from itertools import pairwise
 from math import sqrt
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from alignment.arrays import Array
 
@@ -65,7 +64,7 @@ def sum_covariance(gain: Array, span: float, processes: Sequence[GaussMarkov]) -
     blocks is a product of spectra, of rows with as many zeros behind them.
     """
     m, k, _ = gain.shape
-    size = 2 * int(next_fast_len(m) or m)
+    size = 2 << (m - 1).bit_length()  # a power of two, 2 m at least
     covariances = np.zeros(size)
     for one in processes:
         a = span / one.time

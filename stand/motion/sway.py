@@ -25,7 +25,7 @@ from stand.table.joints import JOINTS
 # 2e-7.
 PER_PERIOD = 8
 DEGREE = 7
-FADE_STEPS = 20  # at least
+FADE_STEPS = 32  # at least: `REST` takes an eighth of the fade at most
 REST = 4  # steps at each end: no B-spline that reaches beyond it weighs anything
 MOST_STEPS = 1_500_000  # of a motion: 580 MB of polynomials of degree 7
 MOST_DRAWN = 8_000_000  # steps of the series drawn: a slow wave beside a fast one needs many

@@ -35,6 +35,7 @@ from stand.simulation.settings import Settings, assembled
 from stand.toml_files import Source
 
 DRIFTS = ("bias instability", "random walk", "ramp")
+ENCODER = "encoder steps"
 EVER = 1e7  # s: as long as anybody
 EDGE = 1e-9  # of a stretch, so that its whole turns are whole
 
@@ -132,6 +133,7 @@ class Problem:
         present = np.isin(np.arange(terms.COUNT), self.active)
         self.goal = Goal(wanted.entry.require, limits, present)
         self._J, self._rows = model.jacobian()[:, self.active] * self.sigmas, model.rows()[0]
+        self._encoder = noise_parts(model).get(ENCODER, np.zeros((len(self._J), len(self._J))))
         once, twice = _but_drifts(model), _but_drifts(self._model(2.0))
         # what stays however long one looks, and what averages out: of one second
         self._lasting = 2 * twice - once
@@ -244,6 +246,18 @@ class Problem:
         )
         R = self._lasting[np.ix_(rows, rows)] + np.diag(self._white[rows] / seconds)
         R += self._drifting(spans, numbers)
+        # the ends of a turn, by its encoder, tell the mean rate as the turn is long; rests stay
+        stations = self._all()
+        shorter = np.concatenate(
+            [
+                np.full(
+                    len(self._rows[n]),
+                    stations[n].stretch.span.length / s.length if stations[n].stretch.rate else 1.0,
+                )
+                for n, s in zip(numbers, spans, strict=True)
+            ]
+        )
+        R += self._encoder[np.ix_(rows, rows)] * np.outer(shorter, shorter)
         scale = np.sqrt(np.diag(R))
         L = np.linalg.cholesky(R / np.outer(scale, scale))
         A = solve_triangular(L, self._J[rows] / scale[:, None], lower=True)
@@ -282,9 +296,10 @@ class Problem:
 
 
 def _but_drifts(model: Model) -> Array:
-    """Covariance (m, m) of the readings but for what wanders in time."""
+    """Covariance (m, m) of the readings but for what wanders in time and what encoders err."""
     parts = noise_parts(model)
-    return np.sum([part for name, part in parts.items() if not name.endswith(DRIFTS)], axis=0)
+    own = [part for name, part in parts.items() if not name.endswith((*DRIFTS, ENCODER))]
+    return np.sum(own, axis=0)
 
 
 def _untangled(order: list[int], path: Callable[[Sequence[int]], float]) -> list[int]:

@@ -234,7 +234,7 @@ def _table(achieved: Sequence[Achieved]) -> TableData | None:
         f"of all at once meets {WITHIN}: widened so that chance alone makes one of all these miss "
         "in 5 % of such verifications.",
     )
-    if any(ESTIMATORS[a.method].design is not None for a in achieved):
+    if any(a.method in ESTIMATORS and ESTIMATORS[a.method].design for a in achieved):
         notes += (
             "Of constants that no sheet states a size is assumed, and no run has any: predicted is "
             "here what the readings make of them, without that size.",

@@ -185,12 +185,18 @@ class _Far:
         return _AHEAD * max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
 
     def fill(self, supply: Supply) -> None:
-        """Hand out batches, as long as there are and somebody takes them."""
+        """Hand out batches, as long as there are and somebody takes them.
+
+        A run that has been lost goes alone: nobody else's end is taken for its own.
+        """
         if self._client.status != "running":
             return
         if time.monotonic() - self._counted > _COUNTED_S:
             self._ahead, self._counted = self._wanted(), time.monotonic()
         while len(self.held) < self._ahead and (batch := supply.take()) is not None:
+            if self.held and any(one.tries for one in (batch, *self.held.values())):
+                supply.put_back(batch)
+                return
             future = self._client.submit(_answer, batch, _own_versions(), pure=False, retries=0)
             self.held[future] = batch
             future.add_done_callback(self._ended.put)
