@@ -52,6 +52,10 @@ class SequenceRule(Enum):
         regular = self is SequenceRule.REGULAR
         return Sequence.YAW_ROLL_PITCH if x1_vertical == regular else Sequence.YAW_PITCH_ROLL
 
+    def sequence_at(self, C_nb: Rotation) -> Sequence:
+        """The sequence for an attitude."""
+        return self.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0]))
+
 
 def C_nb_from_angles(sequence: Sequence, roll: float, yaw: float, pitch: float) -> Rotation:
     """Attitude from angles [rad] by the given order of turns."""

@@ -92,7 +92,7 @@ def _check_vertical(label: str, measured: Array, wanted: Array) -> None:
 
 def sequence_of(nominal: Rotation, rule: SequenceRule) -> Sequence:
     """The order of turns of a position, by its nominal attitude: one for all methods."""
-    return rule.sequence_for(nominal.inv().apply([0.0, 0.0, -1.0]))
+    return rule.sequence_at(nominal)
 
 
 def placed_covariance(priors: Priors) -> Array:

@@ -188,7 +188,7 @@ class Information:
 
     def _angle_row(self, quantity: str, stretch: int) -> Array:
         C_nb = self.C_np * self.stretches[stretch].C_pb
-        order = SequenceRule.REGULAR.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0]))
+        order = SequenceRule.REGULAR.sequence_at(C_nb)
         if quantity == "heading":
             order = Order.YAW_PITCH_ROLL
         angles = angles_from_C_nb(order, C_nb)

@@ -404,14 +404,13 @@ def _together(
     except AlignmentError as error:
         raise type(error)(f"{first.label}: {error}") from error
     C_nb = Rotation.from_matrix(fit.C_nb)
-    up = first.nominal.inv() if first.nominal is not None else C_nb.inv()
     return AttitudeEstimate(
         METHOD,
         first.label,
         min(s.t_from for s in group),
         max(s.t_to for s in group),
         C_nb=site.plumb * C_nb,
-        sequence=options.rule.sequence_for(up.apply([0.0, 0.0, -1.0])),
+        sequence=options.rule.sequence_at(C_nb if first.nominal is None else first.nominal),
         covariance=fit.covariance,
         flags=tuple(dict.fromkeys(flag for s in group for flag in s.flags))
         + heading_doubt(fit.covariance)

@@ -293,8 +293,7 @@ def fine_tracks(dwell: Dwell, site: Site, options: Options) -> list[AttitudeTrac
     shown &= run.covariance[:, 2, 2] < _SHOWN**2
     shown[-1] = True
     C_nb = Rotation.from_quat(run.C_nb.as_quat()[shown])
-    up = C_nb[-1].inv().apply([0.0, 0.0, -1.0])
-    sequence = options.rule.sequence_for(up)
+    sequence = options.rule.sequence_at(C_nb[-1])
     return [AttitudeTrack(METHOD, dwell.label, run.t[shown], C_nb, sequence, run.covariance[shown])]
 
 
@@ -392,7 +391,7 @@ def _fine(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         dwell.t_from,
         float(run.t[-1]),
         C_nb,
-        options.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
+        options.rule.sequence_at(C_nb),
         covariance=covariance,
         flags=run.flags + heading_doubt(covariance),
     )

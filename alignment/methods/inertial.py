@@ -508,7 +508,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
         P, _ = covariances(part, matched, noise, priors, arm)
         found.append((C_nb, P + rest_covariance(part, matched, rest)))
-    sequence = options.rule.sequence_for(found[-1][0].inv().apply([0.0, 0.0, -1.0]))
+    sequence = options.rule.sequence_at(found[-1][0])
     return [
         AttitudeTrack(
             METHOD,
@@ -556,7 +556,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         dwell.t_from,
         float(readings.t[-1]),
         C_nb,
-        options.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
+        options.rule.sequence_at(C_nb),
         covariance=covariance,
         flags=flags + heading_doubt(covariance),
     )

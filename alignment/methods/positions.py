@@ -213,7 +213,7 @@ def _estimates(
             t_from,
             t_to,
             C_nb=site.plumb * Rotation.from_matrix(fit.C_nb[k]),
-            sequence=options.rule.sequence_for(_nominal_of(dwell).inv().apply([0.0, 0.0, -1.0])),
+            sequence=options.rule.sequence_at(_nominal_of(dwell)),
             covariance=growth * fit.covariance[k],
             latitude=None if fit.latitude is None else float(fit.latitude) - site.deflection[0],
             latitude_sigma=None

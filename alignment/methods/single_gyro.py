@@ -186,7 +186,6 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         C_nb, G, latitude, latitude_row, best = _solved(means, site)
     except AlignmentError as error:
         raise type(error)(f"{dwell.label}: {error}") from error
-    up = means[3:] if dwell.nominal is None else dwell.nominal.inv().apply([0.0, 0.0, -1.0])
     whole = np.diag(variances + ROUNDING**2) + constant_covariance(means, options.priors)
     covariance = attitude_covariance(C_nb, whole, G)
     if site.latitude is not None:
@@ -203,7 +202,9 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         dwell.t_from,
         dwell.t_to,
         C_nb=site.plumb * C_nb,
-        sequence=options.rule.sequence_for(up),
+        sequence=options.rule.sequence_for(means[3:])
+        if dwell.nominal is None
+        else options.rule.sequence_at(dwell.nominal),
         covariance=covariance,
         latitude=None if latitude_row is None else latitude - site.deflection[0],
         latitude_sigma=sigma,

@@ -151,7 +151,6 @@ def _single(
     except AlignmentError as error:
         raise type(error)(f"{dwell.label}: {error}") from error
     latitude = triad_latitude(w, f)
-    up = f if dwell.nominal is None else dwell.nominal.inv().apply([0.0, 0.0, -1.0])
     rate, gravity = float(np.linalg.norm(w)), float(np.linalg.norm(f))
     G = attitude_sensitivity(
         min(rate * np.cos(latitude), _most_horizontal(site)), rate * np.sin(latitude), gravity
@@ -170,7 +169,9 @@ def _single(
         dwell.t_from,
         dwell.t_to,
         C_nb=site.plumb * C_nb,
-        sequence=options.rule.sequence_for(up),
+        sequence=options.rule.sequence_for(f)
+        if dwell.nominal is None
+        else options.rule.sequence_at(dwell.nominal),
         covariance=covariance,
         latitude=latitude - site.deflection[0],
         latitude_sigma=_root(variance),

@@ -279,16 +279,15 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
     slopes = _slopes(C_nb, latitude)
     readings_covariance = _reading_covariance(readings, options) + np.diag(around_variance(dwell))
     covariance = slopes @ readings_covariance @ slopes.T
-    up = readings.f_b.mean(axis=0)
-    if dwell.nominal is not None:
-        up = dwell.nominal.inv().apply([0.0, 0.0, -1.0])
     return AttitudeEstimate(
         METHOD,
         dwell.label,
         dwell.t_from,
         dwell.t_to,
         site.plumb * C_nb,
-        options.rule.sequence_for(up),
+        options.rule.sequence_for(readings.f_b.mean(axis=0))
+        if dwell.nominal is None
+        else options.rule.sequence_at(dwell.nominal),
         covariance=covariance,
         flags=gap_doubt(readings)
         + saturation_doubt(dwell.label, readings)

@@ -200,7 +200,7 @@ def _entry(stretch: LoggedStretch, log: Log) -> list[str]:
     lines += [f"from_s = {stretch.t_from!r}", f"to_s = {stretch.t_to!r}"]
     if stretch.nominal is not None:
         C_nb = Rotation.from_quat(stretch.nominal)
-        sequence = SequenceRule.REGULAR.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0]))
+        sequence = SequenceRule.REGULAR.sequence_at(C_nb)
         lines.append(f"attitude_deg = {attitude_text(sequence, angles_from_C_nb(sequence, C_nb))}")
     if stretch.joint is not None and stretch.axis_b is not None:
         dwell = next(d for d in log.dwells if d.label == stretch.label)

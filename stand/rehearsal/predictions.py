@@ -49,7 +49,7 @@ def angles(
 
 def rows_of_angles(C_nb: Rotation) -> dict[str, Array]:
     """What each angle (3,) is of a small rotation about n."""
-    order = SequenceRule.REGULAR.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0]))
+    order = SequenceRule.REGULAR.sequence_at(C_nb)
     rows: dict[str, Array] = dict(
         zip(_ANGLES, angle_jacobian(order, *angles_from_C_nb(order, C_nb)), strict=True)
     )

@@ -110,7 +110,7 @@ class Matching:
             float(self.t[0]),
             float(self.t[k]),
             C_nb=C_nb if given else None,
-            sequence=self.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
+            sequence=self.rule.sequence_at(C_nb),
             covariance=self.covariance[k] if given else None,
             flags=(self.doubts[k],) if self.doubts[k] else (),
         )

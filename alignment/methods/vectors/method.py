@@ -106,7 +106,7 @@ def answer(name: str, label: str, matching: Matching, priors: Priors) -> Attitud
         float(matching.t[0]),
         float(matching.t[last]),
         C_nb=C_nb if len(given) else None,
-        sequence=matching.rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0])),
+        sequence=matching.rule.sequence_at(C_nb),
         window=name,
         covariance=(P + P.T) / 2 if len(given) else None,  # their rounding differs
         flags=tuple(dict.fromkeys(text for text in told if text)),

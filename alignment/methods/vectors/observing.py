@@ -90,20 +90,21 @@ def observing(
         record.C_ib, options.attitude_sigma**2 * np.eye(3), np.zeros((3, len(rows.variances)))
     )
     C_ib, covariance, place, doubts, corrected = [], [], [], [], []
-    count, start = 0, np.zeros((2, 3))
+    starts: list[Array] = []  # of each fix, the first of which begins the record
     for k in range(len(T)):
         doubt, accepted = "", False
         if record.at_fix[k]:
-            count += 1
+            count = len(starts) + 1
             if count > 1:
                 found, doubt = _solved(rows, 2 * count, turns[k], options)
                 accepted = found is not None
                 solution = found or solution
-            start = _start(rows, 2 * count, solution.C)
+            starts.append(_start(rows, 2 * count, solution.C))
         C_ib.append(solution.C @ record.sensed.turn[k])
         covariance.append(_covariance(solution, turns[k], rows.variances))
         carried = place_g[k] + solution.C @ record.sensed.place[k]
-        place.append(record.r_i[0] + record.v_i[0] * T[k] + start[0] + start[1] * T[k] + carried)
+        r, v = record.r_i[0] + starts[-1][0], record.v_i[0] + starts[-1][1]
+        place.append(r + v * T[k] + carried)
         doubts.append(doubt)
         corrected.append(accepted)
     r_i = np.array(place)

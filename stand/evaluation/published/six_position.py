@@ -390,7 +390,7 @@ def _sequences() -> tuple[str, list[str]]:
     for dwell in dwells:
         C_nb = nominal_attitude(dwell)
         for rule in SequenceRule:
-            sequence = rule.sequence_for(C_nb.inv().apply([0.0, 0.0, -1.0]))
+            sequence = rule.sequence_at(C_nb)
             if near_singular(sequence, angles_from_C_nb(sequence, C_nb)):
                 singular[rule].append(dwell.label)
     return ", ".join(singular[SequenceRule.REGULAR]), singular[SequenceRule.PUBLISHED]

@@ -153,7 +153,8 @@ def _plot_of(
     """A plot that tells its range in the title: low plots have room for few axis labels."""
     return rrb.TimeSeriesView(
         origin=origin,
-        name=title if span is None else f"{title}, {span[0]:.3g} to {span[1]:.3g}",
+        # minus zero is zero
+        name=title if span is None else f"{title}, {span[0] + 0.0:.3g} to {span[1] + 0.0:.3g}",
         axis_x=LINKED,
         axis_y=rrb.ScalarAxis(range=limits) if limits else None,
         plot_legend=rrb.Corner2D.RightTop,

@@ -1,5 +1,6 @@
 """TRIAD and the latitude of a pair of positions, against truths written by hand."""
 
+from dataclasses import replace
 from math import cos, degrees, pi, radians, sin, sqrt, tan
 
 import numpy as np
@@ -177,6 +178,21 @@ def test_sequence_follows_the_rule():
     ):
         found = triad([rest(X1_UP, 48.5), rest(LEVEL, 48.5)], NOWHERE, Options(rule=rule))
         assert [e.sequence for e in found] == want
+
+
+def test_a_nominal_attitude_says_the_sequence():
+    """The one that a position has in all methods, however the instrument lies in it."""
+    lies = rest(LEVEL, 48.5)
+    for nominal, want in (
+        (X1_UP, Sequence.YAW_ROLL_PITCH),
+        (X1_DOWN, Sequence.YAW_ROLL_PITCH),
+        (LEVEL, Sequence.YAW_PITCH_ROLL),
+        (np.column_stack([N, E, D]), Sequence.YAW_PITCH_ROLL),  # Z1 down
+    ):
+        placed = replace(lies, nominal=Rotation.from_matrix(nominal))
+        (found,) = triad([placed], NOWHERE, Options())
+        assert found.sequence is want
+        assert SequenceRule.REGULAR.sequence_at(placed.nominal) is want
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,20 @@ import pytest
 from mcap.writer import Writer
 from scipy.spatial.transform import Rotation
 
-from alignment import Options, Priors, Site
+from alignment import ImuReadings, Options, Priors, Site
 from alignment.angles import SequenceRule
 from stand.errors import StandError
 from stand.motion.plan import PlannedStep, Turning
 from stand.physics.mjcf import describe, load_model
-from stand.recording.encoders import Encoders
+from stand.recording.encoders import Encoders, axis_of_turn
 from stand.recording.log import load_log
 from stand.recording.mcap import EPOCH_NS, JointLog, McapWriter, cdr, schemas
-from stand.recording.metadata import describe_estimate, describe_schedule, describe_site
+from stand.recording.metadata import (
+    LoggedStretch,
+    describe_estimate,
+    describe_schedule,
+    describe_site,
+)
 from stand.samples import ImuBlock, TruthBlock
 
 RATE = 10  # Hz
@@ -317,6 +322,81 @@ def test_encoders_between_readings_by_hand():
     # our own count turns themselves, however fast: nothing is added
     same = Encoders(log, 0, counted=True).angle("table", np.array([0.5, 1.0]))
     np.testing.assert_allclose(np.degrees(same), [180.0, 10.0], rtol=1e-14)
+
+
+def test_the_longest_step_of_an_encoder():
+    """A quarter is counted; a thousandth more is refused."""
+    angles = np.array([[1.5], [1.0], [0.5], [0.0]]) * np.pi
+    log = JointLog("", "/j", np.arange(4) * S, ("table",), angles, None)
+    t = np.arange(4.0)
+    at = Encoders(log, 0, counted=False).angle("table", t)
+    np.testing.assert_array_equal(at, angles[:, 0])
+    far = JointLog("", "/j", np.arange(4) * S, ("table",), angles * 1.001, None)
+    with pytest.raises(
+        StandError, match=r"steps of 90\.1 deg between readings: must be at most 90,"
+    ):
+        Encoders(far, 0, counted=False).angle("table", t)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "spanned"),
+    [(0.0, 3.0, True), (-0.9e-6, 3.0 + 0.9e-6, True), (-2e-6, 3.0, False), (0.0, 3.000002, False)],
+)
+def test_encoders_span_the_readings_to_a_microsecond(first, last, spanned):
+    log = JointLog("", "/j", np.arange(4) * S, ("table",), np.arange(4.0)[:, None] * 0.1, None)
+    if spanned:
+        found = Encoders(log, 0, counted=True).angle("table", np.array([first, 1.5, last]))
+        np.testing.assert_allclose(found, [0.0, 0.15, 0.3], atol=1e-15)
+    else:
+        with pytest.raises(StandError, match=r"from 0\.000 to 3\.000 s, must hold all"):
+            Encoders(log, 0, counted=True).angle("table", np.array([first, last]))
+
+
+def test_two_samples_lie_between_encoders():
+    log = JointLog("", "/j", np.arange(4) * S, ("table",), np.arange(4.0)[:, None] * 0.1, None)
+    at = Encoders(log, S, counted=True)  # whose time zero is a second later
+    np.testing.assert_allclose(at.angle("table", np.array([0.0, 0.5])), [0.1, 0.15])
+    with pytest.raises(StandError, match="two samples or more"):
+        at.angle("table", np.array([0.5]))
+
+
+def turned_by(factor: float, speed: float, up=(0.0, 1.0, 0.0), **told) -> np.ndarray:
+    """Gyros that turn `factor` times as fast as an encoder at `speed` [rad/s] about Y1."""
+    t = np.arange(1, 11) / 10
+    angle = speed * t
+    w, f = np.outer(np.ones(10), [0.0, factor * speed, 0.0]), np.outer(np.ones(10), up)
+    stretch = LoggedStretch("s", 0.0, 1.0, joint="table", **told)
+    return axis_of_turn(stretch, ImuReadings(t, w, f), angle)
+
+
+def test_gyros_may_be_half_as_fast_as_the_encoder_and_half_faster():
+    for factor in (0.51, 1.0, 1.49):
+        np.testing.assert_allclose(turned_by(factor, 0.5), [0.0, 1.0, 0.0])
+        # unknown: the axis is that about which the encoder grows
+        np.testing.assert_allclose(turned_by(-factor, 0.5), [0.0, -1.0, 0.0])
+        np.testing.assert_allclose(turned_by(factor, 0.5, up=(0.0, -3.0, 0.0)), [0.0, 1.0, 0.0])
+        np.testing.assert_allclose(turned_by(factor, 0.5, axis_b=(0.0, 1.0, 0.0)), [0.0, 1.0, 0.0])
+    for factor in (0.49, 1.51):
+        for told in ({}, {"axis_b": (0.0, 1.0, 0.0)}):
+            with pytest.raises(StandError, match=rf"s: the gyros turn {factor:.3f} times as fast"):
+                turned_by(factor, 0.5, **told)
+
+
+def test_a_told_axis_stands_within_a_bias_of_one_degree_a_second():
+    """Of an encoder at 1 deg/s gyros at 0.05 deg/s are 0.95 off, at -0.05 deg/s 1.05."""
+    np.testing.assert_allclose(turned_by(0.05, DEG, axis_b=(0.0, 1.0, 0.0)), [0.0, 1.0, 0.0])
+    with pytest.raises(StandError, match=r"turn -0\.050 times as fast .* must be 0\.5 to 1\.5: "):
+        turned_by(-0.05, DEG, axis_b=(0.0, 1.0, 0.0))
+    with pytest.raises(StandError, match=r"turn 0\.050 times as fast"):
+        turned_by(0.05, DEG)
+
+
+def test_the_schedules_axis_needs_no_gyros():
+    nominal = (0.0, 0.0, 0.0, 1.0)
+    given = {"axis_b": (0.6, 0.8, 0.0), "nominal": nominal}
+    np.testing.assert_array_equal(turned_by(9.0, 0.5, **given), [0.6, 0.8, 0.0])
+    with pytest.raises(StandError, match="as fast"):  # what was told with a rate is compared
+        turned_by(9.0, 0.5, rate=0.5, **given)
 
 
 # --- a real table's carousel, from the command line -----------------------------------------------

@@ -232,6 +232,17 @@ def test_description_and_transient_local(run):
     assert latched == {"/tf_static", "/robot_description"}
 
 
+def test_quality_of_service_is_what_subscribers_expect(run):
+    """Reliable; the last ten messages, as ROS's own default; of what is latched the one."""
+    with AnyReader([run[0]]) as reader:
+        for connection in reader.connections:
+            (qos,) = connection.ext.offered_qos_profiles
+            latched = connection.topic in ("/tf_static", "/robot_description")
+            assert (qos.reliability.name, qos.history.name) == ("RELIABLE", "KEEP_LAST")
+            assert qos.depth == (1 if latched else 10)
+            assert qos.durability.name == ("TRANSIENT_LOCAL" if latched else "VOLATILE")
+
+
 def chained(transforms, child):
     """Rotation and place of `child` in world, from {child: TransformStamped}."""
     rotation, place = Rotation.identity(), np.zeros(3)
@@ -293,6 +304,38 @@ def messages_in(path):
 def test_block_size_does_not_change_the_messages(tmp_path, run):
     write_run(tmp_path / "run.mcap", size=33)
     assert messages_in(tmp_path / "run.mcap") == messages_in(run[0])
+
+
+def chunk_spans(path, since=EPOCH_NS):
+    """First and last time [ms] of each chunk that has messages."""
+    with open(path, "rb") as file:
+        summary = make_reader(file).get_summary()
+    ends = [(c.message_start_time, c.message_end_time) for c in summary.chunk_indexes]
+    return [((a - since) / MS, (b - since) / MS) for a, b in ends if b]
+
+
+def test_chunks_are_whole_seconds(tmp_path):
+    """A second ends with its last sample, and a text about that time is with it."""
+    with writer(tmp_path / "run.mcap") as file:
+        file.log(S, 20, "at a second")
+        file.write(*blocks(2500))
+    # what lasts is before all of them
+    spans = [(0, 0), (1, 1000), (1001, 2000), (2001, 2500)]
+    assert chunk_spans(tmp_path / "run.mcap") == spans
+
+
+def test_chunks_of_an_imported_log_count_from_its_first_sample(tmp_path):
+    path, zero = tmp_path / "log.mcap", np.zeros((2500, 3))
+    t_ns = 5300 * MS + np.arange(2500) * MS
+    write_imu_log(path, t_ns=t_ns, w_ib_b=zero, f_b=zero, epoch_ns=0, metadata={})
+    assert chunk_spans(path, 0) == [(5300, 6299), (6300, 7299), (7300, 7799)]
+
+
+def test_fixes_lie_in_the_chunk_of_the_samples_up_to_their_time(tmp_path):
+    """Those at 1.0 and 2.0 s end a second's chunk; that behind the end has one of its own."""
+    write_road(tmp_path / "run.mcap")
+    spans = [(0, 1000), (1001, 2000), (2001, 2500), (2600, 2600)]
+    assert chunk_spans(tmp_path / "run.mcap") == spans
 
 
 def test_same_input_same_bytes(tmp_path, run):
@@ -909,6 +952,12 @@ def test_times_of_an_imported_log(tmp_path, times, match):
     with pytest.raises(StandError, match=match):
         write_imu_log(path, t_ns=np.array(times), w_ib_b=zero, f_b=zero, epoch_ns=0, metadata={})
     assert not path.exists()
+
+
+def test_the_first_and_the_last_time_of_an_imported_log(tmp_path):
+    path, zero, times = tmp_path / "log.mcap", np.zeros((2, 3)), np.array([0, 2**31 * S - 1])
+    write_imu_log(path, t_ns=times, w_ib_b=zero, f_b=zero, epoch_ns=0, metadata={})
+    np.testing.assert_array_equal(read_imu(path).t_ns, times)
 
 
 # --- foreign logs of joints

@@ -6,6 +6,7 @@ import pytest
 from stand.errors import StandError
 from stand.recording.foreign import LogForm, load_foreign
 from stand.recording.inspection import inspect
+from stand.recording.text_table import is_text
 
 COLUMNS = "t,gx,gy,gz,ax,ay,az"
 N = 60
@@ -34,6 +35,24 @@ def refusal(path, form):
     with pytest.raises(StandError) as caught:
         load_foreign(path, form)
     return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("byte", "text"),
+    [
+        *((byte, False) for byte in (0, 8, 14, 25, 27, 31)),
+        *((byte, True) for byte in (9, 13, 26, 32, 127, 255)),
+    ],
+)
+def test_what_no_text_holds(tmp_path, byte, text):
+    """Control characters, but for tabs, ends of lines and what ends a file of DOS (26)."""
+    path = tmp_path / "log"
+    path.write_bytes(b"1,2\n" + bytes([byte]))
+    assert is_text(path) == text
+    path.write_bytes(b"\xff\xfe" + bytes([byte, 0]))  # of two bytes a character
+    assert is_text(path)
+    path.write_bytes(b"\xfe\xff" + bytes([0, byte]))
+    assert is_text(path)
 
 
 # --- header lines, comments, ends of lines
