@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from alignment.around import by_direction, whole_circle
 from alignment.arrays import Array, set_owned
 from alignment.constant_errors import BY_AXIS, in_one_attitude
 from alignment.cross import cross_matrix
@@ -385,6 +386,9 @@ def update_of(readings: ImuReadings) -> float:
 def _fine(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     run = filtered(dwell, site, options)
     C_nb, covariance = told_at(dwell, run.C_nb[-1]), run.covariance[-1]
+    # what is across the horizontal Earth rate, heading, is along it too: as much of it
+    heading = by_direction(covariance[2, 2] * np.eye(2))
+    covariance = whole_circle(covariance, heading)
     return AttitudeEstimate(
         METHOD,
         dwell.label,

@@ -187,11 +187,18 @@ def test_half_turn_tells_bias_from_earth_rate():
 
 def test_turning_tells_bias_on_the_way():
     """The carousel's heading sigma falls to the floor while at rest it stays at the bias."""
-    priors = Priors(gyro_bias=2e-5, gyro_walk=1e-6, accel_walk=1e-5)
+    priors = Priors(gyro_bias=2e-6, gyro_walk=1e-7, accel_walk=1e-6)
     turning, _ = one(CAROUSEL, T, 10.0, priors, method=fine)
     resting, _ = one(STILL, T, 10.0, priors, method=fine)
-    assert sigma(resting) == pytest.approx(2e-5 / (W * cos(LAT)), rel=0.02)
+    assert sigma(resting) == pytest.approx(2e-6 / (W * cos(LAT)), rel=0.02)
     assert 1 < sigma(turning) / floor(priors, CAROUSEL) < 1.25
+
+
+def test_a_heading_that_may_turn_round_is_known_as_the_circle_says():
+    """Bias of 0.414 of the horizontal rate, along as across: 20 million directions by NumPy's
+    normal numbers have a root mean square of 0.4783 rad."""
+    resting, _ = one(STILL, T, 10.0, Priors(gyro_bias=2e-5, gyro_walk=1e-6), method=fine)
+    assert sigma(resting) == pytest.approx(0.4783, rel=0.01)
 
 
 def test_scale_factor_error_of_a_turn_is_in_the_covariance():
