@@ -306,6 +306,8 @@ def _in_si(path: Path, table: _Table, scales: Array) -> Array:
                 f"{where}: must be at most {_MOST[column]:g} {unit} (are the unit and the columns "
                 "right?)"
             )
+    if values.base is not None:  # mapped from a file that is only read
+        return values * scales
     values.flags.writeable = True
     values *= scales
     return values

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from stand import room
+from stand.recording.entrance import read_imu
 from stand.recording.growing import Growing
 from stand.recording.log import load_log
+from stand.recording.log_form import LogForm
 
 
 @pytest.mark.parametrize("shape", [(), (3,)])
@@ -39,3 +41,17 @@ def test_a_recording_read_through_files_is_the_same(monkeypatch, recorded):
     whole = readings()
     monkeypatch.setattr(room, "IN_MEMORY", 0)
     assert readings() == whole
+
+
+def test_a_log_beyond_the_room_in_memory_reads_the_same(tmp_path, monkeypatch):
+    """Its columns are mapped from a file then, which nothing may write into."""
+    path = tmp_path / "log.csv"
+    rows = [f"{0.01 * k:.2f},{1e-4 * k},0,0,0,{k},9.81" for k in range(400)]
+    path.write_text("time_s,gx,gy,gz,ax,ay,az\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    form = LogForm(gyro_unit="deg/s", accel_unit="g")
+    whole = read_imu(str(path), form=form)
+    monkeypatch.setattr(room, "IN_MEMORY", 1000)
+    mapped = read_imu(str(path), form=form)
+    np.testing.assert_array_equal(mapped.w_ib_b, whole.w_ib_b)
+    np.testing.assert_array_equal(mapped.f_b, whole.f_b)
+    assert mapped.w_ib_b[100, 0] == np.radians(1e-2)
