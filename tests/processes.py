@@ -1,8 +1,27 @@
 """Processes that a command under test has started."""
 
 import os
+import signal
+import subprocess
+import sys
 
 TICKS = os.sysconf("SC_CLK_TCK")
+
+
+STAND = [sys.executable, "-c", "from stand.cli.app import main; main()"]
+
+
+def begun(arguments, **options):
+    """`stand` with these arguments, in a group of its own that Ctrl-C reaches."""
+    return subprocess.Popen(
+        [*STAND, *arguments],
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+        # where the tests run in the background, Ctrl-C is ignored, and children inherit that
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        **options,
+    )
 
 
 def members(group):

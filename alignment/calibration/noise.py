@@ -19,6 +19,8 @@ from alignment.information.model import TriadErrors, coefficient_weights
 
 # of the model itself, at each coefficient: second orders of table and unit that are left out
 FLOOR = {"gyro": 2e-10, "accel": 1e-6, "move": 1e-9}  # rad/s (4e-5 deg/h), m/s^2 (0.1 ug), rad
+DRIFTS = INSTABILITY, WALK, RAMP = "bias instability", "random walk", "ramp"
+ENCODER = "encoder steps"
 MENDED = 0.3  # of what a move's integration was mended by, that may be left
 ALIKE = 0.2  # of a step, within which means are rounded alike
 NAMES = {"gyro": "gyro", "accel": "accelerometer"}
@@ -76,7 +78,7 @@ def _of_session(model: Model, k: int) -> Parts:
     floor = np.repeat([FLOOR["gyro"], FLOOR["move"], FLOOR["accel"]], sizes) ** 2
     found["model"] = np.diag(floor)
     if bench.joint_noise.any() and poses.leanings.axes.shape[2]:
-        found["encoder steps"] = _joints(model, k, edges[3])
+        found[ENCODER] = _joints(model, k, edges[3])
     if bench.table is None:
         found["turning of the axes"] = np.diag(_uneven(model, k, edges[3]))
     return {name: part for name, part in found.items() if part.any()}
@@ -108,13 +110,13 @@ class Drifts:
             if process.time not in self._known:
                 self._known[process.time] = gauss_markov(self._spans, process.time)
             part = process.sigma**2 * self._known[process.time]
-            found["bias instability"] = found.get("bias instability", 0.0) + part
+            found[INSTABILITY] = found.get(INSTABILITY, 0.0) + part
         if triad.random_walk:
-            found["random walk"] = triad.random_walk**2 * random_walk(self._spans)
+            found[WALK] = triad.random_walk**2 * random_walk(self._spans)
         ramp = np.asarray(triad.ramp)
         if ramp.any():
             times = np.concatenate([ramp_coefficients(span) for span in self._spans])
-            found["ramp"] = float(np.mean(ramp**2)) * np.outer(times, times)
+            found[RAMP] = float(np.mean(ramp**2)) * np.outer(times, times)
         return found
 
 

@@ -17,7 +17,7 @@ from alignment.arrays import Array, set_owned
 from alignment.calibration import terms
 from alignment.calibration.bench import SENSORS, Bench
 from alignment.calibration.model import Model
-from alignment.calibration.noise import Drifts, noise_parts
+from alignment.calibration.noise import DRIFTS, ENCODER, Drifts, noise_parts
 from alignment.calibration.session import Session, Station
 from alignment.information.drift import Span
 from alignment.methods.calibration import CALIBRATION
@@ -34,8 +34,6 @@ from stand.rehearsal.scene import Scene
 from stand.simulation.settings import Settings, assembled
 from stand.toml_files import Source
 
-DRIFTS = ("bias instability", "random walk", "ramp")
-ENCODER = "encoder steps"
 EVER = 1e7  # s: as long as anybody
 EDGE = 1e-9  # of a stretch, so that its whole turns are whole
 
@@ -133,13 +131,18 @@ class Problem:
         present = np.isin(np.arange(terms.COUNT), self.active)
         self.goal = Goal(wanted.entry.require, limits, present)
         self._J, self._rows = model.jacobian()[:, self.active] * self.sigmas, model.rows()[0]
-        self._encoder = noise_parts(model).get(ENCODER, np.zeros((len(self._J), len(self._J))))
-        once, twice = _but_drifts(model), _but_drifts(self._model(2.0))
-        # what stays however long one looks, and what averages out: of one second
-        self._lasting = 2 * twice - once
-        self._white = 2 * np.diag(once - twice)
+        parts = noise_parts(model)
+        once, twice = _averaged(parts), _averaged(noise_parts(self._model(2.0)))
+        lengths, turns = np.zeros(len(self._J)), np.zeros(len(self._J))
         for own, station in zip(self._rows, self._all(), strict=True):
-            self._white[own] *= station.stretch.span.length
+            lengths[own] = station.stretch.span.length
+            turns[own] = lengths[own] if station.stretch.rate else 0.0
+        # what stays however long one looks; what averages out, of one second; and the ends of a
+        # turn by its encoder, which tell its mean rate as it is long: of one second too
+        encoder = parts.get(ENCODER, np.zeros_like(once))
+        self._lasting = 2 * twice - once + np.where(np.outer(turns, turns), 0.0, encoder)
+        self._white = 2 * np.diag(once - twice) * lengths
+        self._ends = encoder * np.outer(turns, turns)
         self.told = self._per_second()
 
     def _by_candidate(self, stations: Sequence[Station]) -> list[tuple[Station, ...]]:
@@ -246,18 +249,7 @@ class Problem:
         )
         R = self._lasting[np.ix_(rows, rows)] + np.diag(self._white[rows] / seconds)
         R += self._drifting(spans, numbers)
-        # the ends of a turn, by its encoder, tell the mean rate as the turn is long; rests stay
-        stations = self._all()
-        shorter = np.concatenate(
-            [
-                np.full(
-                    len(self._rows[n]),
-                    stations[n].stretch.span.length / s.length if stations[n].stretch.rate else 1.0,
-                )
-                for n, s in zip(numbers, spans, strict=True)
-            ]
-        )
-        R += self._encoder[np.ix_(rows, rows)] * np.outer(shorter, shorter)
+        R += self._ends[np.ix_(rows, rows)] / np.outer(seconds, seconds)
         scale = np.sqrt(np.diag(R))
         L = np.linalg.cholesky(R / np.outer(scale, scale))
         A = solve_triangular(L, self._J[rows] / scale[:, None], lower=True)
@@ -295,9 +287,8 @@ class Problem:
         return spans, numbers
 
 
-def _but_drifts(model: Model) -> Array:
+def _averaged(parts: Mapping[str, Array]) -> Array:
     """Covariance (m, m) of the readings but for what wanders in time and what encoders err."""
-    parts = noise_parts(model)
     own = [part for name, part in parts.items() if not name.endswith((*DRIFTS, ENCODER))]
     return np.sum(own, axis=0)
 

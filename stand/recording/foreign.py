@@ -24,7 +24,7 @@ from stand.recording.log_columns import (
 )
 from stand.recording.log_form import LogForm
 from stand.recording.mcap.writer import EPOCH_NS
-from stand.recording.repeated import twice_text
+from stand.recording.repeated import repeats, twice_text
 from stand.recording.text_table import layout_of, read_columns
 from stand.recording.time_stamps import (
     ISO,
@@ -150,8 +150,7 @@ def _once(table: _Table) -> tuple[_Table, tuple[str, ...]]:
     t_ns = table.t_ns
     if t_ns is None:
         return table, ()
-    again = np.flatnonzero(t_ns[1:] == t_ns[:-1]) + 1
-    again = again[(table.values[again] == table.values[again - 1]).all(axis=1)]
+    again = repeats(t_ns, table.values)
     if not len(again):
         return table, ()
     once = np.delete(np.arange(len(t_ns)), again)

@@ -11,6 +11,14 @@ from alignment.arrays import IntArray
 NAMED = 3  # of which more are counted
 
 
+def repeats(stamps: IntArray, *values: NDArray[Any]) -> IntArray:
+    """Numbers of the rows (n,), (n, k) that are the row before again."""
+    again = np.flatnonzero(stamps[1:] == stamps[:-1]) + 1
+    for v in values:
+        again = again[(v[again] == v[again - 1]).all(axis=1)]
+    return again
+
+
 class Repeated:
     """Rows that repeat the row before, met block by block."""
 
@@ -25,8 +33,7 @@ class Repeated:
         last = self._last or [column[:0] for column in own]
         joined = [np.concatenate(pair) for pair in zip(last, own, strict=True)]
         more = len(joined[0]) - len(stamps)
-        again = np.flatnonzero(joined[0][1:] == joined[0][:-1]) + 1
-        again = again[[all((v[k] == v[k - 1]).all() for v in joined[1:]) for k in again]] - more
+        again = repeats(*joined) - more
         self._first += (self._seen + 1 + again[: NAMED - len(self._first)]).tolist()
         self._seen, self._count = self._seen + len(stamps), self._count + len(again)
         self._last = [column[-1:].copy() for column in joined]

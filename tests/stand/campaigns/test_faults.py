@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from processes import members
+from processes import begun, members
 from swept import SWEEP, written
 
 from stand.campaigns.campaign import Campaign
@@ -25,7 +25,6 @@ from stand.simulation.cluster import LOOPBACK, cluster, engine_at, of_this_machi
 from stand.simulation.work import Done, Lost, Supply, Task, recipe_of
 
 pytestmark = pytest.mark.slow
-STAND = [sys.executable, "-c", "from stand.cli.app import main; main()"]
 LONG = SWEEP.replace("runs = 6", "runs = 80\nmethods = ['triad']").replace(
     "rate_hz = 2", "rate_hz = 10"
 )
@@ -52,14 +51,8 @@ def digest(folder):
 def at_work(sweep, out, *options):
     """`stand campaign` in a group of its own, once it has kept something new."""
     before = set((out / PARTS).glob("*.parquet")) if out.exists() else set()
-    process = subprocess.Popen(
-        [*STAND, "campaign", str(sweep), "--out", str(out), "--json", *options],
-        start_new_session=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+    arguments = ["campaign", str(sweep), "--out", str(out), "--json", *options]
+    process = begun(arguments, stdout=subprocess.DEVNULL)
     try:
         until(lambda: set((out / PARTS).glob("*.parquet")) - before or process.poll() is not None)
         assert process.poll() is None, process.stderr.read()

@@ -8,13 +8,12 @@ import os
 import random
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import members, spent
+from processes import begun, members, spent
 
 TIMES = int(os.environ.get("STAND_INTERRUPTS", "0"))
 UNITS = ("--columns", "t,gx,gy,gz,ax,ay,az", "--gyro-unit", "rad/s", "--accel-unit", "m/s^2")
@@ -66,16 +65,7 @@ def log(tmp_path_factory):
 
 def interrupted(command, folder, after_s):
     """Its exit code and what it said, interrupted when its group has used so much of processors."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", "from stand.cli.app import main; main()", *command],
-        cwd=folder,
-        start_new_session=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        # where the tests run in the background, Ctrl-C is ignored, and children inherit that
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+    process = begun(command, cwd=folder, stdout=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 240
         while spent(process.pid) < after_s and process.poll() is None:

@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from dataclasses import replace
 from itertools import pairwise
@@ -13,7 +12,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 from procedures import HALF_TURN as ONE_METHOD
-from processes import spent
+from processes import begun, spent
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -640,18 +639,9 @@ def test_a_report_that_cannot_be_written_costs_no_runs(stand_command, half_turn,
 
 @pytest.mark.slow
 def test_ctrl_c_prints_and_writes_what_was_made(tmp_path):
-    stand = [sys.executable, "-c", "from stand.cli.app import main; main()", "rehearse"]
     options = ["--imu", "hg9900", "--rate", "20", "--verify", "100000", "--json"]
-    process = subprocess.Popen(
-        [*stand, "two-position", *options, "--report", str(tmp_path / "report")],
-        cwd=tmp_path,
-        start_new_session=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        # where the tests run in the background, Ctrl-C is ignored, and children inherit that
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+    arguments = ["rehearse", "two-position", *options, "--report", str(tmp_path / "report")]
+    process = begun(arguments, cwd=tmp_path, stdout=subprocess.PIPE)
     # three processes start in 3 s each, then there are runs; in seconds of processors, for the
     # machine may be busy
     deadline = time.monotonic() + 240

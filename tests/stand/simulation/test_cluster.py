@@ -69,3 +69,46 @@ def test_python_may_be_another_and_nothing_else():
 def test_nothing_to_do_asks_nobody(monkeypatch):
     monkeypatch.setattr(door, "libraries", lambda: (None, None))
     assert list(door.cluster(Supply([]), ADDRESS)) == []
+
+
+class Future:
+    """Of a batch that never ends."""
+
+    def add_done_callback(self, put):
+        pass
+
+
+class Taken:
+    """A client with two workers who take what they are given and never end."""
+
+    status = "running"
+
+    def __init__(self):
+        self.seeds = []
+
+    def scheduler_info(self, n_workers):
+        return {"workers": {"near": {}, "far": {}}}
+
+    def submit(self, function, batch, ours, pure, retries):
+        self.seeds.append(batch.seeds)
+        return Future()
+
+
+def test_a_run_that_was_lost_goes_alone():
+    """Neither beside others that are at work, nor others beside it."""
+    client, supply = Taken(), Supply([Task(1, b"", range(100))])
+    first = supply.take()
+    assert first is not None
+    supply.put_back(first._replace(seeds=(7,), tries=1))
+    far = door._Far(client, ADDRESS)
+    far.fill(supply)
+    far.fill(supply)
+    assert client.seeds == [(7,)]
+    far.held.clear()  # it has ended
+    far.fill(supply)
+    assert len(client.seeds) > 2
+    supply.put_back(first._replace(seeds=(8,), tries=1))
+    far.held.popitem()
+    before = len(client.seeds)
+    far.fill(supply)
+    assert len(client.seeds) == before
