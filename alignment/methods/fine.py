@@ -326,7 +326,7 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     priors = states_of(with_rounding(options.priors, readings), carried, site)
     matched, noise, arm = laid(readings, carried, site, priors)
     coarse, wander = covariances(carried, matched, noise, priors, arm)
-    rest = rest_of(dwell, readings, priors)
+    rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
     flags += around_doubt(dwell) if rest.drift_around.any() else ()
