@@ -1,10 +1,19 @@
 """Constant errors of a triad in one attitude: by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from alignment import Priors
-from alignment.constant_errors import constant_columns, constant_covariance, in_one_attitude
+from alignment.constant_errors import (
+    ERRORS_OF,
+    constant_columns,
+    constant_covariance,
+    constant_form,
+    in_one_attitude,
+)
+from alignment.skew import unit_axes
 
 MEANS = np.array([1.0, 2, 3, 10, 20, 30])
 EARTH_RATE = 7.292115e-5  # rad/s
@@ -70,3 +79,18 @@ def test_what_one_attitude_takes_for_bias_and_scale():
     assert found.gyro_bias == pytest.approx(np.linalg.norm(drawn), rel=1e-12)
     assert (found.gyro_scale, found.accel_scale) == pytest.approx((5.0, 1.0), rel=1e-12)
     assert in_one_attitude(found, 10.0) == found  # counted once
+
+
+def test_how_readings_change_with_what_is_there():
+    """Against differences of the columns: exact but for rounding, the cubic's h^2 apart."""
+    skewed = tuple(map(tuple, unit_axes([[1.0, 0.1, 0], [0, 1, 0.2], [0.3, 0, 1]]).tolist()))
+    names = [f"{sensor}_{name}" for sensor in ERRORS_OF for name in ERRORS_OF[sensor]]
+    terms = {name: 0.1 + 0.01 * k for k, name in enumerate(names)}
+    form = constant_form(replace(Priors(accel_axes=skewed), **terms))
+    rng = np.random.default_rng(4)
+    x, u, h = rng.normal(size=(2, 3, 6)), rng.normal(size=(2, form.count)), 1e-4
+    found = form.slopes(x, u)
+    for k, aside in enumerate(h * np.eye(6)):
+        apart = form.columns(x + aside) - form.columns(x - aside)
+        want = np.einsum("rniq,rq->rni", apart, u) / (2 * h)
+        np.testing.assert_allclose(found[..., k], want, rtol=1e-6, atol=1e-7)
