@@ -362,8 +362,12 @@ def _by_cost(ends: list[_End]) -> list[_End]:
 
 
 def _angle(C: Array, other: Array) -> Array:
-    """Of the turns (r,) between attitudes (r, 3, 3) [rad]."""
-    return np.asarray(Rotation.from_matrix(C @ np.swapaxes(other, -1, -2)).magnitude())
+    """Of the turns (r,) between attitudes (r, 3, 3) [rad].
+
+    The square sum of what nine numbers differ by is ``8 sin^2(angle/2)``.
+    """
+    squares = np.sum((C - other) ** 2, axis=(-2, -1))
+    return np.asarray(2 * np.arcsin(np.sqrt(np.minimum(squares / 8, 1.0))))
 
 
 def _others(ends: list[_End], taken: _State, problem: _Problem) -> tuple[Array, Array]:
@@ -373,16 +377,19 @@ def _others(ends: list[_End], taken: _State, problem: _Problem) -> tuple[Array, 
     ``exp(-margin/2)`` over the sum of all, each attitude counted once.
     """
     least = np.min([cost for _, cost in ends], axis=0)
-    placed = _placed(taken[0], taken[2], problem)
-    apart, odds, seen = [], [], [taken[0]]
-    for (C, x, u), cost in _by_cost(ends):
+    ordered, odds, seen = _by_cost(ends), [], [taken[0]]
+    for (C, _, _), cost in ordered:
         new = np.all([_angle(C, other) > _ANOTHER for other in seen], axis=0)
-        turned = _placed(C, u, problem) @ np.swapaxes(placed, -1, -2)
-        turns = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(len(x), -1)
-        apart.append(np.concatenate([turns, (x - taken[1])[:, 3:]], axis=1))
         odds.append(np.where(new, np.exp(-(cost - least) / 2), 0.0))
         seen.append(C)
     weights = np.array(odds)
+    if not weights.any():
+        return np.zeros((*weights.shape, 3 * problem.positions + problem.count - 3)), weights
+    placed, apart = _placed(taken[0], taken[2], problem), []
+    for (C, x, u), _ in ordered:
+        turned = _placed(C, u, problem) @ np.swapaxes(placed, -1, -2)
+        turns = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(len(x), -1)
+        apart.append(np.concatenate([turns, (x - taken[1])[:, 3:]], axis=1))
     return np.array(apart), weights / (1 + weights.sum(axis=0))
 
 
