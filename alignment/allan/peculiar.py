@@ -174,7 +174,7 @@ class _Apart:
         if sizes[k] > self.most:
             self.most, self.best = float(sizes[k]), (self._seen + k) * self.step
         apart = every(self.count)
-        self.some.append(sizes[-self._seen % apart :: apart])
+        self.some.append(sizes[-self._seen % apart :: apart].copy())
         self._seen += len(sizes)
 
 
