@@ -36,7 +36,7 @@ _SAME = 4  # units in the last place of a time: a knot nearer to an edge is on i
 _HELD = 1e6  # s, before and after a motion
 _ROUNDED = 1e-6  # of a panel: edges of samples are
 _LEAST = 1e-30  # of a bound: at rest any panel will do
-_CHUNK = 512  # pieces bounded at once, and ahead: their series stay in cache
+_CHUNK = 2048  # pieces bounded at once, and ahead
 _GROUP = 16  # pieces bounded as one, first
 
 Waves = Iterable[tuple[IntArray, IntArray, Array, Array]]
