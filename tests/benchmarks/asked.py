@@ -166,7 +166,8 @@ def allan_rows(n: int = ALLAN_SAMPLES) -> Iterator[Row]:
     """Allan analysis of six channels."""
     readings = white(n)
     took = spent(lambda: analyse(readings))
-    yield Asked(f"allan of {n / 1e6:.0f} M samples", 3, "s", most=True).row(took)
+    name = f"allan of {n / 1e6:.0f} M samples (3 s by two threads)"
+    yield Asked(name, 6, "s", most=True).row(took)
 
 
 def white(n: int) -> ImuReadings:

@@ -280,7 +280,7 @@ def main(wanted: Sequence[str]) -> None:
         print(f"In processor time of {os.cpu_count()} cores")
         heads = "what", "reached", "asked", "times as good"
         for row in chain([heads], asked_rows(folder)):
-            print("{:42}{:>22}{:>18}{:>15}".format(*row), flush=True)
+            print("{:46}{:>20}{:>20}{:>16}".format(*row), flush=True)
         for group in groups:
             rows = tuple(GROUPS[group](folder))
             show(console(), [TableData(group, ("what", "measured", "ratio"), rows)])
