@@ -208,7 +208,9 @@ def _told_apart(
 
 def _nominal_of(dwell: Dwell) -> Rotation:
     if dwell.nominal is None:
-        raise AlignmentError(f"{dwell.label}: nobody said the attitude that the table was told")
+        raise AlignmentError(
+            f"{dwell.label}: its attitude is not known: give its attitude_deg or a schedule"
+        )
     return dwell.nominal
 
 

@@ -345,7 +345,7 @@ def draw(found: dict[str, dict[str, Curve]], path: Path) -> None:
             x, y = np.array(next(reversed(lines.values()))).T
             axes.plot(x, y[-1] * x / x[-1], ":", color="grey", label="proportional")
         else:
-            axes.set_ylim(bottom=0)
+            axes.set_ylim(0, 1.1 * max(y for points in lines.values() for _, y in points))
         axes.set_xlabel(names[kind])
         axes.set_ylabel("whole run in memory [s]")
         axes.grid(alpha=0.3, which="both")
