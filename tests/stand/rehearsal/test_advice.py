@@ -454,3 +454,23 @@ def test_what_has_no_number_anywhere_stands_in_the_way_by_its_reason(monkeypatch
 
     (nothing,) = said(monkeypatch, procedure(["triad"], DWELL.format("a", 100_000)), says)
     assert nothing.text.endswith(f"reaches 1 deg with coverage 2: {what} stands in the way")
+
+
+def test_the_best_has_a_number_and_of_those_without_the_least_is_the_best(monkeypatch):
+    """As it is there is no number, of whatever size; twice as long is 2 x 5 deg, and no better."""
+
+    def says(entry):
+        t = seconds(entry)
+        one = judged("heading", 5.0 if t > 100 else None, Verdict.FAIL)
+        return replace(one, beyond=np.radians(0.1)), ()
+
+    one = procedure(["triad"], DWELL.format("a", 100))
+    (nothing,) = said(monkeypatch, one, says)
+    assert "in the best, which comes to 10 deg in 200 s (step 1" in nothing.text
+
+    def never(entry):
+        t = seconds(entry)
+        return replace(judged("heading", None, Verdict.FAIL), beyond=500.0 / t), ()
+
+    (nothing,) = said(monkeypatch, one, never)
+    assert "in the best, which comes in 12800 s" in nothing.text  # two positions, 64 times as long
