@@ -6,7 +6,7 @@ import pytest
 from stand.errors import StandError
 from stand.recording.foreign import LogForm, load_foreign
 from stand.recording.inspection import inspect
-from stand.recording.text_table import is_text
+from stand.recording.text_table import fields_of, is_text
 
 COLUMNS = "t,gx,gy,gz,ax,ay,az"
 N = 60
@@ -350,3 +350,17 @@ def test_seven_columns_without_names_are_a_time_and_six_channels(tmp_path, width
     path = tmp_path / "log.csv"
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     assert f" --columns {guess} " in inspect(path).lines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("line", "separator", "fields"),
+    [
+        ('"a b"\t1\t2', "\t", ["a b", "1", "2"]),
+        ('"a\tb"\t1', "\t", ["a\tb", "1"]),
+        ('"a b"\t1 2', None, ["a b", "1", "2"]),
+        ('"a, b", 2,3', ",", ["a, b", "2", "3"]),
+        ("1;2 # so", ";", ["1", "2"]),
+    ],
+)
+def test_quotes_hold_a_field_together(line, separator, fields):
+    assert fields_of(line, separator) == fields
