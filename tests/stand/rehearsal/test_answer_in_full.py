@@ -5,7 +5,7 @@ No two numbers are alike, so that none can stand in another's place.
 
 import json
 from dataclasses import replace
-from math import inf, pi, radians
+from math import inf, nan, pi, radians, sqrt
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ from stand.rehearsal.result import (
 )
 from stand.rehearsal.result_json import rehearsal_json
 from stand.rehearsal.rocking_allowed import AdmissibleRocking
-from stand.rehearsal.sums import RunErrors
+from stand.rehearsal.sums import RunErrors, Sums, run_from_json, run_to_json
 from stand.rehearsal.traps import from_margins
 from stand.rehearsal.verification import Achieved, Refused, Verification
 from stand.rehearsal.verify import with_verification
@@ -412,3 +412,39 @@ def test_a_constant_that_no_unit_could_keep():
     assert (open_one.required, open_one.coverage, open_one.guard) == (10 * DEG_H, 2.0, 0.1)
     (angle,) = judge(require, {"roll": radians(2)}, ["triad"], [NONE])
     assert (angle.unit, angle.per, angle.beyond, angle.reason) == ("deg", DEG, 1.0, "it rocks")
+
+
+# --- runs as they are kept
+
+
+def test_runs_and_their_sums_as_they_are_kept():
+    """Of two and three: 5, 13 and 97; the second is told no number, and one that is none is out."""
+    key, other = ("triad", "", "a", "heading"), ("fine", "w", "b", "roll")
+    first = RunErrors({key: 2.0, other: nan}, {"two-gyro": "no", "rk4": "not"})
+    second = RunErrors({key: 3.0}, {"two-gyro": "never"}, frozenset({key}))
+    assert run_to_json(second) == {
+        "errors": [["triad", "", "a", "heading", 3.0]],
+        "refusals": {"two-gyro": "never"},
+        "untold": [["triad", "", "a", "heading"]],
+    }
+    assert run_from_json(json.loads(json.dumps(run_to_json(second)))) == second
+    sums = Sums()
+    for run in (first, second):
+        sums.add(run)
+    kept = {
+        "runs": 2,
+        "of": [["triad", "", "a", "heading", 2.0, 5.0, 13.0, 97.0, 1.0]],
+        "refused": [["two-gyro", 2, "no"], ["rk4", 1, "not"]],
+    }
+    assert sums.to_json() == kept
+    again = Sums.from_json(json.loads(json.dumps(kept)))
+    assert again.to_json() == kept
+    for one in (sums, again):
+        assert (list(one), key in one, other in one) == ([key], True, False)
+        assert one.refused() == (Refused("two-gyro", 2, "no"), Refused("rk4", 1, "not"))
+        n, (sigma, *_) = one.sigma(key)
+        assert (n, sigma, one.freedom(key)) == (2, pytest.approx(sqrt(6.5)), 2.0)
+    # what no run tells a number of is none of those that are compared
+    alone = Sums()
+    alone.add(second)
+    assert (list(alone), key in alone) == ([], False)
