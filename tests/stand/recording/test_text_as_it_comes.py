@@ -6,6 +6,7 @@ import pytest
 from stand.errors import StandError
 from stand.recording.foreign import LogForm, load_foreign
 from stand.recording.inspection import inspect
+from stand.recording.log_columns import guessed_columns
 from stand.recording.text_table import fields_of, is_text
 
 COLUMNS = "t,gx,gy,gz,ax,ay,az"
@@ -333,6 +334,19 @@ def test_a_look_says_what_to_type(tmp_path):
 def test_names_that_are_known(tmp_path, head, guesses):
     found = inspect(written(tmp_path / "a.csv", head=head + "\n"))
     assert ",".join(found.guesses) == guesses
+
+
+@pytest.mark.parametrize(
+    ("names", "guesses"),
+    [
+        ("time sec nanosec week tow gx", "t - - - - gx"),  # one time is enough
+        ("week tow sec nanosec", "week tow - -"),
+        ("sec nanosec week", "sec nanosec week"),
+        ("gx gyro_x temp", "gx - -"),  # the first counts
+    ],
+)
+def test_of_several_times_one_is_taken(names, guesses):
+    assert guessed_columns(names.split(), 6) == guesses.split()
 
 
 def test_a_look_at_any_numbers(tmp_path):
