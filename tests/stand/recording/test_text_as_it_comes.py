@@ -183,6 +183,16 @@ def test_a_row_that_is_no_row_is_named(tmp_path):
     assert refusal(path, form()) == f"{path}: line 31, column 4 = '1_0': must be a number"
 
 
+def test_a_row_of_columns_by_name_may_be_longer_and_not_shorter(tmp_path):
+    """By name nobody says how many there are: those that are asked for must be there."""
+    columns = "t=1,gx=2,gy=3,gz=4,ax=5,ay=6,az=7"
+    long = [*TEXT[:30], [*TEXT[30], "more"], *TEXT[31:]]
+    check(load_foreign(written(tmp_path / "a.csv", long), form(columns)))
+    short = [*TEXT[:30], TEXT[30][:6], *TEXT[31:]]
+    path = written(tmp_path / "b.csv", short)
+    assert refusal(path, form(columns)) == f"{path}: line 31: 6 columns, column 7 is asked for"
+
+
 # --- times
 
 
