@@ -183,6 +183,18 @@ def test_a_row_that_is_no_row_is_named(tmp_path):
     assert refusal(path, form()) == f"{path}: line 31, column 4 = '1_0': must be a number"
 
 
+def test_a_name_that_two_columns_have_tells_none(tmp_path):
+    """As it is written it may tell them apart; a number always does."""
+    columns = "t=t,gx={},gy=3,gz=4,ax=5,ay=6,az=7"
+    path = written(tmp_path / "a.csv", head="t,x,y,z,X,y,z\n")
+    for name in ("y", "Y"):
+        assert refusal(path, form(columns.format(name))) == (
+            f"column {name!r}: 2 have this name: give its number"
+        )
+    for one in ("x", "2"):
+        check(load_foreign(path, form(columns.format(one))))
+
+
 def test_a_row_of_columns_by_name_may_be_longer_and_not_shorter(tmp_path):
     """By name nobody says how many there are: those that are asked for must be there."""
     columns = "t=1,gx=2,gy=3,gz=4,ax=5,ay=6,az=7"
