@@ -13,6 +13,7 @@ GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013), 14.2, 15.2
 
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -326,7 +327,7 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     priors = states_of(with_rounding(options.priors, readings), carried, site)
     matched, noise, arm = laid(readings, carried, site, priors)
     coarse, wander = covariances(carried, matched, noise, priors, arm)
-    rest = rest_of(dwell, readings, priors)
+    rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
     flags += around_doubt(dwell) if rest.drift_around.any() else ()
@@ -580,35 +581,53 @@ def careful_updates(
     Estimation (1977), chapter V. Differences of variances, of which one metre squared less itself
     leaves nothing of a square micrometre, do not arise.
     """
-    steps, H, z, variance = given
-    F, Q, size = steps.F, steps.Q, len(state)
+    (rows, kept, walks, added), H, z, variance = given
+    size, free = len(state), _ERRORS
     S, x = _root(state[:, :-1]), state[:, -1].copy()
+    walked, spread = _root(walks), np.sqrt(added)
+    observed = np.zeros((3 + size, 3 + size))
+    moved = np.zeros((2 * size, size))
+    observed[:3, :3] = np.sqrt(variance) * np.eye(3)
+    own = np.arange(free, size)
     for k, h in enumerate(H):
-        rows = np.block([[np.sqrt(variance) * np.eye(3), np.zeros((3, size))], [S @ h.T, S]])
-        triangle = _triangle(rows)
+        observed[3:, :3], observed[3:, 3:] = S @ h.T, S
+        triangle = _triangle(observed)
         W, S = triangle[:3, :3], triangle[3:, 3:]
         value = z[k] - h @ x
         unit = np.linalg.solve(W.T, value)
         x = x + triangle[:3, 3:].T @ unit
-        state[:, :-1], state[:, -1] = S.T @ S, x
         at = part.start + k
-        out.x[at], out.variances[at], out.attitude[at] = x, state.diagonal(), state[:3, :3]
+        out.x[at], out.variances[at] = x, np.sum(S * S, axis=0)
+        out.attitude[at] = S[:, :3].T @ S[:, :3]
         out.values[at], out.misfit[at] = value, unit @ unit
-        out.expected[at] = np.einsum("ij,ij->j", W, W)
-        if k < len(F):
-            S, x = _triangle(np.vstack([S @ F[k].T, _root(Q[k])])), F[k] @ x
-            state[:, :-1], state[:, -1] = S.T @ S, x
+        out.expected[at] = np.sum(W * W, axis=0)
+        if k < len(rows):
+            moved[:size, :free] = S @ rows[k].T
+            np.multiply(S[:, free:], kept, out=moved[:size, free:])
+            moved[size : size + free, :free] = walked[k]
+            moved[size + own, own] = spread[k]
+            S = _triangle(moved)
+            x = np.concatenate([rows[k] @ x, kept * x[free:]])
+    state[:, :-1], state[:, -1] = S.T @ S, x
 
 
 def _triangle(rows: Array) -> Array:
     """R with ``R^T R = rows^T rows``, upper triangular."""
-    return np.asarray(np.linalg.qr(rows, mode="r"))
+    size = rows.shape[1]
+    reflectors, _ = np.linalg.qr(rows, mode="raw")
+    return np.asarray(np.where(_upper(size), reflectors.T[:size], 0.0))
+
+
+@cache
+def _upper(size: int) -> Array:
+    """Which of a triangle's elements there are."""
+    return np.triu(np.ones((size, size), dtype=bool))
 
 
 def _root(P: Array) -> Array:
-    """A matrix S with ``S^T S = P``."""
+    """Matrices S with ``S^T S = P`` (..., n, n)."""
     values, vectors = np.linalg.eigh(P)
-    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    return np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2)
 
 
 def _updates(

@@ -7,6 +7,7 @@ maximum a posteriori fit.
 """
 
 from collections.abc import Sequence as Ordered
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -87,15 +88,12 @@ def two_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     """
     dwells = _in_time(dwells)
     summaries = _summaries(dwells)
-    estimates = []
-    for k in range(len(dwells) - 1):
-        pair = dwells[k : k + 2]
-        if _widest_turn(pair) >= LEAST_TURN:
-            found = _estimates(TWO_POSITION, pair, summaries[k : k + 2], site, options)
-            estimates.append(found[0])
-    if not estimates:
+    pairs = [slice(k, k + 2) for k in range(len(dwells) - 1)]
+    pairs = [own for own in pairs if _widest_turn(dwells[own]) >= LEAST_TURN]
+    if not pairs:
         raise AlignmentError("too little turn: no two successive dwells are 30 deg or more apart")
-    return estimates
+    sets = [(dwells[own], summaries[own]) for own in pairs]
+    return [found[0] for found in _estimates(TWO_POSITION, sets, site, options)]
 
 
 def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
@@ -134,7 +132,7 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
     summaries = _summaries(dwells)
     if _widest_turn(dwells) < LEAST_TURN:
         raise AlignmentError("too little turn: no two dwells are 30 deg or more apart")
-    return _estimates(MULTI_POSITION, dwells, summaries, site, options)
+    return _estimates(MULTI_POSITION, [(dwells, summaries)], site, options)[0]
 
 
 def _in_time(dwells: Ordered[Dwell]) -> list[Dwell]:
@@ -210,7 +208,9 @@ def _told_apart(
 
 def _nominal_of(dwell: Dwell) -> Rotation:
     if dwell.nominal is None:
-        raise AlignmentError(f"{dwell.label}: nobody said the attitude that the table was told")
+        raise AlignmentError(
+            f"{dwell.label}: its attitude is not known: give its attitude_deg or a schedule"
+        )
     return dwell.nominal
 
 
@@ -220,34 +220,65 @@ def _widest_turn(dwells: Ordered[Dwell]) -> float:
     return float(2 * np.arccos(np.clip(np.abs(quats @ quats.T).min(), 0, 1)))
 
 
+_Set = tuple[Ordered[Dwell], Ordered[tuple[Array, Array]]]
+
+
 def _estimates(
-    method: str,
-    dwells: Ordered[Dwell],
-    summaries: Ordered[tuple[Array, Array]],
-    site: Site,
-    options: Options,
-) -> list[AttitudeEstimate]:
-    priors = with_products(options.priors)
-    means, scatter = (np.array(values) for values in zip(*summaries, strict=True))
-    spans = np.array([dwell.t_to - dwell.t_from for dwell in dwells])
-    t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
-    variances = pooled_variances(scatter, spans)
-    first = _nominal_of(dwells[0]).inv()
-    relative = np.array([(first * _nominal_of(dwell)).as_matrix() for dwell in dwells])
+    method: str, sets: Ordered[_Set], site: Site, options: Options
+) -> list[list[AttitudeEstimate]]:
+    """Of sets of as many positions each, all fitted at once: they share latitude and priors."""
     latitude, gravity = local_vectors(site)
     if latitude is not None:
         site.horizontal_rate()  # refuses at a pole
     anomaly = ANOMALY if site.local_gravity is None else 0.0
-    times = [Span(dwell.t_from, span) for dwell, span in zip(dwells, spans.tolist(), strict=True)]
-    drift = np.repeat(drift_covariance(priors, times), 3, axis=0)
+    priors = with_products(options.priors)
+    told = [_told_of(dwells, summaries, site, priors) for dwells, summaries in sets]
+    means, variances, relative, drift = (np.array(parts) for parts in zip(*told, strict=True))
+    fits = fit_positions(means, variances, relative, latitude, gravity, priors, anomaly, drift)
+    options = replace(options, priors=priors)
+    return [
+        _answers(method, dwells, fit, (v, r), site, options)
+        for (dwells, _), fit, v, r in zip(sets, fits.each(), variances, relative, strict=True)
+    ]
+
+
+def _told_of(
+    dwells: Ordered[Dwell],
+    summaries: Ordered[tuple[Array, Array]],
+    site: Site,
+    priors: Priors,
+) -> tuple[Array, Array, Array, Array]:
+    """Means, variances (n, 6), turns (n, 3, 3) and drift (6, n, n) of some positions."""
+    means, scatter = (np.array(values) for values in zip(*summaries, strict=True))
+    spans = np.array([dwell.t_to - dwell.t_from for dwell in dwells])
+    first = _nominal_of(dwells[0]).inv()
+    relative = np.array([(first * _nominal_of(dwell)).as_matrix() for dwell in dwells])
+    drift = np.repeat(drift_covariance(priors, _times_of(dwells)), 3, axis=0)
     drift = drift + _rounding(dwells, means, drift, site, priors)
-    fit = fit_positions(means, variances, relative, latitude, gravity, priors, anomaly, drift)
+    return means, pooled_variances(scatter, spans), relative, drift
+
+
+def _times_of(dwells: Ordered[Dwell]) -> list[Span]:
+    return [Span(dwell.t_from, dwell.t_to - dwell.t_from) for dwell in dwells]
+
+
+def _answers(
+    method: str,
+    dwells: Ordered[Dwell],
+    fit: PositionFit,
+    told: tuple[Array, Array],
+    site: Site,
+    options: Options,
+) -> list[AttitudeEstimate]:
+    """Of every position; `told`: variances of its means, and turns."""
+    times = _times_of(dwells)
+    t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
     growth = _growth(fit)
-    bias_sigmas = _switched_on(growth * fit.bias_covariance.diagonal(), fit, priors, times)
-    given = latitude, gravity, float(spans.sum())
+    bias_sigmas = _switched_on(growth * fit.bias_covariance.diagonal(), fit, options.priors, times)
     shared = _doubts(fit)
     if options.verdicts:
-        shared += _verdict(fit, variances, relative, given, priors)
+        given = *local_vectors(site), float(sum(span.length for span in times))
+        shared += _verdict(fit, *told, given, options.priors)
     return [
         AttitudeEstimate(
             method,

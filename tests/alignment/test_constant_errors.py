@@ -8,11 +8,14 @@ import pytest
 from alignment import Priors
 from alignment.constant_errors import (
     BY_AXIS,
+    ERRORS_OF,
     constant_columns,
     constant_covariance,
+    constant_form,
     in_one_attitude,
     with_products,
 )
+from alignment.skew import unit_axes
 
 MEANS = np.array([1.0, 2, 3, 10, 20, 30])
 EARTH_RATE = 7.292115e-5  # rad/s
@@ -98,3 +101,18 @@ def test_products_of_scale_and_axes_lean_axes_together():
     # columns of leaning take a lean by halves: of X1-Y1, the third
     lean = BY_AXIS["non_orthogonality"](np.array([1.0, 0, 0]), np.zeros(3))
     np.testing.assert_allclose(lean[:, 2], [0, 0.5, 0])
+
+
+def test_how_readings_change_with_what_is_there():
+    """Against differences of the columns: exact but for rounding, the cubic's h^2 apart."""
+    skewed = tuple(map(tuple, unit_axes([[1.0, 0.1, 0], [0, 1, 0.2], [0.3, 0, 1]]).tolist()))
+    names = [f"{sensor}_{name}" for sensor in ERRORS_OF for name in ERRORS_OF[sensor]]
+    terms = {name: 0.1 + 0.01 * k for k, name in enumerate(names)}
+    form = constant_form(replace(Priors(accel_axes=skewed), **terms))
+    rng = np.random.default_rng(4)
+    x, u, h = rng.normal(size=(2, 3, 6)), rng.normal(size=(2, form.count)), 1e-4
+    found = form.slopes(x, u)
+    for k, aside in enumerate(h * np.eye(6)):
+        apart = form.columns(x + aside) - form.columns(x - aside)
+        want = np.einsum("rniq,rq->rni", apart, u) / (2 * h)
+        np.testing.assert_allclose(found[..., k], want, rtol=1e-6, atol=1e-7)

@@ -276,7 +276,7 @@ def fit_of(chi_square, freedom):
     one = np.zeros((1, 3, 3))
     return PositionFit(
         one, one, np.zeros(6), np.eye(6), np.zeros((1, 3, 6)), np.ones(6), None, None,
-        np.array(chi_square), np.array(freedom), 9, np.array(np.inf),
+        np.array(chi_square), np.array(freedom), np.array(np.inf),
     )  # fmt: skip
 
 
@@ -452,3 +452,26 @@ def test_a_tilt_tells_the_bias_along_it_as_surely_as_the_vertical_is_read(noise)
     assert low < np.mean((error / stated) ** 2) < high
     tilt = angle_of(fit.C_nb[:, 0] @ np.swapaxes(C[:, 0], -1, -2))[:, 0]
     assert low < np.mean(tilt**2 / fit.covariance[:, 0, 0, 0]) < high
+
+
+@pytest.mark.parametrize("priors", [COARSE, STATED], ids=["coarse", "stated"])
+def test_sets_fitted_together_are_what_each_is_alone(priors):
+    """Turns about X1, Y1 and Z1, with drifts of their own: as near as steps end, 1e-9 of a sigma.
+
+    One turn hides the rate along its axis from a coarse unit, so that it has rivals; a fine one is
+    soon there: steps of one set know nothing of another's.
+    """
+    rng = np.random.default_rng(17)
+    sets = np.array([[np.eye(3), turn(angle * np.eye(3)[k])] for k, angle in enumerate((3, 2, 1))])
+    y = np.concatenate([unit_readings((LEVEL @ told)[None], 0.8, priors, rng)[0] for told in sets])
+    y = y + NOISE * rng.normal(size=y.shape)
+    variances, drift = np.tile(NOISE**2, (3, 2, 1)), np.zeros((3, 2, 2, 2))
+    drift[:, :, 1, 1] = np.array([0.5, 1.0, 2.0])[:, None] * NOISE[0] ** 2
+    given = 0.8, G, priors, 0.0
+    together = fit_positions(y, variances, sets, *given, drift).each()
+    for k, one in enumerate(together):
+        alone = fit_positions(y[k], variances[k], sets[k], *given, drift[k])
+        for name in ("C_nb", "covariance", "biases", "bias_covariance", "cross", "chi2"):
+            found, want = getattr(one, name), getattr(alone, name)
+            np.testing.assert_allclose(found, want, rtol=1e-7, atol=1e-9 * np.max(np.abs(want)))
+        assert float(one.margin) == pytest.approx(float(alone.margin), rel=1e-7)
