@@ -179,6 +179,29 @@ def _stated(priors: Priors) -> tuple[tuple[str, str, float], ...]:
     return tuple(one for one in found if one[2] > 0)
 
 
+# --- second order ---
+
+
+def with_products(priors: Priors) -> Priors:
+    """The priors of one whose errors multiply: sensors of unlike scale on a case that is turned.
+
+    ``(1 + S)(1 + M)`` has ``S M`` beside S and M. Of a turned case ``m_ij = -m_ji``, so its
+    symmetric half is ``(s_i - s_j) m_ij / 2``: axes i and j lean together by ``(s_i - s_j) m_ij``,
+    ``sqrt(2)`` times the product of the standard deviations. The rest of it is another turn and
+    another scale. Where nobody states that axes lean, positions would contradict one another by it.
+    """
+    p = priors
+    return replace(
+        p,
+        gyro_non_orthogonality=float(
+            np.hypot(p.gyro_non_orthogonality, np.sqrt(2) * p.gyro_scale * p.gyro_misalignment)
+        ),
+        accel_non_orthogonality=float(
+            np.hypot(p.accel_non_orthogonality, np.sqrt(2) * p.accel_scale * p.accel_misalignment)
+        ),
+    )
+
+
 # --- in one attitude -----------------------------------------------------------------------------
 
 

@@ -24,7 +24,9 @@ from alignment.readings import BoolArray
 UNKNOWN_BIAS = np.repeat([0.01, 0.5], 3)  # rad/s, m/s^2
 UNKNOWN_LATITUDE = 1.0  # rad
 UNKNOWN_GRAVITY = 0.03  # m/s^2: 9.78 to 9.83 over the Earth
-ROUNDING = np.repeat([1e-10, 1e-7], 3)  # rad/s (2e-5 deg/h), m/s^2: no mean is surer than this
+# rad/s (2e-5 deg/h), m/s^2: no mean is surer than this. Far below what a table's tilt t makes of
+# an accelerometer's error b, ``t b``: the fit knows how the base leans, and that is no noise to it
+ROUNDING = np.repeat([1e-10, 1e-10], 3)
 SEEN = 0.5  # part of its prior that a bias must come down to
 MISFIT = 1e-3  # probability of chi-square above which positions contradict one another
 _ITERATIONS = 60

@@ -7,12 +7,15 @@ maximum a posteriori fit.
 """
 
 from collections.abc import Sequence as Ordered
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.constant_errors import constant_columns, with_products
+from alignment.cross import cross_matrix
 from alignment.doubts import heading_doubt
 from alignment.earth import Site, normal_gravity
 from alignment.errors import AlignmentError
@@ -33,7 +36,7 @@ from alignment.methods.position_fit import (
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from alignment.options import Options, Priors
 from alignment.readings import Dwell
-from alignment.rounding import rounding_variance, steps_of
+from alignment.rounding import blur_of, rounding_variance, shared_rounding, steps_of
 from alignment.saturation import CHANNELS, saturation_doubt
 from alignment.units import DEG
 
@@ -154,17 +157,60 @@ def _summaries(dwells: Ordered[Dwell]) -> list[tuple[Array, Array]]:
     return [mean_and_variance(dwell.window()) for dwell in dwells]
 
 
-def _rounding(dwells: Ordered[Dwell], means: Array) -> Array:
-    """Covariance (6, n, n) of the means by the rounding of the samples."""
+def _rounding(
+    dwells: Ordered[Dwell], means: Array, drift: Array, site: Site, priors: Priors
+) -> Array:
+    """Covariance (6, n, n) of the means by the rounding of the samples, `drift` (6, n, n) apart."""
     windows = [dwell.window() for dwell in dwells]
     steps = [steps_of(readings) for readings in windows]
-    left = [rounding_variance(r, own) for r, own in zip(windows, steps, strict=True)]
-    return rounding_covariance(np.array(left), means, np.max(steps, axis=0))
+    told = list(zip(windows, steps, strict=True))
+    step = np.max(steps, axis=0)
+    if not step.any() or not priors.nominal > 0 or site.latitude is None:
+        left = [rounding_variance(readings, own) for readings, own in told]
+        return rounding_covariance(np.array(left), means, step)
+    noises = np.array([blur_of(readings, own) for readings, own in told])
+    felt, doubts = _told_apart(dwells, drift, site, priors)
+    found = np.zeros_like(drift)
+    for k in np.flatnonzero(step):
+        apart = felt[:, None, k] - felt[:, k]
+        found[k] = shared_rounding(float(step[k]), noises[:, k], apart, doubts[k])
+    return found
+
+
+def _told_apart(
+    dwells: Ordered[Dwell], drift: Array, site: Site, priors: Priors
+) -> tuple[Array, Array]:
+    """Readings (n, 6) at the told attitudes, and variances (6, n, n) of how any two differ.
+
+    By where the base stands, the seat and the unit's constants but its biases, which are common to
+    them; by each one's placement, and drift.
+    """
+    p = priors
+    C_bn = [_nominal_of(dwell).inv().as_matrix() for dwell in dwells]
+    base = np.diag([p.nominal, p.nominal, p.azimuth])
+    felt = np.array([np.concatenate([C @ site.w_ie_n, C @ site.f_n]) for C in C_bn])
+    turned = np.concatenate([cross_matrix(felt[:, :3]), cross_matrix(felt[:, 3:])], axis=1)
+    leaned = [
+        np.concatenate([C @ cross_matrix(v) @ base for v in (site.w_ie_n, site.f_n)]) for C in C_bn
+    ]
+    shared = np.concatenate(
+        [np.array(leaned), p.seat * turned, constant_columns(felt[:, :3], felt[:, 3:], p)], axis=2
+    )
+    placed = p.turn**2 * np.sum(turned**2, axis=2).T
+    doubts = np.sum((shared[:, None] - shared) ** 2, axis=3).transpose(2, 0, 1)
+    doubts = doubts + placed[:, :, None] + placed[:, None]
+    own = np.einsum("kii->ki", drift)
+    doubts = doubts + own[:, :, None] + own[:, None] - 2 * drift
+    same = np.arange(len(dwells))
+    doubts[:, same, same] = 0.0
+    return felt, doubts
 
 
 def _nominal_of(dwell: Dwell) -> Rotation:
     if dwell.nominal is None:
-        raise AlignmentError(f"{dwell.label}: nobody said the attitude that the table was told")
+        raise AlignmentError(
+            f"{dwell.label}: its attitude is not known: give its attitude_deg or a schedule"
+        )
     return dwell.nominal
 
 
@@ -185,11 +231,11 @@ def _estimates(
     if latitude is not None:
         site.horizontal_rate()  # refuses at a pole
     anomaly = ANOMALY if site.local_gravity is None else 0.0
-    told = [_told_of(dwells, summaries, options.priors) for dwells, summaries in sets]
+    priors = with_products(options.priors)
+    told = [_told_of(dwells, summaries, site, priors) for dwells, summaries in sets]
     means, variances, relative, drift = (np.array(parts) for parts in zip(*told, strict=True))
-    fits = fit_positions(
-        means, variances, relative, latitude, gravity, options.priors, anomaly, drift
-    )
+    fits = fit_positions(means, variances, relative, latitude, gravity, priors, anomaly, drift)
+    options = replace(options, priors=priors)
     return [
         _answers(method, dwells, fit, (v, r), site, options)
         for (dwells, _), fit, v, r in zip(sets, fits.each(), variances, relative, strict=True)
@@ -197,7 +243,10 @@ def _estimates(
 
 
 def _told_of(
-    dwells: Ordered[Dwell], summaries: Ordered[tuple[Array, Array]], priors: Priors
+    dwells: Ordered[Dwell],
+    summaries: Ordered[tuple[Array, Array]],
+    site: Site,
+    priors: Priors,
 ) -> tuple[Array, Array, Array, Array]:
     """Means, variances (n, 6), turns (n, 3, 3) and drift (6, n, n) of some positions."""
     means, scatter = (np.array(values) for values in zip(*summaries, strict=True))
@@ -205,7 +254,8 @@ def _told_of(
     first = _nominal_of(dwells[0]).inv()
     relative = np.array([(first * _nominal_of(dwell)).as_matrix() for dwell in dwells])
     drift = np.repeat(drift_covariance(priors, _times_of(dwells)), 3, axis=0)
-    return means, pooled_variances(scatter, spans), relative, drift + _rounding(dwells, means)
+    drift = drift + _rounding(dwells, means, drift, site, priors)
+    return means, pooled_variances(scatter, spans), relative, drift
 
 
 def _times_of(dwells: Ordered[Dwell]) -> list[Span]:

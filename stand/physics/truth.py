@@ -461,13 +461,17 @@ class Truth:
     def _curves(self, motion: Motion, panels: Panels) -> tuple[Curves, bool]:
         """Curves of w, f at the point, f at the places if they are others (which is told), the
         attitude, and what true angles and rates have beyond the encoders'."""
-        q, v, a = motion.joints(panels.nodes)
+        nodes, again = panels.nodes, None
+        if self._law_of(motion).repeats:  # what was seen once is not looked at again
+            nodes, again = np.unique(nodes, return_inverse=True)
+        q, v, a = motion.joints(nodes)
         at = self.instants(q, v, a)
         own = self._places is not None
         seen = [at.w_ib_b, at.f_b, *((at.f_places,) if own else ()), at.q_wb]
         if not self._perfect:
             seen += [at.joints - q, at.joint_rates - v]
-        return panels.curves(np.ascontiguousarray(np.hstack(seen).T)), own
+        columns = np.ascontiguousarray(np.hstack(seen).T)
+        return panels.curves(columns if again is None else columns[:, again]), own
 
     def _samples(self, motion: Motion, edges: Array, ends: Array, felt: Array) -> Samples:
         """From curves' values (c, n) at the ends and as felt."""
