@@ -169,7 +169,7 @@ def test_an_empty_field_is_a_gap_that_is_told(tmp_path, separator):
     log = load_foreign(written(tmp_path / "a.csv", rows, separator, "words\n"), form())
     kept = [k for k in range(N) if k not in (20, 21)]
     check(log, T_NS[kept], VALUES[kept])
-    assert log.notes == ("2 rows with an empty field left out, a gap each: line 22, 23",)
+    assert log.notes == ("2 rows with an empty or cut off field left out, a gap each: line 22, 23",)
 
 
 def test_a_row_that_is_no_row_is_named(tmp_path):
