@@ -418,7 +418,7 @@ def tried(mutants: list[Mutant], found: dict, jobs: int) -> Iterator[Found]:
     def told(*task) -> None:
         results.put(result_of(*task))
 
-    running = []
+    running, left = [], jobs
     with tempfile.TemporaryDirectory() as root:
         try:
             for k in range(jobs):
@@ -433,7 +433,6 @@ def tried(mutants: list[Mutant], found: dict, jobs: int) -> Iterator[Found]:
                         results.put(None)
                         os._exit(code)
                 running.append(child)
-            left = jobs
             while left:
                 result = results.get()
                 if result is None:
@@ -444,8 +443,9 @@ def tried(mutants: list[Mutant], found: dict, jobs: int) -> Iterator[Found]:
                     raise SystemExit(f"without a bug: {result.by} fails")
         finally:
             for child in running:
-                with suppress(ProcessLookupError):
-                    os.killpg(child, signal.SIGTERM)
+                if left:  # it was interrupted
+                    with suppress(ProcessLookupError):
+                        os.killpg(child, signal.SIGTERM)
                 os.waitpid(child, 0)
 
 
