@@ -81,7 +81,9 @@ def answered() -> Rehearsal:
     advice = Advice("pitch", "rest longer", (Change("step 1", "2", "3"),), 0.6 * DEG, 77.0, "t = 2")
     none = Advice("roll", "nothing helps", (), None, None)
     silent = Refused("fine", 41, "no", predicted=True)
-    beside = Verification(60, 50, 9, 12.5, (COMPARED,), (silent, Refused("inertial", 4, "why")))
+    beside = Verification(
+        60, 50, 9, 12.5, (COMPARED,), (silent, Refused("inertial", 4, "why", stretch="swaying"))
+    )
     return Rehearsal(
         inputs, steps, Duration(times), (PREDICTION, NONE),
         (Observability("triad", 5, 9, inf, ("a", "b")),), (JUDGED, CONSTANT), (advice, none),
@@ -299,8 +301,20 @@ ANSWER = {
             }
         ],
         "refused": [
-            {"method": "fine", "runs": 41, "reason": "no", "contradicts": True},
-            {"method": "inertial", "runs": 4, "reason": "why", "contradicts": False},
+            {
+                "method": "fine",
+                "stretch": "",
+                "runs": 41,
+                "reason": "no",
+                "contradicts": True,
+            },
+            {
+                "method": "inertial",
+                "stretch": "swaying",
+                "runs": 4,
+                "reason": "why",
+                "contradicts": False,
+            },
         ],
     },
 }
@@ -420,11 +434,11 @@ def test_a_constant_that_no_unit_could_keep():
 def test_runs_and_their_sums_as_they_are_kept():
     """Of two and three: 5, 13 and 97; the second is told no number, and one that is none is out."""
     key, other = ("triad", "", "a", "heading"), ("fine", "w", "b", "roll")
-    first = RunErrors({key: 2.0, other: nan}, {"two-gyro": "no", "rk4": "not"})
-    second = RunErrors({key: 3.0}, {"two-gyro": "never"}, frozenset({key}))
+    first = RunErrors({key: 2.0, other: nan}, {("two-gyro", ""): "no", ("rk4", "up"): "not"})
+    second = RunErrors({key: 3.0}, {("two-gyro", ""): "never"}, frozenset({key}))
     assert run_to_json(second) == {
         "errors": [["triad", "", "a", "heading", 3.0]],
-        "refusals": {"two-gyro": "never"},
+        "refusals": [["two-gyro", "", "never"]],
         "untold": [["triad", "", "a", "heading"]],
     }
     assert run_from_json(json.loads(json.dumps(run_to_json(second)))) == second
@@ -434,14 +448,17 @@ def test_runs_and_their_sums_as_they_are_kept():
     kept = {
         "runs": 2,
         "of": [["triad", "", "a", "heading", 2.0, 5.0, 13.0, 97.0, 1.0]],
-        "refused": [["two-gyro", 2, "no"], ["rk4", 1, "not"]],
+        "refused": [["two-gyro", "", 2, "no"], ["rk4", "up", 1, "not"]],
     }
     assert sums.to_json() == kept
     again = Sums.from_json(json.loads(json.dumps(kept)))
     assert again.to_json() == kept
     for one in (sums, again):
         assert (list(one), key in one, other in one) == ([key], True, False)
-        assert one.refused() == (Refused("two-gyro", 2, "no"), Refused("rk4", 1, "not"))
+        assert one.refused() == (
+            Refused("two-gyro", 2, "no"),
+            Refused("rk4", 1, "not", stretch="up"),
+        )
         n, (sigma, *_) = one.sigma(key)
         assert (n, sigma, one.freedom(key)) == (2, pytest.approx(sqrt(6.5)), 2.0)
     # what no run tells a number of is none of those that are compared
