@@ -75,7 +75,8 @@ def find(folder: str, what: str, name: str) -> Source:
     if name.endswith(".toml") or "/" in name or "\\" in name:
         return read_file(what, Path(name))
     if name not in ids(folder):
-        raise unknown(what, name, ids(folder))
+        own = f"{name}.toml"  # what `stand new` has written
+        raise unknown(what, name, [*ids(folder), *([own] if Path(own).is_file() else [])])
     text = (files("stand") / folder / f"{name}.toml").read_text(encoding="utf-8")
     return Source(name, f"{name}.toml", text)
 

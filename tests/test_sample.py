@@ -101,13 +101,18 @@ def test_a_report_is_made_of_it(stand_command, tmp_path, monkeypatch):
 
 def test_the_viewer_opens_the_review_or_what_there_is(stand_command, tmp_path, monkeypatch):
     opened = []
-    monkeypatch.setattr("stand.recording.viewer.view", opened.append)
+    monkeypatch.setattr(
+        "stand.recording.viewer.view", lambda path, browser: opened.append((path, browser))
+    )
     shutil.copy(SAMPLE / "run.mcap", tmp_path)
     assert stand_command("view", tmp_path).code == 0  # no review is there: its samples make one
     assert list(tmp_path.iterdir()) == [tmp_path / "run.mcap"]
     (tmp_path / "run.rrd").touch()
     assert stand_command("view", tmp_path).code == 0
-    assert [path.name for path in opened] == [f"{tmp_path.name}.rrd", "run.rrd"]
+    assert stand_command("view", tmp_path, "--browser").code == 0
+    assert [(path.name, browser) for path, browser in opened] == [
+        (f"{tmp_path.name}.rrd", False), ("run.rrd", False), ("run.rrd", True),
+    ]  # fmt: skip
 
 
 def test_it_is_small_and_all_else_is_ignored():

@@ -114,8 +114,7 @@ def observed(dwells: Sequence[Dwell], site: Site, warmth: Warmth | None = None) 
 def _seen(dwell: Dwell, warmth: Warmth | None) -> _Seen:
     if dwell.nominal is None:
         raise AlignmentError(
-            f"{dwell.label}: nobody said the attitude that the table was told (attitude_deg of a "
-            "stretch, or a schedule)"
+            f"{dwell.label}: its attitude is not known: give its attitude_deg or a schedule"
         )
     window = dwell.window()
     saturation_doubt(dwell.label, window)

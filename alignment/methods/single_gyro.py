@@ -50,7 +50,7 @@ def gyro_latitude(w_ib_b: Array, f_b: Array) -> Array:
     ratio = np.einsum("...i,...i->...", w_ib_b, up) / EARTH_RATE
     worst = float(ratio.flat[np.argmax(np.abs(ratio))])
     if abs(worst) > 1:
-        raise AlignmentError(f"vertical rate is {worst:.3f} of Earth rate: no latitude")
+        raise AlignmentError(f"vertical rate is {worst:.3f} of Earth rate: no latitude, give it")
     return np.asarray(np.arcsin(ratio))
 
 

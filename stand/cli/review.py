@@ -136,6 +136,9 @@ def view(
     out: Annotated[
         Path | None, typer.Option(metavar="X.rrd", help="Write the review there, open nothing.")
     ] = None,
+    browser: Annotated[
+        bool, typer.Option("--browser", help="In the web browser, for want of a window.")
+    ] = False,
     force: ForceOption = False,
 ) -> None:
     """Open a recording in the rerun viewer: the review of a run's folder, else its samples.
@@ -149,9 +152,9 @@ def view(
 
     whole = t_from is None and t_to is None and out is None
     if whole and recording.is_dir() and (recording / "run.rrd").is_file():
-        open_viewer(recording / "run.rrd")
+        open_viewer(recording / "run.rrd", browser=browser)
     elif whole and recording.suffix in KINDS:
-        open_viewer(recording)
+        open_viewer(recording, browser=browser)
     else:
         from stand import api
         from stand.folder import refuse_files
@@ -160,7 +163,7 @@ def view(
             refuse_files([out], force=force)
         with working("reading", False):
             log = api.read(recording, topic=topic, form=form)
-        _view_samples(log, recording.stem, (t_from, t_to), out)
+        _view_samples(log, recording.stem, (t_from, t_to), out, browser=browser)
 
 
 def _view_samples(
@@ -168,6 +171,8 @@ def _view_samples(
     name: str,
     limits: tuple[float | None, float | None],
     out: Path | None,
+    *,
+    browser: bool,
 ) -> None:
     from tempfile import TemporaryDirectory
 
@@ -180,4 +185,4 @@ def _view_samples(
             told = write_review(log, target, *limits)
         print(told)
         if out is None:
-            open_viewer(target)
+            open_viewer(target, browser=browser)

@@ -241,8 +241,8 @@ def _told(plain: Proposal, amounts: Amounts, judge: Judged, clock: Clock) -> Pro
     passes = own.verdict is Verdict.PASS
     total = own.duration.total
     remarks = (
-        f"Proposed: {total:.0f} s for {plain.settings.imu.id} on {plain.settings.table.id}; "
-        f"no test of these candidates can be below {plain.bound:.0f} s (noise alone, no moves).",
+        f"Proposed: {total:.4g} s for {plain.settings.imu.id} on {plain.settings.table.id}; "
+        f"no test of these candidates can be below {plain.bound:.4g} s (noise alone, no moves).",
         *(f"{q.quantity}: {_in_words(q)}" for q in quantities),
     )
     return replace(

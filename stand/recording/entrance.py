@@ -110,11 +110,23 @@ def _says_itself(path: str | PathLike[str]) -> tuple[bool, bool]:
 
 
 def log_file(path: str | PathLike[str]) -> Path:
-    """The file of a log: itself, or that of a folder; a bag of several is its folder."""
+    """The file of a log: itself, or that of a folder; a bag of several is its folder.
+
+    Raises
+    ------
+    StandError
+        A folder with neither: what lies in it that is a recording is named.
+    """
     path = Path(path)
     if not path.is_dir():
         return path
-    return bag_file(path) if is_bag(path) else path / RUN_FILE
+    if is_bag(path):
+        return bag_file(path)
+    if not (path / RUN_FILE).exists():
+        within = sorted(file.parent.name for file in path.glob(f"*/{RUN_FILE}"))
+        one = f"; give one of its folders: {', '.join(within)}" if within else ""
+        raise StandError(f"{path}: a folder without {RUN_FILE}, holds no recording{one}")
+    return path / RUN_FILE
 
 
 def origin_of(log: ImuLog) -> int:

@@ -180,7 +180,8 @@ def _text(path: Path, form: LogForm, progress: Progress) -> _Table:
         lines = ", ".join(map(str, found.empty[:3])) + (" ..." if len(found.empty) > 3 else "")
         rows = "row" if len(found.empty) == 1 else "rows"
         notes.append(
-            f"{len(found.empty)} {rows} with an empty field left out, a gap each: line {lines}"
+            f"{len(found.empty)} {rows} with an empty or cut off field left out, a gap each: "
+            f"line {lines}"
         )
     return _Table(
         t_ns=found.t_ns,
@@ -299,7 +300,7 @@ def _in_si(path: Path, table: _Table, scales: Array) -> Array:
             value = values[bad[0], column]
             where = f"{path}: row {table.row[bad[0]] + 1}, column {CHANNELS[column]} = {value:.17g}"
             if not np.isfinite(value):
-                raise StandError(f"{where}: must be finite")
+                raise StandError(f"{where}: must be finite; leave out rows without a reading")
             unit = "rad/s" if column < 3 else "m/s^2"
             raise StandError(
                 f"{where}: must be at most {_MOST[column]:g} {unit} (are the unit and the columns "
@@ -353,10 +354,12 @@ def _check_increase(path: Path, t_ns: IntArray, row: IntArray) -> None:
         k = int(back[0]) + 1
         seconds = not np.any(t_ns % _SECOND)
         hint = ": whole seconds, are nanoseconds in another column (sec,nanosec)?"
+        anew = (t_ns[k] - t_ns[0]) * 20 < t_ns[k - 1] - t_ns[0]  # far back, near the beginning
         raise StandError(
             f"{path}: row {row[k] + 1}, column t = {t_ns[k] / _SECOND:.12g} s: must be "
             f"above the row before, {t_ns[k - 1] / _SECOND:.12g} s, by a nanosecond at least"
             + (hint if seconds and len(back) > len(t_ns) / 2 else "")
+            + ("; a counter that begins anew takes --wrap" if anew and k > 1 else "")
         )
 
 

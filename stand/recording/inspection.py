@@ -85,7 +85,7 @@ def _messages(path: Path) -> Inspection:
     choice = ["--topic", imus[0]] if len(imus) > 1 else []
     return Inspection(
         path=str(path),
-        form=f"messages of {len(topics)} topics",
+        form=f"messages of {len(topics)} topic{'s' * (len(topics) > 1)}",
         names=tuple(topics),
         rows=(),
         guesses=tuple(topics.values()),

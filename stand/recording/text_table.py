@@ -285,7 +285,11 @@ def _is_unit(text: str) -> bool:
 def _rows(
     path: Path, layout: TextLayout, progress: Callable[[float], None]
 ) -> Iterator[tuple[int, list[str]]]:
-    """Line number, from 1, and fields of every line of numbers."""
+    """Line number, from 1, and fields of every line of numbers.
+
+    A last line that is short and has no end was cut off by a logger that lost its power: its last
+    field may be part of a number, and is empty as those that are not there.
+    """
     separator, size = layout.separator, path.stat().st_size
     with _opened(path, layout.encoding) as file:
         for number, line in enumerate(islice(file, layout.first, None), layout.first + 1):
@@ -293,7 +297,10 @@ def _rows(
                 progress(file.buffer.tell() / size)
             if not line.strip() or _is_comment(line):
                 continue
-            yield number, fields_of(line.rstrip(" \n"), separator)
+            fields = fields_of(line.rstrip(" \n"), separator)
+            if not line.endswith("\n") and len(fields) < layout.filled:
+                fields = fields[:-1] + [""] * (layout.width - len(fields) + 1)
+            yield number, fields
 
 
 def _check_width(

@@ -73,7 +73,7 @@ def quiet_environment() -> dict[str, str]:
 def _reason(stderr: str) -> str:
     """The line that says what went wrong: the last with 'error', else the last."""
     if "WAYLAND_DISPLAY" in stderr:
-        return "no screen here; open it in the browser, or copy it to a machine with a screen"
+        return "no screen here: give --browser, or copy it to a machine with a screen"
     lines = [line.strip() for line in stderr.splitlines() if line.strip()]
     telling = [line for line in lines if "error" in line.lower()] or lines
     return telling[-1] if telling else "no message"

@@ -100,10 +100,11 @@ def curves(summary: Summary, series: Series, number: int) -> Drawing | None:
             frame(axes)
         panels[0].set_ylabel(f"rms error [{unit}]")
         if together:
-            panels[0].legend(
+            legend = panels[0].legend(
                 title=axes_of[1].label, frameon=False, fontsize=8.5, labelcolor=INK,
                 title_fontsize=8.5, loc="center left", bbox_to_anchor=(1.0, 0.5),
             )  # fmt: skip
+            legend.get_title().set_color(INK)
 
     words = "; ".join(
         f"case {c.case}: {digits(c.rms / per)} ({digits(c.low / per)} to {digits(c.high / per)})"
@@ -244,12 +245,14 @@ def heat_map(summary: Summary, series: Series, number: int) -> Drawing | None:
         axes.set_xlim(0, len(x.values))
         axes.set_ylim(0, len(y.values))
         axes.set_xlabel(x.label)
-        axes.set_ylabel(y.label)
         frame(axes)
         axes.grid(False)
 
     alt = f"Heat map of {named(series)}: {digits(low / per)} to {digits(high / per)} {unit}"
-    caption = f"{named(series)}: root mean square of the errors [{unit}], by both parameters."
+    # the upright one's name stands here: beside few rows it would be cut
+    caption = (
+        f"{named(series)}: root mean square of the errors [{unit}]; across {x.label}, up {y.label}."
+    )
     return drawing(f"heat{number}", (WIDTH, 1.0 + 0.42 * len(y.values)), alt, draw, caption)
 
 

@@ -34,6 +34,7 @@ HUES = ("#3a9bd9", "#e8743b", "#2bb58c")  # as pages have them by night
 STAGES = {"dwell": HUES[0], "move": HUES[1], "profile": HUES[1]}  # others: evenly turning
 TURNING = HUES[2]
 SETTLED_PART = 20  # the first part in so many of a curve does not set the scale
+PANELS = 4  # rates, forces, two of angles
 LETTERS = "0123456789.-+°:/ abcdefghijklmnopqrstuvwxyz_"
 
 
@@ -96,6 +97,15 @@ class Layout:
         return Box(0, top, self.width, self.height - self.foot - top)
 
     @property
+    def panels(self) -> list[slice]:
+        """The rows of each panel, from the upper one on."""
+        box = self.curves
+        top, below, between = (round(x * self.scale) for x in (30, 40, 32))
+        height = (box.height - top - below - (PANELS - 1) * between) / PANELS
+        begins = [box.y + top + k * (height + between) for k in range(PANELS)]
+        return [slice(round(y), round(y + height)) for y in begins]
+
+    @property
     def plot(self) -> tuple[int, int]:
         """First and last column of the curves themselves."""
         box = self.curves
@@ -125,7 +135,8 @@ class Canvas:
         now = round(np.interp(t, [self.t_from, self.t_to], [first, last]))
         image = self._empty.copy()
         image[layout.curves.rows, first:now] = self._full[layout.curves.rows, first:now]
-        image[layout.curves.rows, now : now + max(1, round(layout.scale))] = _rgb(INK)
+        for rows in layout.panels:
+            image[rows, now : now + max(1, round(layout.scale))] = _rgb(INK)
         image[layout.stand.rows, layout.stand.columns] = stand
         self._foot(image, t)
         self._write(image, f"{t:.2f} s", (-18, 19), big=True)
@@ -180,17 +191,14 @@ class Canvas:
         return row
 
     def _panel(self, figure: Figure, k: int, name: str) -> Axes:
-        layout, box, count = self.layout, self.layout.curves, 4
+        layout, rows = self.layout, self.layout.panels[k]
         first, last = layout.plot
-        top, below, between = (round(x * layout.scale) for x in (30, 40, 32))
-        height = (box.height - top - below - (count - 1) * between) / count
-        y = box.y + top + k * (height + between)
         axes = figure.add_axes(
             (
                 first / layout.width,
-                1 - (y + height) / layout.height,
+                1 - rows.stop / layout.height,
                 (last - first) / layout.width,
-                height / layout.height,
+                (rows.stop - rows.start) / layout.height,
             ),
             label=name,
         )
@@ -203,7 +211,7 @@ class Canvas:
             labelsize=8.5 * layout.scale,
             length=0,
             pad=4 * layout.scale,
-            labelbottom=k == count - 1,
+            labelbottom=k == PANELS - 1,
         )
         axes.xaxis.label.set_color(SOFT)
         axes.xaxis.labelpad = 2 * layout.scale
@@ -261,7 +269,7 @@ class Canvas:
 
     def _errors(self, angles: Sequence[int]) -> tuple[str, list[Line], list[Band]]:
         estimate = [part for c in self.scene.estimate if len((part := self._shown(c)).t_ns)]
-        names = " and ".join(ANGLES[k] for k in angles)
+        names = " and ".join(f"{ANGLES[k]} ({AXES[k]})" for k in angles)  # about which it turns
         if not self.scene.estimate:
             return f"{names}: no method answers", [], []
         values = [c.errors[len(c.t_ns) // SETTLED_PART :, k] for c in estimate for k in angles]

@@ -94,9 +94,10 @@ def scene_of(log: Log, method: str | None = None, joints: str = "") -> Iterator[
     StandError
         A log without joints, or with joints that are no axes of the stand; no such method.
     """
-    with open_log(log.path) as file, located(log.path):
+    with open_log(log.path) as file:
         measured = file.joints()
-        angles = angles_of(measured, joints)
+        with located(log.path):
+            angles = angles_of(measured, joints)
     metadata = log.imu.metadata
     run = metadata.get(RUN, {})
     titles = [_title(key, model, metadata) for key, model in _ENTRIES.items()]

@@ -40,7 +40,9 @@ def entries_table(what: str, entries: Sequence[Row]) -> TableData:
 
 
 def notes(what: str) -> tuple[str, ...]:
-    """Which papers the letters of the methods' sources stand for."""
+    """What the letters stand for: papers of the methods' sources, evidence of a unit's file."""
+    if what == "imus":
+        return ("evidence: A the maker's document, B part of one, C others' figures",)
     return tuple(legend()) if what == "methods" else ()
 
 

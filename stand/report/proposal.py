@@ -118,6 +118,7 @@ def picture(curve: TradeOff) -> Picture:
             if own.shortened is not None:
                 axes.annotate("", (own.shortened, 1.0), at,
                               arrowprops={"arrowstyle": "->", "color": hue})  # fmt: skip
+                axes.plot([], [], color=hue, label="in the same shape, just as required")
         axes.legend(frameon=False, fontsize=9, labelcolor=INK, facecolor=PAPER)
 
     return Picture(

@@ -345,7 +345,7 @@ def draw(found: dict[str, dict[str, Curve]], path: Path) -> None:
             x, y = np.array(next(reversed(lines.values()))).T
             axes.plot(x, y[-1] * x / x[-1], ":", color="grey", label="proportional")
         else:
-            axes.set_ylim(bottom=0)
+            axes.set_ylim(0, 1.1 * max(y for points in lines.values() for _, y in points))
         axes.set_xlabel(names[kind])
         axes.set_ylabel("whole run in memory [s]")
         axes.grid(alpha=0.3, which="both")
@@ -435,7 +435,8 @@ pyins takes attitudes that are ready made, ours here, and draws a spline through
 stamps it meets, and what the motion does between them, and what a rocking base does to the
 accelerometers' place, is not in it. Its `Turntable` makes the motion too, as we do. What is felt
 costs here by the motion, not by the rate: coning of 5 Hz in 50 pieces of polynomials a second takes
-550 evaluations of a table of 18 hinges for each second, whether they give 100 samples or 1000.
+550 evaluations for each second, whether they give 100 samples or 1000; of whole turns that repeat
+themselves the first alone is looked at.
 `ahrs.Sensors` makes magnetometers as well, on an Earth that does not turn, and noise alone.
 
 ## Floors

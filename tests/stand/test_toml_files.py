@@ -84,6 +84,13 @@ def test_unknown_ids_name_near_matches_and_all_there_are(load, folder, name, nea
     assert told.endswith(f"known: {', '.join(catalogue.ids(folder))}")
 
 
+def test_a_file_of_that_name_is_offered(tmp_path, monkeypatch):
+    """`stand new procedure mine` writes mine.toml: who then says `mine` means that."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").touch()
+    assert "did you mean mine.toml? " in refusal(load_procedure, "mine")
+
+
 def test_unknown_sorts_and_offers_at_most_three():
     text = str(unknown("colour", "gre", ["green", "grey", "great", "greed", "red"]))
     near, known = text.removeprefix("unknown colour 'gre': did you mean ").split("? known: ")

@@ -2,6 +2,7 @@
 
     python tools/site/faults.py           # runs the quick tests, adds to docs/site/faults.json
     python tools/site/faults.py tests     # all of them; or a folder: what is known stays
+    python tools/site/faults.py tools/site/triggers.py   # wrong inputs, a line each: in seconds
 
 What a message says is read from the source at each build; an example counts only while it still
 fits its message, so that the page cannot show what is no longer said.

@@ -70,7 +70,7 @@ def test_published_thousand_points():
     for _ in range(999):
         n.append(16807 * n[-1] % 2147483647)
     x = np.concatenate([[0], np.cumsum(np.array(n) / 2147483647)])
-    got = np.sqrt(variances(x, np.array([1, 10, 100])))
+    got = np.sqrt(variances([x], np.array([1, 10, 100])))
     # Printed to seven digits; at 100 samples every second start point is used.
     np.testing.assert_allclose(got[:2], [2.922319e-1, 9.159953e-2], rtol=2e-7)
     assert got[2] == pytest.approx(3.241343e-2, rel=0.01)
@@ -127,7 +127,16 @@ def test_variances_are_those_of_allantools():
     phase = np.cumsum(np.random.default_rng(5).normal(size=3000))
     m = np.array([1, 2, 4, 8, 16, 32])  # beyond that every second start is left out
     _, theirs, _, _ = allantools.oadev(phase, rate=1.0, data_type="phase", taus=m)
-    np.testing.assert_allclose(variances(phase, m), theirs**2, rtol=1e-12)
+    np.testing.assert_allclose(variances([phase], m), theirs**2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1, 7, 100, 1000])
+def test_variances_of_a_sum_in_pieces(size):
+    """The squares of the whole, each once, added in another order."""
+    phase = np.cumsum(np.random.default_rng(6).normal(size=3000))
+    m = 2 ** np.arange(9)  # at 64 to 256 every second to eighth start
+    cut = [phase[a : a + size] for a in range(0, len(phase), size)]
+    np.testing.assert_allclose(variances(cut, m), variances([phase], m), rtol=1e-12)
 
 
 # Uncertainty -------------------------------------------------------------------------------------

@@ -337,7 +337,7 @@ def mirrored(w, f):
         ([spun(change=lambda w, f: (w * 180 / np.pi, f))], "taken for degrees"),
         ([spun(change=lambda w, f: (w * np.pi / 180, f))], "taken for radians"),
         ([spun(change=lambda w, f: (2 * w, f))], "another axis, joint or rate"),
-        ([replace(rest("a", FACES[0], 0.0), nominal=None)], "a: nobody said the attitude"),
+        ([replace(rest("a", FACES[0], 0.0), nominal=None)], "a: its attitude is not known"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_one_line(dwells, said):

@@ -139,7 +139,7 @@ def test_refusals():
         multi_position(still[:1], HERE, Options())
     first, second = dwells_of(LEVEL, TURNS["half turn"])
     untold = Dwell("u", second.t_from, second.t_to, second.readings)
-    with pytest.raises(AlignmentError, match="u: nobody said the attitude"):
+    with pytest.raises(AlignmentError, match="u: its attitude is not known"):
         two_position([first, untold], HERE, Options())
     r = second.readings
     late = (np.arange(200) >= 100)[:, None]

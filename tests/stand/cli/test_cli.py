@@ -152,7 +152,9 @@ def test_the_list_of_methods_explains_its_sources(run):
     for letter, paper in SOURCES.items():
         assert f"[{letter}] {paper}" in shown
     assert "[S0] Autonomous initial orientation without integration" in shown
-    assert "[S0]" not in run("list", "imus").out
+    units = run("list", "imus").out
+    assert "[S0]" not in units
+    assert "evidence: A the maker's document" in units
 
 
 # --- run
@@ -671,7 +673,7 @@ def test_import_of_a_bad_row_writes_nothing(refused, tmp_path):
     rows[7, 3] = np.nan
     log = write_csv(tmp_path / "log.csv", rows)
     assert refused("import", log, *UNITS, "--out", "x.mcap") == (
-        f"{log}: row 8, column gz = nan: must be finite"
+        f"{log}: row 8, column gz = nan: must be finite; leave out rows without a reading"
     )
 
 

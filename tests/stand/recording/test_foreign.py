@@ -6,9 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stand.errors import StandError
+from stand.recording.entrance import open_log
 from stand.recording.foreign import ForeignLog, LogForm, load_foreign
 from stand.recording.mcap import EPOCH_NS, read_imu, write_imu_log
 
+LEAVE = "; leave out rows without a reading"
 COLUMNS = "t,gx,gy,gz,ax,ay,az"
 ROWS = [
     [0.5, 0.1, -0.2, 0.3, 0.01, 0.02, 9.8],
@@ -180,9 +182,12 @@ def test_faults_of_units(csv):
             "line 3, column 3 = 'x1': must be a number",
         ),
         ("0,0,0,0,0,0,1\n1,0,,0,0,0,1\n", "1 rows of data, at least 2 are needed"),
-        ("0,0,0,0,0,0,1\n1,0,nan,0,0,0,1\n", "row 2, column gy = nan: must be finite"),
-        ("h,,,,,,\n0,0,0,0,0,0,1\n1,0,0,0,0,inf,1\n", "row 2, column ay = inf: must be finite"),
-        ("0,0,0,0,0,0,1\n1,0,0,0,0,0,1e400\n", "row 2, column az = inf: must be finite"),
+        ("0,0,0,0,0,0,1\n1,0,nan,0,0,0,1\n", "row 2, column gy = nan: must be finite" + LEAVE),
+        (
+            "h,,,,,,\n0,0,0,0,0,0,1\n1,0,0,0,0,inf,1\n",
+            "row 2, column ay = inf: must be finite" + LEAVE,
+        ),
+        ("0,0,0,0,0,0,1\n1,0,0,0,0,0,1e400\n", "row 2, column az = inf: must be finite" + LEAVE),
         (
             "0,0,0,0,0,0,1\n1,0,0,0,0,0,1e308\n",
             "row 2, column az = 1e+308: must be at most 1e+09 m/s^2 (are the unit and the columns "
@@ -195,6 +200,11 @@ def test_faults_of_units(csv):
         (
             "1,0,0,0,0,0,1\n0.5,0,0,0,0,0,1\n2,0,0,0,0,0,1\n",
             "row 2, column t = 0.5 s: must be above the row before, 1 s, by a nanosecond at least",
+        ),
+        (
+            "".join(f"{t % 256},0,0,0,0,0,1\n" for t in range(200, 300)),
+            "row 57, column t = 0 s: must be above the row before, 255 s, by a nanosecond at least"
+            "; a counter that begins anew takes --wrap",
         ),
         (
             "1,0,0,0,0,0,1\n1.0000000001,0,0,0,0,0,3\n",
@@ -220,6 +230,28 @@ def test_faults_of_files(tmp_path):
     assert refusal(gone) == f"{gone}: no such file"
     assert refusal(tmp_path, file_format="csv") == f"{tmp_path}: is a folder, must be a file"
     assert refusal(tmp_path, file_format="f8le") == f"{tmp_path}: is a folder, must be a file"
+
+
+def test_a_folder_of_recordings_names_them(tmp_path):
+    with pytest.raises(StandError, match=r"a folder without run\.mcap, holds no recording$"):
+        open_log(tmp_path)
+    for name in ("b", "a"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.mcap").touch()
+    with pytest.raises(StandError, match=r"holds no recording; give one of its folders: a, b$"):
+        open_log(tmp_path)
+
+
+def test_a_last_line_that_was_cut_off_is_left_out(csv):
+    """Its last field may be part of a number: 0.98 of 0.9801 is not read, whatever is before it."""
+    whole = "".join(f"{t},0.1,0.2,0.3,0,0,1\n" for t in range(4))
+    for cut in ("4,0.1,0.2,0.3,0,0", "4,0.1,0.", "4"):
+        csv.write_text(whole + cut, encoding="utf-8")
+        log = load(csv, accel="g")
+        assert len(log.t_ns) == 4
+        assert "1 row with an empty or cut off field left out, a gap each: line 5" in log.notes
+    csv.write_text(whole + "4,0.1,0.2,0.3,0,0,1", encoding="utf-8")  # whole, without its end
+    assert len(load(csv, accel="g").t_ns) == 5
 
 
 def test_random_doubles_are_refused(tmp_path):

@@ -12,6 +12,7 @@ from PIL import Image as Picture
 
 from stand import api
 from stand.errors import StandError
+from stand.physics import ASIDE
 from stand.physics import picture as drawing
 from stand.physics.mjcf import models_folder
 from stand.recording.mcap.reader import JointLog
@@ -173,10 +174,16 @@ def test_joints_of_a_foreign_table():
 def test_a_log_without_joints_says_so(stand_command, tmp_path):
     rest = [[k / 10, 0, 1e-3, 0, 0, 9.81, 0] for k in range(40)]
     log = tmp_path / "log.csv"
-    np.savetxt(log, rest, delimiter=",", header="t,gx_rad_s,gy_rad_s,gz_rad_s,ax,ay,az")
+    np.savetxt(
+        log, rest, delimiter=",", header="t,gx_rad_s,gy_rad_s,gz_rad_s,ax_m_s2,ay_m_s2,az_m_s2"
+    )
     told = stand_command("film", log, "--out", tmp_path / "x.mp4")
     assert told.code == 2
     assert "it has no joints" in told.err
+    messages = tmp_path / "log.mcap"
+    assert stand_command("import", log, "--out", messages).code == 0
+    told = stand_command("film", messages, "--out", tmp_path / "x.mp4")
+    assert told.err.startswith(f"stand: {messages}: no topic with sensor_msgs/msg/JointState")
     assert not (tmp_path / "x.mp4").exists()
 
 
@@ -237,7 +244,7 @@ def test_another_driver_goes_on_where_one_stops(monkeypatch):
 
     monkeypatch.setattr(drawing, "drawn_by", drawn_by)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    monkeypatch.delenv(drawing.ASIDE, raising=False)
+    monkeypatch.delenv(ASIDE, raising=False)
     images = drawing.pictures(np.zeros((3, 6)), width=2, height=2)
     assert [int(image[0, 0, 0]) for image in images] == [10, 20, 21]
     assert asked == [("egl", 3), ("osmesa", 2)]
