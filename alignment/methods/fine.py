@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment.around import by_direction, whole_circle
+from alignment.around import by_direction, less_turned, whole_circle
 from alignment.arrays import Array, set_owned
 from alignment.constant_errors import BY_AXIS, in_one_attitude
 from alignment.cross import cross_matrix
@@ -37,6 +37,7 @@ from alignment.methods.inertial import (
     gravity_doubt,
     gravity_velocity,
     laid,
+    left_of_the_turn,
     rest_covariance,
     rest_of,
     sway_covariance,
@@ -352,7 +353,8 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
             f"{dwell.label}: the linearisation did not settle: heading is not determined, and a "
             "filter about a wrong one knows no tilt either"
         )
-    return _answer(model, reference, run, rest_covariance(carried, matched, rest), flags)
+    more = rest_covariance(carried, matched, rest), left_of_the_turn(carried, matched, priors)
+    return _answer(model, reference, run, more, flags)
 
 
 def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) -> Model:
@@ -782,10 +784,14 @@ def _walks(model: Model, carried: Carried, C_ni: Array, push: Array, steps: slic
 
 
 def _answer(
-    model: Model, reference: _Reference, run: _Pass, more: Array, flags: tuple[str, ...]
+    model: Model,
+    reference: _Reference,
+    run: _Pass,
+    more: tuple[Array, float],
+    flags: tuple[str, ...],
 ) -> Filtered:
     """Attitudes and constants from the reference and its errors; `more` (3, 3): what the filter
-    does not know of."""
+    does not know of, and what a bias leaves of the Earth's level rate."""
     carried = reference.carried
     left = (carried.t[-1] - carried.t)[:, None] * model.site.w_ie_n  # n turns back to then
     to_n = Rotation.from_rotvec(left)
@@ -793,13 +799,14 @@ def _answer(
     R = to_n.as_matrix()
     m, count = len(carried.t), len(model.names)
     told = slice(_ERRORS, _ERRORS + 3 * count)
+    covariance = R @ run.attitude @ R.transpose(0, 2, 1) + more[0]
     constants = run.x[:, told].reshape(m, count, 3).copy()
     if "gyro_bias" in model.names:
         constants[:, model.names.index("gyro_bias")] += reference.offset
     return Filtered(
         carried.t,
         to_n * at_end * Rotation.from_quat(carried.q),
-        R @ run.attitude @ R.transpose(0, 2, 1) + more,
+        covariance * less_turned(covariance[-1], more[1]),
         model.names,
         constants,
         np.sqrt(run.variances[:, told]).reshape(m, count, 3),

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.spatial.transform import Rotation
 
-from alignment.around import by_direction, whole_circle
+from alignment.around import by_direction, less_turned, whole_circle
 from alignment.arrays import Array
 from alignment.constant_errors import constant_columns
 from alignment.cross import cross_matrix
@@ -619,7 +619,9 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         matched = match(part, site, arm.place)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
         P, _ = covariances(part, matched, noise, priors, arm)
-        found.append((C_nb, P + rest_covariance(part, matched, rest)))
+        P = P + rest_covariance(part, matched, rest)
+        P *= less_turned(P, left_of_the_turn(part, matched, priors))
+        found.append((C_nb, P))
     sequence = options.rule.sequence_at(found[-1][0])
     return [
         AttitudeTrack(
@@ -657,6 +659,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance, wander = covariances(carried, matched, noise, priors, arm)
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     covariance = covariance + rest_covariance(carried, matched, rest)
+    covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
     flags += around_doubt(dwell) if rest.drift_around.any() else ()
@@ -717,6 +720,17 @@ def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors
     """White noise by the priors, or as the readings show it in the band that matters."""
     noise = noise_of(readings, priors)
     return noise if is_stated(priors) else quieter(noise, carried, matched)
+
+
+def left_of_the_turn(carried: Carried, matched: Match, priors: Priors) -> float:
+    """Part of the Earth's level rate that gyros of unknown bias show, as order 2 of the level
+    velocity tells; 1 with a data sheet."""
+    if is_stated(priors):
+        return 1.0
+    basis = _smooth(carried)[:, 2] * np.sqrt(carried.spans)
+    expected = basis @ matched.reference[:, :2]
+    found = expected + basis @ matched.residual[:, :2]
+    return float(np.linalg.norm(found) / np.linalg.norm(expected))
 
 
 def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:

@@ -14,7 +14,7 @@ from alignment.allan import analyse, channel
 from alignment.allan.analysis import needed
 from alignment.allan.analysis import shown as is_shown
 from alignment.allan.covariance import degrees_of_freedom
-from alignment.allan.deviation import deviation, variances
+from alignment.allan.deviation import Deviation, deviation, variances
 from alignment.allan.fit import LIMIT, Rival, fit, interval
 from alignment.allan.stretches import between, interruptions
 from alignment.allan.terms import KEYS, design, index, plateau, value, variance, weight
@@ -675,3 +675,19 @@ def test_the_ring_laser_is_not_white():
 
 def test_keys_are_in_the_order_of_their_slopes():
     assert KEYS == ("Q", "N", "B", "K", "R")
+
+
+def test_a_plateau_that_begins_late_has_a_say_in_white_noise():
+    """An exact curve of six minutes, white noise of 1 and a plateau from 200 samples on: none that
+    the fit may find begins so late, and N comes out low, with one that does it does not."""
+    m = 2 ** np.arange(11)
+    exact = design(m, 200.0) @ np.array([0, 1, 1 / 800, 0, 0])
+    found = fit(Deviation((12_000,) * 6, 0.005, m, exact))
+    n = index("N")
+    low = 1 - found.weights[n]
+    assert low > 1e-3
+    (late,) = (rival for rival in found.rivals if rival.late)
+    assert abs(1 - late.problem.physical(late.weights)[n]) < low / 3
+    without = replace(found, rivals=tuple(r for r in found.rivals if not r.late))
+    assert interval(found, n)[1] > interval(without, n)[1]
+    assert interval(found, index("K")) == interval(without, index("K"))

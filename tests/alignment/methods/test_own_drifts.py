@@ -13,6 +13,7 @@ import pytest
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.methods.fine import fine
 from alignment.methods.inertial import block_of, inertial, laid, own_parts
+from alignment.methods.two_gyro import two_gyro
 from alignment.noise import drift_of
 from alignment.strapdown import carry
 
@@ -23,7 +24,7 @@ ARW, VRW = 2e-7, 1e-5  # rad/sqrt(s): 0.0007 deg/rt-h; m/s/sqrt(s)
 SETTLED = 30e-6 * G  # m/s^2: 30 ug, 6 arc seconds
 
 
-def readings(seed, base=0.0, accel=0.0, gyro=0.0, straight=0.0):
+def readings(seed, base=0.0, accel=0.0, gyro=0.0, straight=0.0, arw=ARW):
     """At rest, X1 north, Y1 up, Z1 east; `base` [m/s^2 of gravity's share along X1] and `accel`
     settle, `gyro` [rad/s] about Z1 too; `straight`: accelerometer X1 from end to end."""
     rng, n = np.random.default_rng(seed), round(SPAN * HZ)
@@ -34,7 +35,7 @@ def readings(seed, base=0.0, accel=0.0, gyro=0.0, straight=0.0):
     # Z1 east: a turn by a about it takes Y1 away from X1, up has sin(a) along X1
     f[:, 0] += (base + accel) * settling + straight * (t / SPAN - 0.5)
     w[:, 2] += base / G * (-settling / TAU) + gyro * settling
-    w += ARW * np.sqrt(HZ) * rng.normal(size=w.shape)
+    w += arw * np.sqrt(HZ) * rng.normal(size=w.shape)
     f += VRW * np.sqrt(HZ) * rng.normal(size=f.shape)
     return ImuReadings(t, w, f)
 
@@ -94,3 +95,14 @@ def test_heading_is_as_sure_as_what_turned_lets_it_be(method):
         off, sigmas[name] = yaw_of(method, readings(1, **{name: SETTLED}))
         assert abs(off) < 3 * sigmas[name], name
     assert sigmas["base"] < 0.5 * sigmas["accel"]
+
+
+@pytest.mark.parametrize("method", [inertial, fine, two_gyro])
+def test_a_bias_that_hides_half_of_the_earth_makes_heading_half_as_sure(method):
+    """Gyros read half of the Earth's level rate: by hand, noise turns that by twice as much."""
+    sigmas = []
+    for part in (0.0, 0.5):
+        r = readings(2, arw=50 * ARW)  # quieter ones see what second order of so large a bias does
+        w = r.w_ib_b - np.array([part * W * cos(LAT), 0.0, 0.0])
+        sigmas.append(yaw_of(method, ImuReadings(r.t, w, r.f_b))[1])
+    assert sigmas[1] / sigmas[0] == pytest.approx(2.0, rel=0.1)  # as finely as noise is told
