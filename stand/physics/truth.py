@@ -167,11 +167,11 @@ def _chain(model: mujoco.MjModel, errors: TableErrors, data: mujoco.MjData | Non
     origin, C_wb = at_zero.site_xpos[sid].copy(), at_zero.site_xmat[sid].reshape(3, 3).copy()
     names, axes, anchors = zip(*_hinges(model, at_zero, errors), strict=True)
     return _Chain(
-        names,
-        product(C_wb.T, np.array(axes).T).T,
-        product(C_wb.T, (np.array(anchors) - origin).T).T,
-        origin,
-        Rotation.from_matrix(C_wb).as_quat(scalar_first=True),
+        names=names,
+        axes=product(C_wb.T, np.array(axes).T).T,
+        anchors=product(C_wb.T, (np.array(anchors) - origin).T).T,
+        origin=origin,
+        quat=Rotation.from_matrix(C_wb).as_quat(scalar_first=True),
     )
 
 
