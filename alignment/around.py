@@ -13,6 +13,7 @@ _SMALL = 0.1  # rad: below, first order is good to 0.2 % of sigma
 _DRAWS = np.linspace(-6, 6, 97)  # of a normal number, and their weights
 _WEIGHTS = np.exp(-(_DRAWS**2) / 2) / np.sum(np.exp(-(_DRAWS**2) / 2))
 _BOTH = np.outer(_WEIGHTS, _WEIGHTS)
+_LEAST_LEFT = 1e-3  # of the Earth's level rate
 
 
 def whole_circle(covariance: Array, heading: float) -> Array:
@@ -76,3 +77,14 @@ def _drawn(errors: Array) -> tuple[Array, Array]:
 def _rms(error: Array, told: Array | bool = True) -> float:
     weights = _BOTH * told
     return float(np.sqrt(np.sum(weights * error**2) / np.sum(weights)))
+
+
+def less_turned(covariance: Array, left: float) -> Array:
+    """Factors (3, 3) of a covariance about n where an unknown bias leaves less than the Earth's.
+
+    Heading is the direction of a level rate: where the gyros show but a part `left` of the Earth's,
+    the same noise turns it by more. Noise of its own size makes a rate as small by chance.
+    """
+    least = max(float(np.hypot(left, np.sqrt(covariance[2, 2]))), _LEAST_LEFT)
+    more = np.array([1.0, 1.0, max(1.0, 1 / least)])
+    return np.outer(more, more)

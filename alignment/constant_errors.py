@@ -6,7 +6,7 @@ one attitude what they add looks like a bias, in the next it is another one.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +16,8 @@ from alignment.cross import cross_matrix
 from alignment.earth import EARTH_RATE
 from alignment.options import Priors
 from alignment.skew import Axes, back_from, spread
+
+_Power = Callable[[Array], Array]
 
 # what is told of each sensor beside its bias: fields of `Priors` and of `information.Triad`
 ERRORS_OF = {
@@ -73,15 +75,84 @@ BY_AXIS: dict[str, Callable[[Array, Array], Array]] = {
 }
 
 
-def _of_triad(name: str, x: Array, f_b: Array, axes: Axes | None) -> Array:
-    """Columns (..., 3, k) in b of one term, of a triad along b or along `axes`.
+# what columns are linear in, where that is no true value itself: a function and its slope
+_OF: dict[str, tuple[_Power, _Power]] = {
+    "asymmetry": (np.abs, np.sign),
+    "quadratic": (np.square, lambda x: 2 * x),
+    "cubic": (lambda x: x**3, lambda x: 3 * x**2),
+    "g2_sensitivity": (np.square, lambda x: 2 * x),
+}
+_PLAIN: tuple[_Power, _Power] = (lambda x: x, np.ones_like)
 
-    The case's rotation turns what is felt; all else is of the sensors, along their own axes.
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConstantForm:
+    """What readings take from constant errors but biases, as products: of what is felt, its size,
+    its square and so on with the `basis`.
+
+    Attributes
+    ----------
+    inputs : sequence of ((3, 6), function, slope)
+        Of rates and forces (..., 6) what a group of three is of, and of that which power.
+    basis : (3 * groups, 6, q)
+        Columns, per standard deviation, by each of all these.
     """
-    if axes is None or name == "misalignment":
-        return BY_AXIS[name](x, f_b)
-    felt = x if name == "non_orthogonality" else x @ np.array(axes).T
-    return np.asarray(back_from(axes) @ BY_AXIS[name](felt, f_b))
+
+    inputs: tuple[tuple[Array, _Power, _Power], ...]
+    basis: Array
+
+    @property
+    def count(self) -> int:
+        """How many errors there are."""
+        return self.basis.shape[2]
+
+    def columns(self, x: Array) -> Array:
+        """Of rates and forces (..., 6) the columns (..., 6, q), as `constant_columns`."""
+        if not self.inputs:
+            return np.zeros((*x.shape, 0))
+        powers = [power(x @ axes.T) for axes, power, _ in self.inputs]
+        flat = self.basis.reshape(len(self.basis), -1)
+        return (np.concatenate(powers, axis=-1) @ flat).reshape(*x.shape, self.count)
+
+    def slopes(self, x: Array, u: Array) -> Array:
+        """How ``columns(x) @ u`` changes with rates and forces x (r, n, 6), of errors `u` (r, q):
+        (r, n, 6, 6). Of a size at 0 neither way."""
+        if not self.inputs:
+            return np.zeros((*x.shape, 6))
+        each = [slope(x @ axes.T)[..., None] * axes for axes, _, slope in self.inputs]
+        added = (self.basis @ u[:, None, :, None])[..., 0]  # (r, groups, 6)
+        return np.swapaxes(added, 1, 2)[:, None] @ np.concatenate(each, axis=-2)
+
+
+@lru_cache(maxsize=16)
+def constant_form(priors: Priors) -> ConstantForm:
+    """That of the errors that `priors` state: three axes, or nine coefficients, of each term."""
+    kinds: dict[tuple[str, bool, str], tuple[Array, _Power, _Power]] = {}
+    of: list[tuple[tuple[str, bool, str], slice, Array]] = []
+    for sensor, name, sigma in _stated(priors):
+        forced = name in ("g_sensitivity", "g2_sensitivity")
+        axes = getattr(priors, f"{sensor}_axes")
+        # the case's rotation turns what is felt; all else is of the sensors, along their own axes
+        as_it_is = forced or name in ("misalignment", "non_orthogonality")
+        along = axes is not None and not as_it_is
+        kind = ("accel" if forced else sensor, along, name if name in _OF else "")
+        first = 0 if kind[0] == "gyro" else 3
+        own = np.zeros((3, 6))
+        own[:, first : first + 3] = np.array(axes) if along else np.eye(3)
+        kinds.setdefault(kind, (own, *_OF.get(name, _PLAIN)))
+        # each is linear in its power, and powers of unit vectors are themselves
+        unit = BY_AXIS[name](np.eye(3), np.eye(3))
+        back = np.eye(3) if axes is None or name == "misalignment" else back_from(axes)
+        rows = slice(0, 3) if sensor == "gyro" else slice(3, 6)
+        of.append((kind, rows, sigma * (back @ unit)))
+    basis = np.zeros((3 * len(kinds), 6, sum(unit.shape[2] for _, _, unit in of)))
+    at = {kind: slice(3 * k, 3 * k + 3) for k, kind in enumerate(kinds)}
+    first = 0
+    for kind, rows, unit in of:
+        basis[at[kind], rows, first : first + unit.shape[2]] = unit
+        first += unit.shape[2]
+    basis.flags.writeable = False  # there is one for all who ask
+    return ConstantForm(tuple(kinds.values()), basis)
 
 
 def constant_columns(w_b: Array, f_b: Array, priors: Priors) -> Array:
@@ -98,18 +169,9 @@ def constant_columns(w_b: Array, f_b: Array, priors: Priors) -> Array:
     (..., 6, q)
         One column per error that `priors` state: three axes, or nine coefficients, of each term.
     """
-    columns = np.zeros((*w_b.shape[:-1], 6, constant_count(priors)))
-    felt = {"gyro": (w_b, slice(0, 3)), "accel": (f_b, slice(3, 6))}
-    first = 0
-    for sensor, name, sigma in _stated(priors):
-        x, rows = felt[sensor]
-        own = sigma * _of_triad(name, x, f_b, getattr(priors, f"{sensor}_axes"))
-        columns[..., rows, first : first + own.shape[-1]] = own
-        first += own.shape[-1]
-    return columns
+    return constant_form(priors).columns(np.concatenate([w_b, f_b], axis=-1))
 
 
-@lru_cache(maxsize=16)  # a fit asks at each of its steps
 def _stated(priors: Priors) -> tuple[tuple[str, str, float], ...]:
     """Sensor, name and standard deviation of each error that `priors` state."""
     every = ((sensor, name) for sensor in ERRORS_OF for name in ERRORS_OF[sensor])
@@ -117,11 +179,27 @@ def _stated(priors: Priors) -> tuple[tuple[str, str, float], ...]:
     return tuple(one for one in found if one[2] > 0)
 
 
-@lru_cache(maxsize=16)
-def constant_count(priors: Priors) -> int:
-    """How many columns `constant_columns` has."""
-    none = np.zeros(3)
-    return sum(BY_AXIS[name](none, none).shape[-1] for _, name, _ in _stated(priors))
+# --- second order ---
+
+
+def with_products(priors: Priors) -> Priors:
+    """The priors of one whose errors multiply: sensors of unlike scale on a case that is turned.
+
+    ``(1 + S)(1 + M)`` has ``S M`` beside S and M. Of a turned case ``m_ij = -m_ji``, so its
+    symmetric half is ``(s_i - s_j) m_ij / 2``: axes i and j lean together by ``(s_i - s_j) m_ij``,
+    ``sqrt(2)`` times the product of the standard deviations. The rest of it is another turn and
+    another scale. Where nobody states that axes lean, positions would contradict one another by it.
+    """
+    p = priors
+    return replace(
+        p,
+        gyro_non_orthogonality=float(
+            np.hypot(p.gyro_non_orthogonality, np.sqrt(2) * p.gyro_scale * p.gyro_misalignment)
+        ),
+        accel_non_orthogonality=float(
+            np.hypot(p.accel_non_orthogonality, np.sqrt(2) * p.accel_scale * p.accel_misalignment)
+        ),
+    )
 
 
 # --- in one attitude -----------------------------------------------------------------------------

@@ -212,7 +212,7 @@ def _waves(sums: Array, edges: np.ndarray, orders: int) -> tuple[Array, Array]:
     return cosines @ sums, sines @ sums
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)  # of the rests of a run, which the next run has again: 1.3 MB each at most
 def _basis(n: int, blocks: int, orders: int) -> tuple[Array, Array]:
     edges = np.arange(blocks + 1) * n // blocks
     angle = 2 * np.pi * np.outer(np.arange(1, orders + 1), (edges[1:] + edges[:-1]) / (2 * n))

@@ -47,10 +47,31 @@ def rounding_variance(readings: ImuReadings, steps: Array | None = None) -> Arra
     tell it, and without a data sheet the mean may be anywhere in its step.
     """
     steps = steps_of(readings) if steps is None else steps
+    told = zip(steps.tolist(), blur_of(readings, steps).tolist(), strict=True)
+    return np.array([waves(*one)[1].sum() if one[0] else 0.0 for one in told])
+
+
+def blur_of(readings: ImuReadings, steps: Array) -> Array:
+    """Noise (6,) of samples that blurs the `steps` (6,), as `rounding_variance` takes it."""
     noises = [0.0, 0.0] if readings.grains is None else [grain.noise for grain in readings.grains]
     channels = (*readings.w_ib_b.T, *readings.f_b.T)
     told = zip(channels, steps.tolist(), np.repeat(noises, 3).tolist(), strict=True)
-    return np.array([_left(*one, readings.interval) for one in told])
+    return np.array([_blur(*one, readings.interval) for one in told])
+
+
+def shared_rounding(step: float, noises: Array, apart: Array, doubts: Array) -> Array:
+    """Covariance (n, n) of what rounding to `step` leaves of means that differ by `apart` (n, n).
+
+    That is known to variances `doubts` (n, n); where in a step they lie is not. Two share
+    ``cos(k d)`` of each wave k of their means that noise (n,) leaves, and as d is known to s only,
+    that times ``exp(-(k s)^2/2)``: all where they are known to be alike, none where they may be a
+    step apart.
+    """
+    turns, _ = waves(step, 0.0)
+    k = turns[:, None]
+    left = np.sqrt(2) / k * np.exp(-((k * noises) ** 2) / 2)
+    together = np.cos(k[..., None] * apart) * np.exp(-(k[..., None] ** 2) * doubts / 2)
+    return np.asarray(np.einsum("ki,kij,kj->ij", left, together, left))
 
 
 def with_rounding(priors: Priors, readings: ImuReadings) -> Priors:
@@ -64,13 +85,11 @@ def with_rounding(priors: Priors, readings: ImuReadings) -> Priors:
     )
 
 
-def _left(channel: Array, step: float, noise: float, interval: float) -> float:
+def _blur(channel: Array, step: float, noise: float, interval: float) -> float:
     if step == 0.0:
-        return 0.0
+        return noise
     shown = _usual_variance(channel, interval) - step**2 / 12
-    if shown > (_BLURRED * step) ** 2:
-        noise = max(noise, float(np.sqrt(shown)))
-    return float(waves(step, noise)[1].sum())
+    return max(noise, float(np.sqrt(shown))) if shown > (_BLURRED * step) ** 2 else noise
 
 
 def _usual_variance(channel: Array, interval: float) -> float:

@@ -5,12 +5,13 @@ its numbers. Drivers and adapters leave something else, and whatever reads noise
 know it: all of it can be seen in the log itself.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from alignment.arrays import Array, IntArray
-from alignment.parts import excerpts
+from alignment.parts import excerpts, parts, release
 
 SHORT = 0.5  # of the mean step: less between two stamps is a burst
 BURSTS = 0.05  # of all steps that must be so short, and as many that make up for it
@@ -41,18 +42,28 @@ def bursts(t: Array) -> Bursts | None:
     So if many steps are far below the mean one, and yet no stamp is further off the straight line
     through them all than the longest usual step: then none was lost.
     """
-    steps = np.diff(t)
-    if len(steps) < FEWEST_RUNS:
+    n = len(t) - 1
+    if n < FEWEST_RUNS:
         return None
-    mean = float(t[-1] - t[0]) / len(steps)
+    mean = float(t[-1] - t[0]) / n
+    if sum(int(np.count_nonzero(some < SHORT * mean)) for _, some in steps_of(t)) < BURSTS * n:
+        return None
+    steps = np.diff(t)
     long = steps > mean
-    if np.mean(steps < SHORT * mean) < BURSTS or not long.any():
+    if not long.any():
         return None
     late = float(np.ptp(t - evened(t)))
     if late > 2 * float(np.quantile(steps[long], 0.99)):
         return None
     count = int(np.count_nonzero(long)) + 1
     return Bursts(count, len(t) / count, late)
+
+
+def steps_of(t: Array) -> Iterator[tuple[int, Array]]:
+    """Successive steps between stamps t (n,), part by part, each with the number of its first."""
+    for rows in parts(len(t) - 1):
+        yield rows.start, np.diff(t[rows.start : rows.stop + 1])
+        release(t)
 
 
 def evened(t: Array) -> Array:
@@ -69,7 +80,11 @@ def repeats(values: Array) -> IntArray | None:
     runs of like rows are then of one length, or of two that follow one another, which runs of
     coarsely rounded values are not.
     """
-    first = np.count_nonzero(values[1:, 0] != values[:-1, 0])
+    first = 0
+    for rows in parts(len(values) - 1):
+        part = values[rows.start : rows.stop + 1, 0]
+        first += int(np.count_nonzero(part[1:] != part[:-1]))
+        release(values)
     if first > 1 and len(values) < OFTEN * (first - 1):  # rows change at least as often
         return None
     changed = np.any(values[1:] != values[:-1], axis=1)
@@ -84,7 +99,12 @@ def repeats(values: Array) -> IntArray | None:
 
 def some_of(values: Array) -> Array:
     """Values (n,), or evenly spaced ones of more than `ENOUGH`."""
-    return values[:: (len(values) // ENOUGH) | 1]  # odd: what alternates is seen
+    return values[:: every(len(values))]
+
+
+def every(n: int) -> int:
+    """Which of n values are enough: one of so many. Odd, so that what alternates is seen."""
+    return (n // ENOUGH) | 1
 
 
 def step_of(values: Array) -> float:

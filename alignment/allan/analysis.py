@@ -27,6 +27,7 @@ from alignment.arrays import Array, set_owned
 from alignment.cores import over_cores
 from alignment.errors import NotAtRest, TooShort
 from alignment.noise import check_rest
+from alignment.parts import MOST, mean
 from alignment.readings import ImuReadings
 from alignment.sampling import bursts, evened, repeats, sigma_below, step_of
 from alignment.saturation import saturation_doubt
@@ -250,7 +251,7 @@ def analyse(
         told += peculiar(sensor, [part for _, part in parts], stretches[0].interval)
         known, own = (bandwidths or {}).get(sensor, np.inf), []
         for k, axis in enumerate(AXES):
-            signals = [np.ascontiguousarray(triad[:, k]) for triad in triads]
+            signals = [triad[:, k] for triad in triads]
             own.append(channel(sensor, axis, signals, step, sheet, known))
         return told, own
 
@@ -330,7 +331,7 @@ def _at_rest(pieces: list[Part], label: str) -> tuple[list[Part], list[str]]:
 
 
 def _stretch(part: ImuReadings, step: float) -> RestRecord:
-    w_ib_b, f_b = part.w_ib_b.mean(axis=0), part.f_b.mean(axis=0)
+    w_ib_b, f_b = mean(part.w_ib_b), mean(part.f_b)
     times = float(part.t[0]), float(part.t[-1])
     return RestRecord(*times, len(part), step, w_ib_b=w_ib_b, f_b=f_b)
 
@@ -449,7 +450,7 @@ def _fitted(curve: Deviation, signals: Sequence[Array], bandwidth: float) -> tup
 
 def _rounding(signals: Sequence[Array], fitted: Fit) -> Rounding:
     """How coarse the readings are for their noise."""
-    step = step_of(np.concatenate(signals))
+    step = step_of(_all_or_longest(signals))
     if step == 0.0:
         return Rounding(0.0)
     added = step**2 / 12
@@ -464,6 +465,13 @@ def _rounding(signals: Sequence[Array], fitted: Fit) -> Rounding:
     if doubt > RESOLVED * left:
         return Rounding(step, resolved=False)
     return Rounding(step, 0.0 if low <= added <= high else added, added, doubt)
+
+
+def _all_or_longest(signals: Sequence[Array]) -> Array:
+    """All values (n,) of several stretches, or the longest of them if they are too many."""
+    if len(signals) == 1 or sum(map(len, signals)) > MOST:
+        return max(signals, key=len)
+    return np.concatenate(signals)
 
 
 def _unresolved(

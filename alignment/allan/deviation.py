@@ -1,17 +1,18 @@
 """The overlapping Allan variance of a record, at octaves of averaging time."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from alignment.allan.covariance import octaves, shares, stride
+from alignment.allan.running import Grid, running_sum, second_differences
 from alignment.arrays import Array, set_owned
 from alignment.errors import TooShort
+from alignment.parts import in_parts
 
 FEWEST = 96  # samples: four octaves, 1 to 8 samples, with 12 averages at the longest
 CANCELLED = 1e-12  # of the largest variance: less is a pattern that repeats
-BLOCK = 1 << 14  # differences at a time, which stay in a processor's cache
 SILENT = 1e-13  # of the signal's size: a scatter this small is rounding
 
 
@@ -94,14 +95,14 @@ def deviation(signal: Array | Sequence[Array], interval: float) -> Deviation:
 
 def _variances(signal: Array, m: np.ndarray) -> Array:
     """Of one stretch; all zero where it is constant but for rounding."""
-    offset = signal - signal[0]
-    if largest(offset) <= SILENT * largest(signal):
+    first, span, size, total = float(signal[0]), 0.0, 0.0, 0.0
+    for part in in_parts(signal):
+        offset = part - first
+        span, size = max(span, largest(offset)), max(size, largest(part))
+        total += float(offset.sum())
+    if span <= SILENT * size:
         return np.zeros(len(m))
-    offset -= offset.mean()
-    phase = np.empty(len(signal) + 1)
-    phase[0] = 0.0
-    np.cumsum(offset, out=phase[1:])
-    return variances(phase, m)
+    return variances(running_sum(signal, first, total / len(signal)), m)
 
 
 def largest(values: Array) -> float:
@@ -109,27 +110,19 @@ def largest(values: Array) -> float:
     return float(max(values.max(), -values.min()))
 
 
-def variances(phase: Array, m: np.ndarray) -> Array:
-    """Overlapping Allan variances (k,) of the running sum `phase` (n + 1,) at m (k,) samples."""
-    found = np.zeros(len(m))
-    x, every = phase, 1
-    for row, k in enumerate(map(int, m)):
-        step = stride(k)
-        if step % every:
-            x, every = phase, 1
-        if step != every:
-            x, every = np.ascontiguousarray(x[:: step // every]), step
-        lag = k // step
-        found[row] = _bending(x, lag) / (2 * (lag * step) ** 2)
-    return found
-
-
-def _bending(x: Array, lag: int) -> float:
-    """Mean square of the second differences of x (n,) over `lag`, block after block."""
-    count, total = len(x) - 2 * lag, 0.0
-    for a in range(0, count, BLOCK):
-        b = min(a + BLOCK, count)
-        steps = x[a + lag : b + 2 * lag] - x[a : b + lag]
-        bends = steps[lag:] - steps[: b - a]
-        total += float(np.einsum("i,i", bends, bends))
-    return total / count
+def variances(phase: Iterable[Array], m: np.ndarray) -> Array:
+    """Overlapping Allan variances (k,) at m (k,) samples of a running sum, told in pieces."""
+    steps = [stride(k) for k in m.tolist()]
+    lags = [k // step for k, step in zip(m.tolist(), steps, strict=True)]
+    longest: dict[int, int] = {}
+    for step, lag in zip(steps, lags, strict=True):
+        longest[step] = max(lag, longest.get(step, 0))
+    grids = {step: Grid(step, lag) for step, lag in longest.items()}
+    squares, counts = np.zeros(len(m)), np.zeros(len(m), np.int64)
+    for piece in phase:
+        windows = {step: grid.window(piece) for step, grid in grids.items()}
+        for row, (step, lag) in enumerate(zip(steps, lags, strict=True)):
+            for some in second_differences(*windows[step], lag):
+                squares[row] += np.einsum("i,i", some, some)
+                counts[row] += len(some)
+    return squares / counts / (2.0 * (np.array(lags) * steps) ** 2)

@@ -170,11 +170,15 @@ class White:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rival:
-    """Another beginning of the plateau, nearly as likely: `worse` is twice the log ratio."""
+    """Another beginning of the plateau, nearly as likely: `worse` is twice the log ratio.
+
+    One that is `late` has a say in N alone.
+    """
 
     problem: Problem
     weights: Array
     worse: float
+    late: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -270,9 +274,8 @@ def _fit(curve: Deviation, first: int, least: int = LEAST_PLATEAU) -> Fit:
     worse = [_cost(one) - _cost(best) for one in found]
     near = [k for k, one in enumerate(found) if worse[k] < WALK_LIMIT and one is not best]
     outer = sorted({near[0], near[-1]}) if near else []
-    return replace(
-        best, rivals=tuple(Rival(found[k].problem, found[k].solution, worse[k]) for k in outer)
-    )
+    rivals = [Rival(found[k].problem, found[k].solution, worse[k]) for k in outer]
+    return replace(best, rivals=(*rivals, *_late(curve, first, least, best)))
 
 
 def _fit_with(curve: Deviation, first: int, onset: float, near: Array | None = None) -> Fit:
@@ -291,6 +294,26 @@ def _cost(found: Fit) -> float:
 def _onsets(curve: Deviation, least: int) -> list[float]:
     """Beginnings of a plateau [samples] to try first, two octaves apart, that leave some of it."""
     return [float(m) for m in curve.m[::2] if least * m <= curve.m[-1]]
+
+
+def _late(curve: Deviation, first: int, least: int, best: Fit) -> list[Rival]:
+    """Fits nearly as likely whose plateau begins so late that hardly any of it is seen.
+
+    Only N is asked of them, and where white noise is most of the shortest tau: a plateau that must
+    begin early takes a part of it, 0.3 % of N in six minutes of a unit whose plateau begins at 9 s.
+    """
+    white = best.weights[_N] / float(curve.m[best.first])
+    if white < 0.5 * best.problem.variance[0]:
+        return []
+    latest = float(curve.m[-1]) / LATEST_PLATEAU
+    onsets = [onset for onset in (latest / 8, latest / 2) if least * onset > curve.m[-1]]
+    found = [_fit_with(curve, first, onset, best.solution) for onset in onsets]
+    worse = [max(0.0, _cost(one) - _cost(best)) for one in found]
+    return [
+        Rival(one.problem, one.solution, by, late=True)
+        for one, by in zip(found, worse, strict=True)
+        if by < LIMIT
+    ]
 
 
 def _described(found: Fit) -> bool:
@@ -385,7 +408,8 @@ def _iterated(posed: Problem, weights: Array, free: IntArray) -> Array:
 
 def against(fitted: Fit, term: int, at: float) -> float:
     """How much worse the curve is described with a term `at` a weight: chi-square of 1 if true."""
-    rivals = (r.worse + worse_with(r.problem, r.weights, term, at) for r in fitted.rivals)
+    near = (r for r in fitted.rivals if term == _N or not r.late)
+    rivals = (r.worse + worse_with(r.problem, r.weights, term, at) for r in near)
     return min(worse_with(fitted.problem, fitted.solution, term, at), *rivals, np.inf)
 
 
@@ -398,7 +422,7 @@ def interval(fitted: Fit, term: int) -> tuple[float, float]:
     """The 95 % interval of a term's weight; the lower end is 0 where it may be absent."""
     limit = WALK_LIMIT if term == _K else LIMIT
     ends = [_interval(fitted.problem, fitted.solution, term, limit)]
-    near = (r for r in fitted.rivals if r.worse < limit)
+    near = (r for r in fitted.rivals if r.worse < limit and (term == _N or not r.late))
     ends += [_interval(r.problem, r.weights, term, limit - r.worse) for r in near]
     return min(low for low, _ in ends), max(high for _, high in ends)
 

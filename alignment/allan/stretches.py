@@ -6,7 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from alignment.arrays import Array
+from alignment.arrays import Array, IntArray
+from alignment.parts import excerpts, parts, release
+from alignment.sampling import steps_of
 
 GAP = 1.5  # median steps
 RATE = 0.01  # relative change of the mean step
@@ -41,8 +43,8 @@ def interruptions(t: Array) -> list[Interruption]:
     """
     if len(t) < 3:
         return []
-    steps = np.diff(t)
-    found = _gaps(t, steps) if steps.max() > GAP * steps.min() else []
+    ends = [(float(some.min()), float(some.max())) for _, some in steps_of(t)]
+    found = _gaps(t) if max(b for _, b in ends) > GAP * min(a for a, _ in ends) else []
     edges = [0, *(gap.sample for gap in found), len(t)]
     for start, stop in pairwise(edges):
         found += _changes(t, start, stop)
@@ -55,17 +57,18 @@ def between(t: Array, events: list[Interruption]) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges) if b > a]
 
 
-def _gaps(t: Array, steps: Array) -> list[Interruption]:
-    usual = float(np.median(steps))
-    late = np.flatnonzero(steps > GAP * usual)
-    return [_gap(t, int(k), usual) for k in late if _is_gap(steps, int(k), usual)]
+def _gaps(t: Array) -> list[Interruption]:
+    usual = float(np.median(np.concatenate([np.diff(some) for some in excerpts(t)])))
+    late = [first + np.flatnonzero(some > GAP * usual) for first, some in steps_of(t)]
+    return [_gap(t, int(k), usual) for k in np.concatenate(late) if _is_gap(t, int(k), usual)]
 
 
-def _is_gap(steps: Array, k: int, usual: float) -> bool:
-    around = steps[max(0, k - _AROUND) : k + _AROUND + 1]
+def _is_gap(t: Array, k: int, usual: float) -> bool:
+    around = np.diff(t[max(0, k - _AROUND) : k + _AROUND + 2])
+    step = t[k + 1] - t[k]
     # Other gaps nearby count as one step each.
     others = np.where(around > GAP * usual, usual, around).sum() - usual
-    return others + steps[k] > (len(around) + GAP - 1) * usual
+    return others + step > (len(around) + GAP - 1) * usual
 
 
 def _gap(t: Array, k: int, usual: float) -> Interruption:
@@ -77,22 +80,34 @@ def _changes(t: Array, start: int, stop: int) -> list[Interruption]:
     window = min(WINDOW, (stop - start) // 10)
     if window < 20:
         return []
-    here = t[start:stop]
-    mean = (here[window:] - here[:-window]) / window
-    ratio, most = mean[window:] / mean[:-window], np.exp(max(RATE, LATE / window))
-    at = np.flatnonzero((ratio > most) | (ratio < 1 / most))
+    at, before, after = _changing(t[start:stop], window, np.exp(max(RATE, LATE / window)))
+    ratio = after / before
     found = []
-    for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
+    for run in np.split(np.arange(len(at)), np.flatnonzero(np.diff(at) > 1) + 1):
         if len(run):
             k = int(run[np.argmax(np.abs(np.log(ratio[run])))])
-            sample = start + k + window + 1
+            sample = start + int(at[k]) + window + 1
             found.append(
                 Interruption(
                     "rate",
                     sample,
                     float(t[sample]),
-                    before=float(mean[k]),
-                    after=float(mean[k + window]),
+                    before=float(before[k]),
+                    after=float(after[k]),
                 )
             )
     return found
+
+
+def _changing(t: Array, window: int, most: float) -> tuple[IntArray, Array, Array]:
+    """Where the mean step (m,) of a window is not that of the one before, and both means (m,)."""
+    found = []
+    for rows in parts(len(t) - 2 * window):
+        here = t[rows.start : rows.stop + 2 * window]
+        mean = (here[window:] - here[:-window]) / window
+        ratio = mean[window:] / mean[:-window]
+        at = np.flatnonzero((ratio > most) | (ratio < 1 / most))
+        found.append((rows.start + at, mean[at], mean[at + window]))
+        release(t)
+    at, before, after = (np.concatenate(columns) for columns in zip(*found, strict=True))
+    return at, before, after

@@ -12,20 +12,21 @@ GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013), 14.2, 15.2
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment.around import by_direction, whole_circle
+from alignment.around import by_direction, less_turned, whole_circle
 from alignment.arrays import Array, set_owned
 from alignment.constant_errors import BY_AXIS, in_one_attitude
 from alignment.cross import cross_matrix
 from alignment.doubts import drift_doubt, heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError
-from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.estimate import AttitudeEstimate, AttitudeTrack, determined
 from alignment.information.drift import GaussMarkov
 from alignment.methods.drifting import held
 from alignment.methods.inertial import (
@@ -36,6 +37,7 @@ from alignment.methods.inertial import (
     gravity_doubt,
     gravity_velocity,
     laid,
+    left_of_the_turn,
     rest_covariance,
     rest_of,
     sway_covariance,
@@ -61,6 +63,7 @@ _SETTLED = 0.01  # rad: a correction of the reference above it calls for another
 _PASSES = 8
 _COARSE = 5.0  # times as far apart in passes that only look for the reference
 _ROUNDS = 3  # of them and the filter itself, after the first
+_PARTS = (0.25, 4.0)  # least and most of a correction of heading that is taken
 _SYMMETRIC = 8  # updates after which rounding's asymmetry is taken out
 _CAREFUL = 32  # updates by roots of the covariance: the first take a metre to a micrometre
 _CHUNK = 2048  # updates whose matrices are held at once
@@ -225,7 +228,8 @@ class Steps(NamedTuple):
 class _Pass:
     """After each update: errors of the reference `x` (m, s), which are attitude about n [rad],
     velocity, displacement, constants; their `variances`; covariance `attitude` (m, 3, 3);
-    innovations `values`, their variances `expected` (m, 3) and normalised squares `misfit` (m,).
+    innovations `values`, their variances `expected` (m, 3) and normalised squares `misfit` (m,);
+    `heading` (s,): covariances of heading's error with all, at the end.
     """
 
     x: Array
@@ -234,6 +238,19 @@ class _Pass:
     values: Array
     expected: Array
     misfit: Array
+    heading: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def left(self) -> Array:
+        """Errors (s,) of the reference at the end, to be corrected.
+
+        Where heading is not determined it stays where it is, and the others are those of a heading
+        that is right: biases make up for a wrong one, and tilt settles about any.
+        """
+        x, own = self.x[-1], self.heading
+        if determined(np.sqrt(self.variances[-1, 2])):
+            return x
+        return np.asarray(x - own / own[2] * x[2])
 
     @property
     def inconsistent(self) -> bool:
@@ -270,8 +287,7 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
     NotAtRest
         The velocity wanders beyond noise and 0.1 m/s: the instrument travels.
     AlignmentError
-        A gap; a turn too fast for the sampling rate; a linearisation that does not settle, for
-        heading is not determined by these readings and priors.
+        A gap; a turn too fast for the sampling rate; a linearisation that does not settle.
     TooShort, PoleError
 
     Notes
@@ -279,9 +295,10 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
     Leading errors: heading ``ARW/(W cos lat sqrt T)``, and ``b_E/(W cos lat)`` until a turn tells
     the bias; tilt b/g; an accelerometer's drift as for `inertial`. First order about the
     reference, which is corrected while the correction exceeds 0.01 rad, by passes of five updates
-    in one. Updates are 0.1 s apart, in a record beyond 1.8 h as far as makes 65 536 of them. Where
-    the innovations contradict their sigmas the noise of the updates is raised to all of the
-    displacement that is not drift, and that is flagged.
+    in one. A heading whose sigma is above 30 deg need not settle: tilt does about any. Updates are
+    0.1 s apart, in a record beyond 1.8 h as far as makes 65 536 of them. Where the innovations
+    contradict their sigmas the noise of the updates is raised to all of the displacement that is
+    not drift, and that is flagged.
     """
     return [_fine(dwell, site, options) for dwell in dwells]
 
@@ -311,7 +328,7 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     priors = states_of(with_rounding(options.priors, readings), carried, site)
     matched, noise, arm = laid(readings, carried, site, priors)
     coarse, wander = covariances(carried, matched, noise, priors, arm)
-    rest = rest_of(dwell, readings, priors)
+    rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
     flags += around_doubt(dwell) if rest.drift_around.any() else ()
@@ -336,7 +353,8 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
             f"{dwell.label}: the linearisation did not settle: heading is not determined, and a "
             "filter about a wrong one knows no tilt either"
         )
-    return _answer(model, reference, run, rest_covariance(carried, matched, rest), flags)
+    more = rest_covariance(carried, matched, rest), left_of_the_turn(carried, matched, priors)
+    return _answer(model, reference, run, more, flags)
 
 
 def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) -> Model:
@@ -448,11 +466,11 @@ def _settle(
     found, looked = True, far
     if far:
         reference, found = _found(model, reference, variance)
-    run = _filter(model, reference, variance)
+    run, aim = _filter(model, reference, variance), _Aim()
     for _ in range(_ROUNDS):
         if not found or _is_settled(model, reference, run):
             break
-        reference = _corrected(model, reference, run, model.update)
+        reference = _corrected(model, reference, run, model.update, aim)
         if not looked:
             reference, found = _found(model, reference, variance)
             looked = True
@@ -463,19 +481,20 @@ def _settle(
 def _found(model: Model, reference: _Reference, variance: float) -> tuple[_Reference, bool]:
     """The reference that passes of fewer updates settle about, and whether they do."""
     apart = _COARSE * model.update
-    coarse = _about(model, _at_end(reference), reference.offset, apart)
+    coarse, aim = _about(model, _at_end(reference), reference.offset, apart), _Aim()
     for _ in range(_PASSES):
         run = _filter(model, coarse, variance * model.update / apart)
         if _is_settled(model, coarse, run):
-            return _corrected(model, coarse, run, model.update), True
-        coarse = _corrected(model, coarse, run, apart)
+            return _corrected(model, coarse, run, model.update, aim), True
+        coarse = _corrected(model, coarse, run, apart, aim)
     return _about(model, _at_end(coarse), coarse.offset, model.update), False
 
 
 def _is_settled(model: Model, reference: _Reference, run: _Pass) -> bool:
+    """Whether what is left to correct is small."""
     span = reference.carried.t[-1] - reference.carried.t[0]
-    turned = span * np.linalg.norm(_constant(model, run.x[-1], "gyro_bias"))
-    return float(max(np.linalg.norm(run.x[-1, :3]), turned)) < _SETTLED
+    turned = span * np.linalg.norm(_constant(model, run.left, "gyro_bias"))
+    return float(max(np.linalg.norm(run.left[:3]), turned)) < _SETTLED
 
 
 def _constant(model: Model, x: Array, name: str) -> Array:
@@ -490,10 +509,35 @@ def columns_of(k: int) -> slice:
     return slice(_ERRORS + 3 * k, _ERRORS + 3 * k + 3)
 
 
-def _corrected(model: Model, reference: _Reference, run: _Pass, span: float) -> _Reference:
+class _Aim:
+    """How much of heading's corrections is taken, by what the last one left.
+
+    Tilt and biases are right after a pass. Heading, where the record hardly tells it, goes on by a
+    part r of each correction, for the readings that were used turn with it; so far as -0.7 or 0.7
+    of it, there and back. What is taken then is what it comes to in the end, ``1/(1 - r)`` of it:
+    the secant's step (A. C. Aitken, Proc. R. Soc. Edinburgh 46 (1926) 289).
+    """
+
+    def __init__(self) -> None:
+        self._part, self._before = 1.0, 0.0
+
+    def part(self, heading: float) -> float:
+        """Of a correction of heading [rad] that a pass found."""
+        if self._before:
+            slope = (1 - heading / self._before) / self._part
+            self._part = float(np.clip(1 / slope, *_PARTS)) if slope > 0 else 1.0
+        self._before = heading
+        return self._part
+
+
+def _corrected(
+    model: Model, reference: _Reference, run: _Pass, span: float, aim: _Aim
+) -> _Reference:
     """The reference with the attitude and the gyro bias that the filter found."""
-    offset = reference.offset + _constant(model, run.x[-1], "gyro_bias")
-    C_nb = Rotation.from_rotvec(-run.x[-1, :3]) * _at_end(reference)
+    left = run.left
+    offset = reference.offset + _constant(model, left, "gyro_bias")
+    turn = left[:3] * np.array([1.0, 1.0, aim.part(float(left[2]))])
+    C_nb = Rotation.from_rotvec(-turn) * _at_end(reference)
     return _about(model, C_nb, offset, span)
 
 
@@ -526,7 +570,7 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
         push = np.diff(v[part.start : part.stop + 1], axis=0)
         given = (*error_matrices(model, carried, C_ni, push, part), z[part], variance)
         (_updates if part.start else careful_updates)(state, given, part, out)
-    return out
+    return replace(out, heading=state[:, 2].copy())
 
 
 def careful_updates(
@@ -539,35 +583,53 @@ def careful_updates(
     Estimation (1977), chapter V. Differences of variances, of which one metre squared less itself
     leaves nothing of a square micrometre, do not arise.
     """
-    steps, H, z, variance = given
-    F, Q, size = steps.F, steps.Q, len(state)
+    (rows, kept, walks, added), H, z, variance = given
+    size, free = len(state), _ERRORS
     S, x = _root(state[:, :-1]), state[:, -1].copy()
+    walked, spread = _root(walks), np.sqrt(added)
+    observed = np.zeros((3 + size, 3 + size))
+    moved = np.zeros((2 * size, size))
+    observed[:3, :3] = np.sqrt(variance) * np.eye(3)
+    own = np.arange(free, size)
     for k, h in enumerate(H):
-        rows = np.block([[np.sqrt(variance) * np.eye(3), np.zeros((3, size))], [S @ h.T, S]])
-        triangle = _triangle(rows)
+        observed[3:, :3], observed[3:, 3:] = S @ h.T, S
+        triangle = _triangle(observed)
         W, S = triangle[:3, :3], triangle[3:, 3:]
         value = z[k] - h @ x
         unit = np.linalg.solve(W.T, value)
         x = x + triangle[:3, 3:].T @ unit
-        state[:, :-1], state[:, -1] = S.T @ S, x
         at = part.start + k
-        out.x[at], out.variances[at], out.attitude[at] = x, state.diagonal(), state[:3, :3]
+        out.x[at], out.variances[at] = x, np.sum(S * S, axis=0)
+        out.attitude[at] = S[:, :3].T @ S[:, :3]
         out.values[at], out.misfit[at] = value, unit @ unit
-        out.expected[at] = np.einsum("ij,ij->j", W, W)
-        if k < len(F):
-            S, x = _triangle(np.vstack([S @ F[k].T, _root(Q[k])])), F[k] @ x
-            state[:, :-1], state[:, -1] = S.T @ S, x
+        out.expected[at] = np.sum(W * W, axis=0)
+        if k < len(rows):
+            moved[:size, :free] = S @ rows[k].T
+            np.multiply(S[:, free:], kept, out=moved[:size, free:])
+            moved[size : size + free, :free] = walked[k]
+            moved[size + own, own] = spread[k]
+            S = _triangle(moved)
+            x = np.concatenate([rows[k] @ x, kept * x[free:]])
+    state[:, :-1], state[:, -1] = S.T @ S, x
 
 
 def _triangle(rows: Array) -> Array:
     """R with ``R^T R = rows^T rows``, upper triangular."""
-    return np.asarray(np.linalg.qr(rows, mode="r"))
+    size = rows.shape[1]
+    reflectors, _ = np.linalg.qr(rows, mode="raw")
+    return np.asarray(np.where(_upper(size), reflectors.T[:size], 0.0))
+
+
+@cache
+def _upper(size: int) -> Array:
+    """Which of a triangle's elements there are."""
+    return np.triu(np.ones((size, size), dtype=bool))
 
 
 def _root(P: Array) -> Array:
-    """A matrix S with ``S^T S = P``."""
+    """Matrices S with ``S^T S = P`` (..., n, n)."""
     values, vectors = np.linalg.eigh(P)
-    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    return np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2)
 
 
 def _updates(
@@ -722,10 +784,14 @@ def _walks(model: Model, carried: Carried, C_ni: Array, push: Array, steps: slic
 
 
 def _answer(
-    model: Model, reference: _Reference, run: _Pass, more: Array, flags: tuple[str, ...]
+    model: Model,
+    reference: _Reference,
+    run: _Pass,
+    more: tuple[Array, float],
+    flags: tuple[str, ...],
 ) -> Filtered:
     """Attitudes and constants from the reference and its errors; `more` (3, 3): what the filter
-    does not know of."""
+    does not know of, and what a bias leaves of the Earth's level rate."""
     carried = reference.carried
     left = (carried.t[-1] - carried.t)[:, None] * model.site.w_ie_n  # n turns back to then
     to_n = Rotation.from_rotvec(left)
@@ -733,13 +799,14 @@ def _answer(
     R = to_n.as_matrix()
     m, count = len(carried.t), len(model.names)
     told = slice(_ERRORS, _ERRORS + 3 * count)
+    covariance = R @ run.attitude @ R.transpose(0, 2, 1) + more[0]
     constants = run.x[:, told].reshape(m, count, 3).copy()
     if "gyro_bias" in model.names:
         constants[:, model.names.index("gyro_bias")] += reference.offset
     return Filtered(
         carried.t,
         to_n * at_end * Rotation.from_quat(carried.q),
-        R @ run.attitude @ R.transpose(0, 2, 1) + more,
+        covariance * less_turned(covariance[-1], more[1]),
         model.names,
         constants,
         np.sqrt(run.variances[:, told]).reshape(m, count, 3),

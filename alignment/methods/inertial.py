@@ -10,12 +10,13 @@ and J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Contr
 
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.spatial.transform import Rotation
 
-from alignment.around import by_direction, whole_circle
+from alignment.around import by_direction, less_turned, whole_circle
 from alignment.arrays import Array
 from alignment.constant_errors import constant_columns
 from alignment.cross import cross_matrix
@@ -51,6 +52,8 @@ _TOLD_ORDERS = slice(3, 9)  # by which noise is told where the spectrum of the r
 _PARTS = np.geomspace(1e-6, 1.0, 13)  # of a variance
 _JITTERS = np.geomspace(1e-3, 1.0, 7)  # of the mean square of the velocities that tell
 _CERTAIN = 3.0  # of log likelihood: chi-square of two degrees of freedom at one in twenty
+_BEYOND = 3.0  # sigmas from which a slow force is no noise
+_BENT = 0.5  # of a drift's straight part, the bend of one that settles
 _ARM_ORDERS = 4  # Legendre orders of velocity that attitude errors and biases make
 _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
 _WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarked
@@ -182,8 +185,18 @@ def is_stated(priors: Priors) -> bool:
     return priors.gyro_walk > 0 or priors.accel_walk > 0
 
 
-def rest_of(dwell: Dwell, readings: ImuReadings, priors: Priors) -> Rest:
-    """What the readings show beside white noise, where they are at rest and no sheet tells it."""
+def rest_of(
+    dwell: Dwell,
+    readings: ImuReadings,
+    priors: Priors,
+    seen: tuple[Carried, Match, Noise],
+    site: Site,
+) -> Rest:
+    """What the readings show beside white noise, where they are at rest and no sheet tells it.
+
+    Drifts are those that are the sensors' own, by what is `seen` of the base in these readings and
+    in the record around them: see `own_parts`.
+    """
     nothing = Rest(*np.zeros((3, 3)), drift_around=np.zeros(6), part=1.0)
     if is_stated(priors) or len(readings) < LEAST_SPECTRUM:
         return nothing
@@ -193,7 +206,106 @@ def rest_of(dwell: Dwell, readings: ImuReadings, priors: Priors) -> Rest:
         return nothing
     w = readings.w_ib_b
     jitter = jitter_of(w) * readings.interval**2
-    return Rest(jitter, drift_of(w), drift_of(readings.f_b), *drift_around(dwell))
+    steady = np.concatenate([drift_of(w), drift_of(readings.f_b)])
+    own = np.maximum(steady, np.concatenate([np.zeros(3), _slow_force(*seen)]))
+    wide, part = drift_around(dwell)
+    if own.any() or wide.any():
+        gyro, accel = own_parts(*seen, own[:3])
+        if wide.any():
+            around = _own_parts_around(dwell.readings, site)
+            wide = wide * np.repeat(around, 3)
+            accel = min(accel, around[1])
+        own = own * np.repeat([gyro, accel], 3)
+    return Rest(jitter, own[:3], own[3:], wide, part)
+
+
+def own_parts(
+    carried: Carried, matched: Match, noise: Noise, gyro_drift: Array
+) -> tuple[float, float]:
+    """Which part of the drifts that gyros and accelerometers show at rest is their own.
+
+    Notes
+    -----
+    A base that turns shows in both, and their sum, the velocity curve r in inertial space, knows
+    nothing of it. With x what the accelerometers alone would make of that curve, had the base
+    stood, and ``y = r - x`` what the gyros alone would: least squares of r by x and by y, weighed
+    by the noise of r, in the horizontal, in orders 3 to 8; a part s of variance v counts as
+    ``sqrt(s^2 + v)``, at most all. So what r is too noisy to tell stays the sensors'. Order 2
+    of x, a straight drift of accelerometers, heading takes up and r never shows: it is judged by
+    the bend of x as far as there is one, all of it where the bend is half of it, as of what
+    settles; what is straight is the sensors'. A drift of gyros (3,) [rad/s] hides in nothing: no
+    more of it is theirs than r has of order 3.
+    """
+    values, by_gyro, by_accel = _told_of_the_base(noise, carried, matched)
+    straight, alone = _made_by_force(carried, matched)
+    inverse = np.linalg.inv(by_gyro + by_accel + noise.jitter**2 * np.eye(len(values)))
+    parts = []
+    for x in (values - alone, alone):
+        told = float(x @ inverse @ x)
+        part = float(x @ inverse @ values) / told if told > 0 else 1.0
+        parts.append(min(1.0, float(np.sqrt(part**2 + 1 / told))) if told > 0 else 1.0)
+    bent = min(1.0, float(alone @ alone / (_BENT**2 * straight @ straight)))
+    gyro = min(parts[0], _seen_of(gyro_drift, values[:2], carried, matched))
+    return gyro, float(np.sqrt(1 - bent * (1 - parts[1] ** 2)))
+
+
+def _seen_of(drift: Array, values: Array, carried: Carried, matched: Match) -> float:
+    """Part of a gyro drift (3,) that velocities (2,) of order 3 in N and E have room for."""
+    basis = _smooth(carried)[:, _TOLD_ORDERS.start] * np.sqrt(carried.spans)
+    C_ni = matched.C_ni.as_matrix()
+    gyro, _ = sensitivity(basis[:, None, None] * np.eye(3)[:2], C_ni, carried)
+    made = (_line(carried) * (gyro @ drive(carried, C_ni))).sum(axis=0) * drift
+    expected, seen = np.linalg.norm(made), np.linalg.norm(values)
+    return float(seen / expected) if expected > seen else 1.0
+
+
+def _slow_force(carried: Carried, matched: Match, noise: Noise) -> Array:
+    """Drift (3,) [m/s^2] from end to end of level accelerometers, of whatever shape.
+
+    That of a ramp whose velocity has as much of order 2, which is what heading takes up; 0 within
+    three sigmas of white noise. What settles early is no ramp (`drift_of`), and feigns as much.
+    """
+    straight, _ = _made_by_force(carried, matched)
+    root, line = np.sqrt(carried.spans), _line(carried)[:, 0, 0]
+    basis = _smooth(carried)[:, 2] * root
+    ramp = basis @ (np.cumsum(line * carried.spans) - line * carried.spans / 2)
+    white = float(np.sum(_after(basis) ** 2 * carried.spans) * np.mean(noise.accel**2))
+    if straight @ straight < 2 * _BEYOND**2 * white:
+        return np.zeros(3)
+    C_nb = matched.C_ni.as_matrix() @ matrices(carried.q[-1:])[0]
+    return np.asarray(np.abs(straight / ramp @ C_nb[:2]))
+
+
+@lru_cache(maxsize=1)  # the windows of one record ask one after the other
+def _own_parts_around(readings: ImuReadings, site: Site) -> tuple[float, float]:
+    """As `own_parts`, of a whole record at rest."""
+    if gap_doubt(readings):
+        return 1.0, 1.0
+    carried = carry(readings, block_of(readings))
+    matched, noise, _ = laid(readings, carried, site, Priors())
+    return own_parts(carried, matched, noise, drift_of(readings.w_ib_b))
+
+
+def _told_of_the_base(noise: Noise, carried: Carried, matched: Match) -> tuple[Array, Array, Array]:
+    """As `_told_by_the_curve`, of N and E alone: (12,) and (12, 12)."""
+    values, by_gyro, by_accel = _told_by_the_curve(noise, carried, matched)
+    level = np.arange(len(values)) % 3 < 2
+    return values[level], by_gyro[np.ix_(level, level)], by_accel[np.ix_(level, level)]
+
+
+def _made_by_force(carried: Carried, matched: Match) -> tuple[Array, Array]:
+    """What the accelerometers alone make of the velocity curve in N and E had the base stood: its
+    order 2, (2,), and those of `_told_of_the_base` (12,)."""
+    C_nb = matched.C_ni.as_matrix() @ matrices(carried.q[-1:])[0]
+    moved = (np.cumsum(carried.dv, axis=0) - carried.dv / 2) @ C_nb[:2].T
+    orders = _smooth(carried).T @ (moved * np.sqrt(carried.spans)[:, None])
+    return orders[2], orders[_TOLD_ORDERS].ravel()
+
+
+def _smooth(carried: Carried) -> Array:
+    """Orders 0 to 8 (m, 9), orthonormal over blocks that count by the root of their spans."""
+    basis, _ = np.linalg.qr(_legendre(carried) * np.sqrt(carried.spans)[:, None])
+    return np.asarray(basis)
 
 
 def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
@@ -496,8 +608,8 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     readings = checked_readings(dwell)
     priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
-    _, noise, _ = laid(readings, carried, site, priors)
-    rest = rest_of(dwell, readings, priors)
+    whole, noise, _ = laid(readings, carried, site, priors)
+    rest = rest_of(dwell, readings, priors, (carried, whole, noise), site)
     m = len(carried.spans)
     ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
     found = []
@@ -507,7 +619,9 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         matched = match(part, site, arm.place)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
         P, _ = covariances(part, matched, noise, priors, arm)
-        found.append((C_nb, P + rest_covariance(part, matched, rest)))
+        P = P + rest_covariance(part, matched, rest)
+        P *= less_turned(P, left_of_the_turn(part, matched, priors))
+        found.append((C_nb, P))
     sequence = options.rule.sequence_at(found[-1][0])
     return [
         AttitudeTrack(
@@ -543,8 +657,9 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     carried = carry(readings, block_of(readings))
     matched, noise, arm = laid(readings, carried, site, priors)
     covariance, wander = covariances(carried, matched, noise, priors, arm)
-    rest = rest_of(dwell, readings, priors)
+    rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     covariance = covariance + rest_covariance(carried, matched, rest)
+    covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
     flags += around_doubt(dwell) if rest.drift_around.any() else ()
@@ -605,6 +720,17 @@ def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors
     """White noise by the priors, or as the readings show it in the band that matters."""
     noise = noise_of(readings, priors)
     return noise if is_stated(priors) else quieter(noise, carried, matched)
+
+
+def left_of_the_turn(carried: Carried, matched: Match, priors: Priors) -> float:
+    """Part of the Earth's level rate that gyros of unknown bias show, as order 2 of the level
+    velocity tells; 1 with a data sheet."""
+    if is_stated(priors):
+        return 1.0
+    basis = _smooth(carried)[:, 2] * np.sqrt(carried.spans)
+    expected = basis @ matched.reference[:, :2]
+    found = expected + basis @ matched.residual[:, :2]
+    return float(np.linalg.norm(found) / np.linalg.norm(expected))
 
 
 def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:

@@ -1,7 +1,9 @@
 """Least squares fit of several positions: attitudes and biases at once, with priors."""
 
+from collections.abc import Callable
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -9,7 +11,7 @@ from scipy.special import chdtri
 
 from alignment.angles import Sequence
 from alignment.arrays import Array, IntArray
-from alignment.constant_errors import constant_columns, constant_count
+from alignment.constant_errors import ConstantForm, constant_form
 from alignment.cross import cross_matrix
 from alignment.earth import EARTH_RATE, Site, normal_gravity
 from alignment.errors import PoleError
@@ -22,7 +24,9 @@ from alignment.readings import BoolArray
 UNKNOWN_BIAS = np.repeat([0.01, 0.5], 3)  # rad/s, m/s^2
 UNKNOWN_LATITUDE = 1.0  # rad
 UNKNOWN_GRAVITY = 0.03  # m/s^2: 9.78 to 9.83 over the Earth
-ROUNDING = np.repeat([1e-10, 1e-7], 3)  # rad/s (2e-5 deg/h), m/s^2: no mean is surer than this
+# rad/s (2e-5 deg/h), m/s^2: no mean is surer than this. Far below what a table's tilt t makes of
+# an accelerometer's error b, ``t b``: the fit knows how the base leans, and that is no noise to it
+ROUNDING = np.repeat([1e-10, 1e-10], 3)
 SEEN = 0.5  # part of its prior that a bias must come down to
 MISFIT = 1e-3  # probability of chi-square above which positions contradict one another
 _ITERATIONS = 60
@@ -33,7 +37,6 @@ _POLE = 1e-3  # least horizontal part of Earth rate
 _ANOTHER = np.radians(1.0)  # two ends farther apart than this are two attitudes
 _GRAVITY = 9.81  # m/s^2, to start from
 _DOUBTED = 0.05  # part of Earth rate: a component known worse may have either sign
-_DIFFERENCES = np.repeat([1e-8, 1e-3], 3)  # rad/s, m/s^2: parts in 10^4 of Earth rate and gravity
 _LATITUDE_START = 0.999  # sine of the latitude to start from: not at a pole
 
 
@@ -56,8 +59,6 @@ class PositionFit:
     latitude, latitude_sigma : (...) rad, or None where it was given
     chi2, freedom : (...)
         Sum of squared residuals and priors over their variances; its expectation.
-    rank : int
-        How many of attitude (3) and biases (6) the readings alone determine.
     margin : (...)
         By how much chi-square of another attitude exceeds this one's; inf where there is none.
 
@@ -76,7 +77,6 @@ class PositionFit:
     latitude_sigma: Array | None
     chi2: Array
     freedom: Array
-    rank: int
     margin: Array
 
     @property
@@ -99,6 +99,19 @@ class PositionFit:
         ratio = np.where(enough, self.chi2 / left, np.inf)
         return np.where(self.contradicted, ratio, 1.0)
 
+    def each(self) -> list["PositionFit"]:
+        """That of every run, of fits with one leading dimension."""
+        return [self._with(lambda value, k=k: value[k]) for k in range(len(self.chi2))]
+
+    def shaped(self, lead: tuple[int, ...]) -> "PositionFit":
+        """The same with leading dimensions (...) for that of all runs."""
+        return self._with(lambda value: value.reshape((*lead, *value.shape[1:])))
+
+    def _with(self, change: Callable[[Array], Array]) -> "PositionFit":
+        names = [name for name in self.__slots__ if name != "bias_prior"]
+        told = {name: getattr(self, name) for name in names}
+        return replace(self, **{n: change(v) for n, v in told.items() if v is not None})
+
     @property
     def unseen(self) -> Array:
         """Which biases (..., 6) stayed near their prior: the turns do not show them."""
@@ -107,7 +120,7 @@ class PositionFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """What n positions are fitted by.
+    """What r runs of n positions are fitted by; of all runs alike where there is one row for them.
 
     Sought are attitude (3), biases (6), then latitude and gravity where they are unknown, p in
     all. Weighed, each in units of its standard deviation, are placements and seat (t of them) and
@@ -115,49 +128,72 @@ class _Problem:
 
     Attributes
     ----------
-    relative : (n, 3, 3)
+    y, sigma : (r, 6n)
+        Means, position by position, and their standard deviations.
+    correlated : (r, 6n, 6n)
+        Covariance of the means by noise and by drift of the biases, in units of the noise.
+    relative : (r, n, 3, 3)
+    turned : (r, n, 3, t)
+        Small turns in b of each position by placements and seat.
     latitude, gravity : float or None
         Given, or None.
     priors : Priors
         Of the constants.
+    form : ConstantForm
+        How they show in the readings.
     sigmas : (p - 3,)
         Of what is sought; attitude has no prior. `vague` (p - 3,): which of them nobody stated.
-    turned : (n, 3, t)
-        Small turns in b of each position by placements and seat.
-    drift : (6n, 6n)
-        Covariance of the means, position by position, by drift of the biases.
+    units : (p,)
+        What all that is sought is measured in: a radian, or its standard deviation.
     """
 
+    y: Array
+    sigma: Array
+    correlated: Array
     relative: Array
+    turned: Array
     latitude: float | None
     gravity: float | None
     priors: Priors
+    form: ConstantForm
     sigmas: Array
     vague: Array
-    turned: Array
-    drift: Array
+    units: Array
     heavier: bool
 
     @property
     def count(self) -> int:
         """How many unknowns are sought."""
-        return 3 + len(self.sigmas)
+        return len(self.units)
 
     @property
-    def units(self) -> Array:
-        """What each of them (p,) is measured in: a radian, or its standard deviation."""
-        return np.concatenate([np.ones(3), self.sigmas])
+    def positions(self) -> int:
+        """How many there are."""
+        return self.relative.shape[1]
+
+    @property
+    def turns(self) -> int:
+        """How many of the weighed errors turn positions."""
+        return self.turned.shape[-1]
+
+    def of(self, runs: IntArray) -> "_Problem":
+        """That of some runs."""
+        names = ("y", "sigma", "correlated", "relative", "turned")
+        own = {name: getattr(self, name) for name in names}
+        return replace(self, **{n: x if len(x) == 1 else x[runs] for n, x in own.items()})
 
 
 def _problem(
+    readings: tuple[Array, Array],
     relative: Array,
     given: tuple[float | None, float | None],
     priors: Priors,
     gravity_sigma: float,
     drift: Array | None,
 ) -> _Problem:
-    latitude, gravity = given
-    n = len(relative)
+    """Of means and their standard deviations (r, 6n), turns (r, n, 3, 3), drift (r, c, n, n)."""
+    (y, sigma), (latitude, gravity) = readings, given
+    n = relative.shape[1]
     stated = np.repeat([priors.gyro_bias, priors.accel_bias], 3)
     gravity_sigma = UNKNOWN_GRAVITY if gravity is None else gravity_sigma
     sigmas = [
@@ -167,36 +203,44 @@ def _problem(
     ]
     vague = np.zeros(len(sigmas), dtype=bool)
     vague[:6], vague[6:7] = stated == 0, latitude is None
-    by_channel = np.zeros((n, 6, n, 6))
+    correlated = np.eye(6 * n)[None]
     if drift is not None:
+        by_channel = np.zeros((len(drift), n, 6, n, 6))
         for channel in range(6):
-            by_channel[:, channel, :, channel] = drift[channel * len(drift) // 6]
+            by_channel[:, :, channel, :, channel] = drift[:, channel * drift.shape[1] // 6]
+        by_drift = by_channel.reshape(len(drift), 6 * n, 6 * n)
+        correlated = correlated + by_drift / (sigma[:, :, None] * sigma[:, None, :])
     return _Problem(
-        relative,
-        latitude,
-        gravity,
-        priors,
+        y=y,
+        sigma=sigma,
+        correlated=correlated,
+        relative=relative,
+        turned=_turned_by_table(relative, priors),
+        latitude=latitude,
+        gravity=gravity,
+        priors=priors,
+        form=constant_form(priors),
         sigmas=np.array(sigmas),
         vague=vague,
-        turned=_turned_by_table(relative, priors),
-        drift=by_channel.reshape(6 * n, 6 * n),
+        units=np.array([1.0, 1.0, 1.0, *sigmas]),
         heavier=gravity_sigma > 0,
     )
 
 
 def _turned_by_table(relative: Array, priors: Priors) -> Array:
-    """Small turns (n, 3, t) in b of each position beside the told one, by placements and seat.
+    """Small turns (r, n, 3, t) in b of each position beside the told one, by placements and seat.
 
     A seat turned by m in b makes of the told turn R another one: ``exp(-m) R exp(m)``, to
     first order R turned on by ``m - R^T m``.
     """
-    n = len(relative)
-    parts = [np.zeros((n, 3, 0))]
+    runs, n, *_ = relative.shape
+    parts = [np.zeros((runs, n, 3, 0))]
     if priors.turn > 0:
-        parts.append(priors.turn * np.eye(3 * n).reshape(n, 3, 3 * n))
+        own = priors.turn * np.eye(3 * n).reshape(n, 3, 3 * n)
+        parts.append(np.broadcast_to(own, (runs, *own.shape)))
     if priors.seat > 0:
-        parts.append(priors.seat * (np.eye(3) - relative.transpose(0, 2, 1)))
-    return np.concatenate(parts, axis=2)
+        parts.append(priors.seat * (np.eye(3) - np.swapaxes(relative, -1, -2)))
+    return np.concatenate(parts, axis=-1)
 
 
 def fit_positions(
@@ -217,8 +261,9 @@ def fit_positions(
         Mean rates [rad/s] and specific forces [m/s^2] of each position.
     variances : (..., n, 6)
         Of these means.
-    relative : (n, 3, 3)
-        ``C_b0_bk`` by the encoders: takes components of position k to those of position 0.
+    relative : (..., n, 3, 3)
+        ``C_b0_bk`` by the encoders: takes components of position k to those of position 0; one
+        for all runs, or each its own.
     latitude, gravity : float or None
         [rad], [m/s^2]; None: estimated.
     priors : Priors
@@ -227,9 +272,9 @@ def fit_positions(
         means that nobody knows it, not that there is none; any other 0 that there is none.
     gravity_sigma : float
         Of a gravity that is given [m/s^2].
-    drift : (2, n, n), (6, n, n) or None
-        Covariance of the means, by triad or by channel, of what differs from position to position
-        (`drift_covariance`, `rounding_covariance`).
+    drift : (..., 2, n, n), (..., 6, n, n) or None
+        Likewise: covariance of the means, by triad or by channel, of what differs from position to
+        position (`drift_covariance`, `rounding_covariance`).
 
     Raises
     ------
@@ -248,36 +293,57 @@ def fit_positions(
     """
     lead, n = means.shape[:-2], means.shape[-2]
     sigma = np.sqrt(np.broadcast_to(variances, means.shape) + ROUNDING**2).reshape(-1, 6 * n)
-    y = means.reshape(-1, 6 * n)
-    problem = _problem(relative, (latitude, gravity), priors, gravity_sigma, drift)
-    starts, hidden = _starts(y.reshape(-1, n, 6), sigma.reshape(-1, n, 6), problem)
-    ends = [_descended(start, y, sigma, problem) for start in starts]
+    readings = means.reshape(-1, 6 * n), sigma
+    each = None if drift is None else drift.reshape(-1, *drift.shape[-3:])
+    turns = relative.reshape(-1, n, 3, 3)
+    problem = _problem(readings, turns, (latitude, gravity), priors, gravity_sigma, each)
+    starts, weak, hidden = _starts(problem)
+    every = np.arange(len(sigma))
+    # those that have two go both ways at once
+    both = _descended(_joined(starts), problem.of(np.concatenate([every, hidden])))
+    first, second = _parted(both, len(every))
+    ends = [first, _put(first, hidden, second)]
     state, margin = _likeliest(ends)
-    if hidden is not None:
-        start = _mirrored(state[0], state[1], hidden, problem)
-        ends.append(_descended(start, y, sigma, problem))
+    if len(hidden):
+        of, own = _of(state, hidden), problem.of(hidden)
+        third = _descended(_mirrored(of[0], of[1], weak[hidden], own), own)
+        ends.append(_put(first, hidden, third))
         state, margin = _likeliest(ends)
-    fit = _result(state, _linearised(state, y, sigma, problem), problem)
+    fit = _result(state, _linearised(state, problem), problem)
     apart, weights = _others(ends, state, problem)
-    return _reshaped(_spread(replace(fit, margin=margin), apart, weights), lead)
-
-
-def _reshaped(fit: PositionFit, lead: tuple[int, ...]) -> PositionFit:
-    """The same with leading dimensions (...) for that of all runs."""
-    changed = {}
-    for name in PositionFit.__slots__:
-        value = getattr(fit, name)
-        if name not in ("bias_prior", "rank") and value is not None:
-            changed[name] = value.reshape((*lead, *value.shape[1:]))
-    return replace(fit, **changed)
+    return _spread(replace(fit, margin=margin), apart, weights).shaped(lead)
 
 
 # runs' attitudes of position 0 (r, 3, 3), what is sought (r, p) with zeros for the attitude, and
 # the weighed errors (r, q)
 _State = tuple[Array, Array, Array]
+_End = tuple[_State, Array]  # and its cost (r,)
 
 
-def _likeliest(ends: list[tuple[_State, Array]]) -> tuple[_State, Array]:
+def _joined(starts: Ordered[tuple[Array, Array]]) -> tuple[Array, Array]:
+    C, x = (np.concatenate(parts) for parts in zip(*starts, strict=True))
+    return C, x
+
+
+def _parted(end: _End, runs: int) -> tuple[_End, _End]:
+    """The first so many, and the rest."""
+    (C, x, u), cost = end
+    return ((C[:runs], x[:runs], u[:runs]), cost[:runs]), (
+        (C[runs:], x[runs:], u[runs:]),
+        cost[runs:],
+    )
+
+
+def _put(end: _End, runs: IntArray, another: _End) -> _End:
+    """The end with that of some runs in place of theirs."""
+    state, cost = tuple(part.copy() for part in end[0]), end[1].copy()
+    for all_, new in zip((*state, cost), (*another[0], another[1]), strict=True):
+        all_[runs] = new
+    C, x, u = state
+    return (C, x, u), cost
+
+
+def _likeliest(ends: list[_End]) -> tuple[_State, Array]:
     """Of several ends (state, cost) the best of each run, and by how much (r,) another one's cost
     exceeds it."""
     states, costs = [end[0] for end in ends], np.stack([end[1] for end in ends])
@@ -289,7 +355,7 @@ def _likeliest(ends: list[tuple[_State, Array]]) -> tuple[_State, Array]:
     return state, margins.min(axis=0)
 
 
-def _by_cost(ends: list[tuple[_State, Array]]) -> list[tuple[_State, Array]]:
+def _by_cost(ends: list[_End]) -> list[_End]:
     """The ends, of each run its best first: of two that are one valley's the deeper counts."""
     costs = np.stack([cost for _, cost in ends])
     order, runs = np.argsort(costs, axis=0, kind="stable"), np.arange(costs.shape[1])
@@ -298,29 +364,34 @@ def _by_cost(ends: list[tuple[_State, Array]]) -> list[tuple[_State, Array]]:
 
 
 def _angle(C: Array, other: Array) -> Array:
-    """Of the turns (r,) between attitudes (r, 3, 3) [rad]."""
-    return np.asarray(Rotation.from_matrix(C @ np.swapaxes(other, -1, -2)).magnitude())
+    """Of the turns (r,) between attitudes (r, 3, 3) [rad].
+
+    The square sum of what nine numbers differ by is ``8 sin^2(angle/2)``.
+    """
+    squares = np.sum((C - other) ** 2, axis=(-2, -1))
+    return np.asarray(2 * np.arcsin(np.sqrt(np.minimum(squares / 8, 1.0))))
 
 
-def _others(
-    ends: list[tuple[_State, Array]], taken: _State, problem: _Problem
-) -> tuple[Array, Array]:
+def _others(ends: list[_End], taken: _State, problem: _Problem) -> tuple[Array, Array]:
     """How far other ends lie from the one taken, and their probabilities.
 
     Differences (e, r, 3n + p - 3) of all attitudes and of what else is sought; weights (e, r),
     ``exp(-margin/2)`` over the sum of all, each attitude counted once.
     """
     least = np.min([cost for _, cost in ends], axis=0)
-    placed = _placed(taken[0], taken[2], problem)
-    apart, odds, seen = [], [], [taken[0]]
-    for (C, x, u), cost in _by_cost(ends):
+    ordered, odds, seen = _by_cost(ends), [], [taken[0]]
+    for (C, _, _), cost in ordered:
         new = np.all([_angle(C, other) > _ANOTHER for other in seen], axis=0)
-        turned = _placed(C, u, problem) @ np.swapaxes(placed, -1, -2)
-        turns = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(len(x), -1)
-        apart.append(np.concatenate([turns, (x - taken[1])[:, 3:]], axis=1))
         odds.append(np.where(new, np.exp(-(cost - least) / 2), 0.0))
         seen.append(C)
     weights = np.array(odds)
+    if not weights.any():
+        return np.zeros((*weights.shape, 3 * problem.positions + problem.count - 3)), weights
+    placed, apart = _placed(taken[0], taken[2], problem), []
+    for (C, x, u), _ in ordered:
+        turned = _placed(C, u, problem) @ np.swapaxes(placed, -1, -2)
+        turns = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(len(x), -1)
+        apart.append(np.concatenate([turns, (x - taken[1])[:, 3:]], axis=1))
     return np.array(apart), weights / (1 + weights.sum(axis=0))
 
 
@@ -348,16 +419,14 @@ def _mirrored(C: Array, x: Array, hidden: Array, problem: _Problem) -> tuple[Arr
     """Start from the other sign of the rate along the axis that the turns do not show."""
     w_n, _, _ = _vectors(x, problem)
     w = np.einsum("rji,rj->ri", C, w_n)
-    flipped = 2 * (w @ hidden)[:, None] * hidden
+    flipped = 2 * np.sum(w * hidden, axis=1, keepdims=True) * hidden
     x = x.copy()
     x[:, 3:6] += flipped
     up = -C[:, 2]
     return attitude_from_means(w - flipped, up, Sequence.YAW_PITCH_ROLL).as_matrix(), x
 
 
-def _descended(
-    start: tuple[Array, Array], y: Array, sigma: Array, problem: _Problem
-) -> tuple[_State, Array]:
+def _descended(start: tuple[Array, Array], problem: _Problem) -> _End:
     """The state that Gauss-Newton ends in, and its cost (r,).
 
     A step that raises the cost is tried again at a quarter: where Earth rate is small beside the
@@ -366,31 +435,30 @@ def _descended(
     are more than the noise: they go on with all of the Jacobian.
     """
     C, x = start[0].copy(), start[1].copy()
-    system = _linearised((C, x, _no_errors(problem, len(y))), y, sigma, problem)
+    system = _linearised((C, x, _no_errors(problem, len(C))), problem)
     state = C, x, system.weighed(np.zeros_like(x))
-    costs, stuck = _walked(state, y, sigma, problem)
+    costs, stuck = _walked(state, problem)
     if len(stuck):
         rest = _of(state, stuck)
-        costs[stuck], _ = _walked(rest, y[stuck], sigma[stuck], problem, whole=True)
+        costs[stuck], _ = _walked(rest, problem.of(stuck), whole=True)
         for all_, new in zip(state, rest, strict=True):
             all_[stuck] = new
     return state, costs
 
 
-def _walked(
-    state: _State, y: Array, sigma: Array, problem: _Problem, whole: bool = False
-) -> tuple[Array, IntArray]:
+def _walked(state: _State, problem: _Problem, whole: bool = False) -> tuple[Array, IntArray]:
     """Costs (r,) where steps from a state end, which is moved there, and the runs still on the way.
 
     `whole`: with all of the Jacobian.
     """
-    system = _linearised(state, y, sigma, problem, whole)
+    system = _linearised(state, problem, whole)
     costs = _cost(system, state, problem)
-    parts, active, stuck = np.ones(len(y)), np.arange(len(y)), np.zeros(len(y), dtype=bool)
+    runs, own = len(costs), problem
+    parts, active, stuck = np.ones(runs), np.arange(runs), np.zeros(runs, dtype=bool)
     for _ in range(_ITERATIONS):
-        then, changes = _stepped(_of(state, active), system, parts[active], problem)
-        tried = _linearised(then, y[active], sigma[active], problem, whole)
-        cost = _cost(tried, then, problem)
+        then, changes = _stepped(_of(state, active), system, parts[active], own)
+        tried = _linearised(then, own, whole)
+        cost = _cost(tried, then, own)
         better = cost <= costs[active] + _LEVEL
         taken = active[better]
         for all_, new in zip(state, then, strict=True):
@@ -403,6 +471,8 @@ def _walked(
         active = active[going]
         if not len(active):
             break
+        if not going.all():
+            own = problem.of(active)
     return costs, np.flatnonzero(stuck)
 
 
@@ -413,9 +483,12 @@ def _of(state: _State, runs: IntArray) -> _State:
 
 def _either(first: BoolArray, a: "_System", b: "_System", runs: BoolArray) -> "_System":
     """System `a` of runs that are `first` (r,), `b` of others; those `runs` (r,) alone."""
+    if first.all() or not first.any():  # of one run always
+        taken = a if first.all() else b
+        return taken if runs.all() else _System(*(x[runs] for x in taken.all()))
     parts = [
         np.where(first.reshape(-1, *[1] * (x.ndim - 1)), x, y)[runs]
-        for x, y in ((getattr(a, name), getattr(b, name)) for name in _System.__slots__)
+        for x, y in zip(a.all(), b.all(), strict=True)
     ]
     return _System(*parts)
 
@@ -425,11 +498,11 @@ def _stepped(
 ) -> tuple[_State, Array]:
     """The state after `parts` (r,) of a step, and the largest change (r,) in units of sigmas."""
     C, x, u = state
-    step, _ = _step(system, x, problem)
+    step = _step(system, x, problem)
     # beyond a radian the linear system says nothing
     turn = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
     step = step / np.maximum(turn, 1.0)
-    t, parts = problem.turned.shape[2], parts[:, None]
+    t, parts = problem.turns, parts[:, None]
     placed = u[:, :t] + parts * (system.weighed(step) - u)[:, :t]
     step = step * parts
     found = np.concatenate([placed, system.weighed(step)[:, t:]], axis=1)
@@ -441,7 +514,7 @@ def _stepped(
 
 def _no_errors(problem: _Problem, runs: int) -> Array:
     """Weighed errors (r, q), none of them there."""
-    return np.zeros((runs, problem.turned.shape[2] + constant_count(problem.priors)))
+    return np.zeros((runs, problem.turns + problem.form.count))
 
 
 def predicted_covariance(
@@ -460,14 +533,17 @@ def predicted_covariance(
     not given latitude and gravity; the rest as `fit_positions`.
     """
     given = (None, None) if estimated else (latitude, gravity)
-    problem = _problem(relative, given, priors, 0.0, drift)
+    sigma = np.sqrt(variances + ROUNDING**2).reshape(1, -1)
+    each = None if drift is None else drift[None]
+    readings = np.zeros_like(sigma), sigma
+    problem = _problem(readings, relative[None], given, priors, 0.0, each)
     x = np.zeros((1, problem.count))
     if estimated:
         x[:, 9] = latitude
-    sigma = np.sqrt(variances + ROUNDING**2).reshape(1, -1)
     state = C_nb[None], x, _no_errors(problem, 1)
-    system = _linearised(state, _predicted(state, problem)[0], sigma, problem)
-    return _result(state, system, problem).covariance[0]
+    # the readings are as they should be
+    problem = replace(problem, y=_predicted(state, problem)[0])
+    return _result(state, _linearised(state, problem), problem).covariance[0]
 
 
 def _turned(eta: Array, C: Array) -> Array:
@@ -479,63 +555,64 @@ def _turned(eta: Array, C: Array) -> Array:
 
 
 def _starts(
-    y: Array, sigma: Array, problem: _Problem
-) -> tuple[list[tuple[Array, Array]], Array | None]:
-    """Attitudes (r, 3, 3) of position 0 and what is sought (r, p) to start from; the hidden axis.
+    problem: _Problem,
+) -> tuple[tuple[tuple[Array, Array], tuple[Array, Array]], Array, IntArray]:
+    """Attitudes (., 3, 3) of position 0 and what is sought (., p) to start from, of all runs and of
+    those again that have another start; the axes (r, 3) in b known worst; which runs those are.
 
     Linear least squares for each triad: ``y_k = R_k^T v + b``, `v` no larger than it can be. Where
     the turns do not tell the rate along their axis from its bias, there are two starts: along the
-    axis (3,) in b, either way what is missing of Earth rate.
+    axis, either way what is missing of Earth rate.
     """
-    w, w_bias, weak, doubt = _linear(y[..., :3], sigma[..., :3], problem, EARTH_RATE)
-    f, f_bias, _, _ = _linear(y[..., 3:], sigma[..., 3:], problem, _GRAVITY)
-    candidates, hidden = [(w, w_bias)], None
-    if doubt > _DOUBTED * EARTH_RATE:
-        hidden = weak
-        along = w @ weak
-        across = w - along[:, None] * weak
-        missing = EARTH_RATE**2 - np.sum(across**2, axis=1)
-        size = np.sqrt(np.maximum(missing, (_DOUBTED * EARTH_RATE) ** 2))
-        candidates = [
-            (across + sign * size[:, None] * weak, w_bias + (along - sign * size)[:, None] * weak)
-            for sign in (1.0, -1.0)
-        ]
+    w, w_bias, weak, doubt = _linear(problem, EARTH_RATE)
+    f, f_bias, _, _ = _linear(problem, _GRAVITY)
+    doubted = doubt > _DOUBTED * EARTH_RATE
+    hidden = np.flatnonzero(doubted)
+    along = np.sum(w * weak, axis=1, keepdims=True)
+    across = w - along * weak
+    missing = EARTH_RATE**2 - np.sum(across**2, axis=1, keepdims=True)
+    size = np.sqrt(np.maximum(missing, (_DOUBTED * EARTH_RATE) ** 2))
+    ways = [(across + s * size * weak, w_bias + (along - s * size) * weak) for s in (1.0, -1.0)]
+    one = [np.where(doubted[:, None], *pair) for pair in zip(ways[0], (w, w_bias), strict=True)]
+    another = [part[hidden] for part in ways[1]]
     up = f / np.linalg.norm(f, axis=1, keepdims=True)
-    level_parts = [np.linalg.norm(np.cross(w, up), axis=1) for w, _ in candidates]
-    if np.any(np.max(level_parts, axis=0) < _POLE * EARTH_RATE):
+    level = np.linalg.norm(np.cross(one[0], up), axis=1)
+    level[hidden] = np.maximum(
+        level[hidden], np.linalg.norm(np.cross(another[0], up[hidden]), axis=1)
+    )
+    if np.any(level < _POLE * EARTH_RATE):
         raise PoleError("mean rate and vertical are collinear: heading is undefined")
-    starts = []
-    for w, w_bias in candidates:
-        x = np.zeros((len(y), problem.count))
-        x[:, 3:9] = np.concatenate([w_bias, f_bias], axis=1)
+
+    def start(w: Array, w_bias: Array, runs: IntArray) -> tuple[Array, Array]:
+        x = np.zeros((len(runs), problem.count))
+        x[:, 3:9] = np.concatenate([w_bias, f_bias[runs]], axis=1)
         if problem.latitude is None:
-            lean = np.einsum("ri,ri->r", w, up) / np.linalg.norm(w, axis=1)
+            lean = np.sum(w * up[runs], axis=1) / np.linalg.norm(w, axis=1)
             x[:, 9] = np.arcsin(np.clip(lean, -_LATITUDE_START, _LATITUDE_START))
-        C = attitude_from_means(w, f, Sequence.YAW_PITCH_ROLL).as_matrix()
-        starts.append((C, x))
-    return starts, hidden
+        return attitude_from_means(w, f[runs], Sequence.YAW_PITCH_ROLL).as_matrix(), x
+
+    starts = start(one[0], one[1], np.arange(len(w))), start(another[0], another[1], hidden)
+    return starts, weak, hidden
 
 
-def _linear(
-    y: Array, sigma: Array, problem: _Problem, size: float
-) -> tuple[Array, Array, Array, float]:
-    """Vectors (r, 3), biases (r, 3), the direction (3,) known worst, and its sigma."""
-    n = len(problem.relative)
+def _linear(problem: _Problem, size: float) -> tuple[Array, Array, Array, Array]:
+    """Vectors (r, 3), biases (r, 3), the directions (r, 3) known worst, and their sigmas (r,)."""
+    n, runs = problem.positions, len(problem.y)
     gyros = size == EARTH_RATE
-    bias_sigma = problem.sigmas[:3] if gyros else problem.sigmas[3:6]
-    A = np.zeros((3 * n + 6, 6))
-    A[: 3 * n, :3] = problem.relative.transpose(0, 2, 1).reshape(3 * n, 3)
-    A[: 3 * n, 3:] = np.tile(np.eye(3), (n, 1))
+    own = slice(0, 3) if gyros else slice(3, 6)
+    y, sigma = (x.reshape(runs, n, 6)[..., own] for x in (problem.y, problem.sigma))
+    A = np.zeros((runs, 3 * n + 6, 6))
+    A[:, : 3 * n, :3] = np.swapaxes(problem.relative, -1, -2).reshape(-1, 3 * n, 3)
+    A[:, : 3 * n, 3:] = np.tile(np.eye(3), (n, 1))
     # one noise for all positions is enough to start from, with what gravity pulls of gyros
     pulled = problem.priors.gyro_g_sensitivity * _GRAVITY if gyros else 0.0
-    noise = float(np.hypot(np.sqrt(np.mean(sigma**2)), pulled))
-    A[: 3 * n] /= noise
-    A[3 * n :] = np.diag(1 / np.concatenate([np.full(3, size), bias_sigma]))
+    noise = np.hypot(np.sqrt(np.mean(sigma**2, axis=(1, 2))), pulled)[:, None, None]
+    A[:, : 3 * n] /= noise
+    A[:, 3 * n :] = np.diag(1 / np.concatenate([np.full(3, size), problem.sigmas[own]]))
     inverse = np.linalg.pinv(A)
-    solution = y.reshape(len(y), 3 * n) / noise @ inverse[:, : 3 * n].T
-    variances, directions = np.linalg.eigh((inverse @ inverse.T)[:3, :3])
-    worst = float(np.sqrt(variances[-1]))
-    return solution[:, :3], solution[:, 3:], directions[:, -1], worst
+    solution = (inverse[..., : 3 * n] @ (y.reshape(runs, 3 * n, 1) / noise))[..., 0]
+    variances, directions = np.linalg.eigh((inverse @ np.swapaxes(inverse, -1, -2))[:, :3, :3])
+    return solution[:, :3], solution[:, 3:], directions[..., -1], np.sqrt(variances[:, -1])
 
 
 # --- the readings, and one step ------------------------------------------------------------------
@@ -563,7 +640,7 @@ def _predicted(state: _State, problem: _Problem, whole: bool = False) -> tuple[A
     exceed the noise a step that leaves them out climbs the walls of the valley.
     """
     C, x, u = state
-    runs, n, t = len(x), len(problem.relative), problem.turned.shape[2]
+    runs, n, t = len(x), problem.positions, problem.turns
     w_n, f_n, by_lat = _vectors(x, problem)
     C_kn = np.swapaxes(_placed(C, u, problem), -1, -2)
     J = np.zeros((runs, n, 6, problem.count))
@@ -578,39 +655,23 @@ def _predicted(state: _State, problem: _Problem, whole: bool = False) -> tuple[A
         J[..., :3, 9] = (C_kn @ by_lat[:, None, :, None])[..., 0]
     if problem.heavier:
         J[..., 3:, -1] = felt[..., 3:] / np.linalg.norm(f_n, axis=1)[:, None, None]
-    constants = constant_columns(felt[..., :3], felt[..., 3:], problem.priors)
+    constants = problem.form.columns(felt)
     if whole and constants.shape[-1]:
         moved = J.copy()
         moved[..., 3:9] = 0.0
-        J = J + _by_reading(felt, u[:, t:], problem.priors) @ moved
+        J = J + problem.form.slopes(felt, u[:, t:]) @ moved
     weighed = np.concatenate([by_turn @ problem.turned, constants], axis=-1)
-    y = felt + np.einsum("rkiq,rq->rki", constants, u[:, t:]) + x[:, None, 3:9]
+    y = felt + (constants @ u[:, None, t:, None])[..., 0] + x[:, None, 3:9]
     return y.reshape(runs, -1), J.reshape(runs, 6 * n, -1), weighed.reshape(runs, 6 * n, -1)
-
-
-def _by_reading(felt: Array, u: Array, priors: Priors) -> Array:
-    """How what the constant errors (r, q) add changes with what is felt (r, n, 6): (r, n, 6, 6).
-
-    Central differences, exact but for rounding and the cubic's own ``h^2``: all else is linear,
-    quadratic or, the asymmetry, linear on either side of zero.
-    """
-    found = np.empty((*felt.shape, 6))
-    for k, h in enumerate(_DIFFERENCES):
-        aside = h * np.eye(6)[k]
-        columns = [
-            constant_columns(x[..., :3], x[..., 3:], priors) for x in (felt + aside, felt - aside)
-        ]
-        found[..., k] = np.einsum("rniq,rq->rni", (columns[0] - columns[1]) / (2 * h), u)
-    return found
 
 
 def _placed(C: Array, u: Array, problem: _Problem) -> Array:
     """Attitudes (r, n, 3, 3) of all positions from that of position 0 and the weighed errors."""
     C_k = C[:, None] @ problem.relative
-    t = problem.turned.shape[2]
+    t = problem.turns
     if not t:
         return np.asarray(C_k)
-    d = np.einsum("nip,rp->rni", problem.turned, u[:, :t])
+    d = (problem.turned @ u[:, None, :t, None])[..., 0]
     turns = Rotation.from_rotvec(d.reshape(-1, 3)).as_matrix()
     return np.asarray(C_k @ turns.reshape(*d.shape, 3))
 
@@ -625,15 +686,18 @@ class _System:
     """The readings about a state, whitened by noise, drift and weighed errors together.
 
     `J` (r, 6n, p), `A` (r, 6n, q) and `innovation` (r, 6n): what is left of the readings without
-    the weighed errors. `plain` (r, 6n, p): the Jacobian in units of the noise alone. `left`
-    (r, 6n): what is left with the placements as they are, whitened by all but them.
+    the weighed errors. `left` (r, 6n): what is left with the placements as they are, whitened by
+    all but them.
     """
 
     J: Array
     A: Array
     innovation: Array
-    plain: Array
     left: Array
+
+    def all(self) -> tuple[Array, ...]:
+        """Its arrays."""
+        return self.J, self.A, self.innovation, self.left
 
     def weighed(self, step: Array) -> Array:
         """The likeliest weighed errors (r, q) after a step (r, p)."""
@@ -641,16 +705,14 @@ class _System:
         return np.asarray((np.swapaxes(self.A, -1, -2) @ left[..., None])[..., 0])
 
 
-def _linearised(
-    state: _State, y: Array, sigma: Array, problem: _Problem, whole: bool = False
-) -> _System:
+def _linearised(state: _State, problem: _Problem, whole: bool = False) -> _System:
     predicted, J, A = _predicted(state, problem, whole)
+    y, sigma = problem.y, problem.sigma
     J, A = J / sigma[..., None], A / sigma[..., None]
-    t, u = problem.turned.shape[2], state[2]
+    t, u = problem.turns, state[2]
     left = (y - predicted) / sigma + (A[..., t:] @ u[:, t:, None])[..., 0]
     residual = left + (A[..., :t] @ u[:, :t, None])[..., 0]
-    S = np.eye(A.shape[1]) + problem.drift / (sigma[:, :, None] * sigma[:, None, :])
-    S = S + A[..., t:] @ np.swapaxes(A[..., t:], -1, -2)
+    S = problem.correlated + A[..., t:] @ np.swapaxes(A[..., t:], -1, -2)
     L = np.linalg.cholesky(S)
     left = np.linalg.solve(L, left[..., None])[..., 0]
     if t:
@@ -661,7 +723,6 @@ def _linearised(
         J=solved[..., :p],
         A=solved[..., p + 1 :],
         innovation=solved[..., p],
-        plain=J,
         left=left,
     )
 
@@ -674,22 +735,31 @@ def _cost(system: _System, state: _State, problem: _Problem) -> Array:
     instrument's errors are linear in the readings, and whatever they are the cost is the same.
     """
     _, x, u = state
-    parts = system.left, x[:, 3:] / problem.sigmas, u[:, : problem.turned.shape[2]]
+    parts = system.left, x[:, 3:] / problem.sigmas, u[:, : problem.turns]
     return np.asarray(sum(np.sum(part**2, axis=-1) for part in parts))
 
 
-def _step(system: _System, x: Array, problem: _Problem) -> tuple[Array, Array]:
-    """Step (r, p) to the least squares solution, and the root (r, p, p) of the covariance."""
-    runs, p = x.shape
-    prior = np.broadcast_to(np.eye(p)[3:], (runs, p - 3, p))
-    rows = np.concatenate([system.J * problem.units, prior], axis=-2)
+def _step(system: _System, x: Array, problem: _Problem) -> Array:
+    """Step (r, p) to the least squares solution."""
+    Q, R = _triangular(system, problem)
     wanted = np.concatenate([system.innovation, -x[:, 3:] / problem.sigmas], axis=-1)
-    Q, R = np.linalg.qr(rows)
-    diagonal = np.abs(np.einsum("...ii->...i", R))
-    if np.any(diagonal[:, :3] == 0):
+    unit = np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ wanted[..., None])
+    return np.asarray(unit[..., 0] * problem.units)
+
+
+def _root(system: _System, problem: _Problem) -> Array:
+    """The root (r, p, p) of the covariance."""
+    return problem.units[:, None] * np.linalg.inv(_triangular(system, problem)[1])
+
+
+def _triangular(system: _System, problem: _Problem) -> tuple[Array, Array]:
+    """Q and R of readings and priors, by what is sought in its units."""
+    runs, p = len(system.J), problem.count
+    prior = np.broadcast_to(np.eye(p)[3:], (runs, p - 3, p))
+    Q, R = np.linalg.qr(np.concatenate([system.J * problem.units, prior], axis=-2))
+    if not np.diagonal(R, axis1=-2, axis2=-1)[:, :3].all():
         raise PoleError("readings do not determine the attitude: heading is undefined")
-    root = problem.units[:, None] * np.linalg.inv(R)
-    return (root @ (np.swapaxes(Q, -1, -2) @ wanted[..., None]))[..., 0], root
+    return Q, R
 
 
 def _result(state: _State, system: _System, problem: _Problem) -> PositionFit:
@@ -699,8 +769,8 @@ def _result(state: _State, system: _System, problem: _Problem) -> PositionFit:
     ``-A^T J dx``, and what no reading tells, of covariance ``1 - A^T A``.
     """
     C, x, u = state
-    n, t = len(problem.relative), problem.turned.shape[2]
-    _, root = _step(system, x, problem)
+    n, t = problem.positions, problem.turns
+    root = _root(system, problem)
     P = root @ np.swapaxes(root, -1, -2)
     C_k = _placed(C, u, problem)
     to_n = C_k @ problem.turned
@@ -724,7 +794,6 @@ def _result(state: _State, system: _System, problem: _Problem) -> PositionFit:
         latitude_sigma=np.sqrt(P[:, 9, 9]) if estimated else None,
         chi2=_cost(system, state, problem),
         freedom=6 * n - 3 - _spent(P, problem),
-        rank=_rank(system.plain[0], problem),
         margin=np.full(len(x), np.inf),
     )
 
@@ -733,15 +802,6 @@ def _spent(P: Array, problem: _Problem) -> Array:
     """How many readings (r,) went into unknowns whose prior is so vague that it adds nothing."""
     kept = np.einsum("...ii->...i", P)[:, 3:] / problem.sigmas**2
     return np.asarray(np.sum((1 - kept) * problem.vague, axis=-1))
-
-
-def _rank(J: Array, problem: _Problem) -> int:
-    """Of one run's Jacobian (6n, p) for attitude and biases, in units of noise and priors.
-
-    A direction counts that the readings know better than the priors do.
-    """
-    A = (J * problem.units)[:, :9]
-    return int(np.sum(np.linalg.svd(A, compute_uv=False) > 1.0))
 
 
 # --- noise and drift -----------------------------------------------------------------------------
@@ -788,6 +848,11 @@ def _by_time(spans: Ordered[Span]) -> Array:
 
 def _drifts(priors: Priors, spans: Ordered[Span]) -> Array:
     """Covariance (2, n, n) of means of gyro and accelerometer biases about the start's."""
+    return _drifts_of(priors, tuple(spans))
+
+
+@lru_cache(maxsize=64)  # every run of a procedure has the same times
+def _drifts_of(priors: Priors, spans: tuple[Span, ...]) -> Array:
     p, n = priors, len(spans)
     gyro = (p.gyro_instability, p.gyro_random_walk, p.gyro_ramp)
     sizes = np.array([gyro, (p.accel_instability, p.accel_random_walk, p.accel_ramp)])
@@ -796,7 +861,9 @@ def _drifts(priors: Priors, spans: Ordered[Span]) -> Array:
     unit = sum(one.sigma**2 * gauss_markov(spans, one.time) for one in flicker(1.0))
     times = np.concatenate([ramp_coefficients(span) for span in spans])
     parts = np.array([unit, random_walk(spans), np.outer(times, times)])
-    return np.asarray(np.einsum("sp,pij->sij", sizes**2, parts))
+    found = np.asarray(np.einsum("sp,pij->sij", sizes**2, parts))
+    found.flags.writeable = False  # there is one for all who ask
+    return found
 
 
 def rounding_covariance(left: Array, means: Array, steps: Array) -> Array:

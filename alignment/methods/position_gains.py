@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.constant_errors import with_products
 from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.gains import Answer
@@ -26,7 +27,7 @@ _NORTH = Rotation.identity()
 
 def known_to(stretches: Sequence[Stretch], site: Site, options: Options) -> Information:
     """What readings tell to a method that takes the unit for what its priors say."""
-    priors = options.priors
+    priors = with_products(options.priors)
     unit, setting = assumed(priors)
     anomaly = ANOMALY if site.local_gravity is None else 0.0
     setting = Setting(placement=setting.placement, mounting=priors.seat, gravity=anomaly)

@@ -7,12 +7,15 @@ maximum a posteriori fit.
 """
 
 from collections.abc import Sequence as Ordered
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.constant_errors import constant_columns, with_products
+from alignment.cross import cross_matrix
 from alignment.doubts import heading_doubt
 from alignment.earth import Site, normal_gravity
 from alignment.errors import AlignmentError
@@ -33,7 +36,7 @@ from alignment.methods.position_fit import (
 from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
 from alignment.options import Options, Priors
 from alignment.readings import Dwell
-from alignment.rounding import rounding_variance, steps_of
+from alignment.rounding import blur_of, rounding_variance, shared_rounding, steps_of
 from alignment.saturation import CHANNELS, saturation_doubt
 from alignment.units import DEG
 
@@ -85,15 +88,12 @@ def two_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     """
     dwells = _in_time(dwells)
     summaries = _summaries(dwells)
-    estimates = []
-    for k in range(len(dwells) - 1):
-        pair = dwells[k : k + 2]
-        if _widest_turn(pair) >= LEAST_TURN:
-            found = _estimates(TWO_POSITION, pair, summaries[k : k + 2], site, options)
-            estimates.append(found[0])
-    if not estimates:
+    pairs = [slice(k, k + 2) for k in range(len(dwells) - 1)]
+    pairs = [own for own in pairs if _widest_turn(dwells[own]) >= LEAST_TURN]
+    if not pairs:
         raise AlignmentError("too little turn: no two successive dwells are 30 deg or more apart")
-    return estimates
+    sets = [(dwells[own], summaries[own]) for own in pairs]
+    return [found[0] for found in _estimates(TWO_POSITION, sets, site, options)]
 
 
 def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
@@ -132,7 +132,7 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
     summaries = _summaries(dwells)
     if _widest_turn(dwells) < LEAST_TURN:
         raise AlignmentError("too little turn: no two dwells are 30 deg or more apart")
-    return _estimates(MULTI_POSITION, dwells, summaries, site, options)
+    return _estimates(MULTI_POSITION, [(dwells, summaries)], site, options)[0]
 
 
 def _in_time(dwells: Ordered[Dwell]) -> list[Dwell]:
@@ -157,12 +157,53 @@ def _summaries(dwells: Ordered[Dwell]) -> list[tuple[Array, Array]]:
     return [mean_and_variance(dwell.window()) for dwell in dwells]
 
 
-def _rounding(dwells: Ordered[Dwell], means: Array) -> Array:
-    """Covariance (6, n, n) of the means by the rounding of the samples."""
+def _rounding(
+    dwells: Ordered[Dwell], means: Array, drift: Array, site: Site, priors: Priors
+) -> Array:
+    """Covariance (6, n, n) of the means by the rounding of the samples, `drift` (6, n, n) apart."""
     windows = [dwell.window() for dwell in dwells]
     steps = [steps_of(readings) for readings in windows]
-    left = [rounding_variance(r, own) for r, own in zip(windows, steps, strict=True)]
-    return rounding_covariance(np.array(left), means, np.max(steps, axis=0))
+    told = list(zip(windows, steps, strict=True))
+    step = np.max(steps, axis=0)
+    if not step.any() or not priors.nominal > 0 or site.latitude is None:
+        left = [rounding_variance(readings, own) for readings, own in told]
+        return rounding_covariance(np.array(left), means, step)
+    noises = np.array([blur_of(readings, own) for readings, own in told])
+    felt, doubts = _told_apart(dwells, drift, site, priors)
+    found = np.zeros_like(drift)
+    for k in np.flatnonzero(step):
+        apart = felt[:, None, k] - felt[:, k]
+        found[k] = shared_rounding(float(step[k]), noises[:, k], apart, doubts[k])
+    return found
+
+
+def _told_apart(
+    dwells: Ordered[Dwell], drift: Array, site: Site, priors: Priors
+) -> tuple[Array, Array]:
+    """Readings (n, 6) at the told attitudes, and variances (6, n, n) of how any two differ.
+
+    By where the base stands, the seat and the unit's constants but its biases, which are common to
+    them; by each one's placement, and drift.
+    """
+    p = priors
+    C_bn = [_nominal_of(dwell).inv().as_matrix() for dwell in dwells]
+    base = np.diag([p.nominal, p.nominal, p.azimuth])
+    felt = np.array([np.concatenate([C @ site.w_ie_n, C @ site.f_n]) for C in C_bn])
+    turned = np.concatenate([cross_matrix(felt[:, :3]), cross_matrix(felt[:, 3:])], axis=1)
+    leaned = [
+        np.concatenate([C @ cross_matrix(v) @ base for v in (site.w_ie_n, site.f_n)]) for C in C_bn
+    ]
+    shared = np.concatenate(
+        [np.array(leaned), p.seat * turned, constant_columns(felt[:, :3], felt[:, 3:], p)], axis=2
+    )
+    placed = p.turn**2 * np.sum(turned**2, axis=2).T
+    doubts = np.sum((shared[:, None] - shared) ** 2, axis=3).transpose(2, 0, 1)
+    doubts = doubts + placed[:, :, None] + placed[:, None]
+    own = np.einsum("kii->ki", drift)
+    doubts = doubts + own[:, :, None] + own[:, None] - 2 * drift
+    same = np.arange(len(dwells))
+    doubts[:, same, same] = 0.0
+    return felt, doubts
 
 
 def _nominal_of(dwell: Dwell) -> Rotation:
@@ -179,35 +220,65 @@ def _widest_turn(dwells: Ordered[Dwell]) -> float:
     return float(2 * np.arccos(np.clip(np.abs(quats @ quats.T).min(), 0, 1)))
 
 
+_Set = tuple[Ordered[Dwell], Ordered[tuple[Array, Array]]]
+
+
 def _estimates(
-    method: str,
-    dwells: Ordered[Dwell],
-    summaries: Ordered[tuple[Array, Array]],
-    site: Site,
-    options: Options,
-) -> list[AttitudeEstimate]:
-    means, scatter = (np.array(values) for values in zip(*summaries, strict=True))
-    spans = np.array([dwell.t_to - dwell.t_from for dwell in dwells])
-    t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
-    variances = pooled_variances(scatter, spans)
-    first = _nominal_of(dwells[0]).inv()
-    relative = np.array([(first * _nominal_of(dwell)).as_matrix() for dwell in dwells])
+    method: str, sets: Ordered[_Set], site: Site, options: Options
+) -> list[list[AttitudeEstimate]]:
+    """Of sets of as many positions each, all fitted at once: they share latitude and priors."""
     latitude, gravity = local_vectors(site)
     if latitude is not None:
         site.horizontal_rate()  # refuses at a pole
     anomaly = ANOMALY if site.local_gravity is None else 0.0
-    times = [Span(dwell.t_from, span) for dwell, span in zip(dwells, spans.tolist(), strict=True)]
-    drift = np.repeat(drift_covariance(options.priors, times), 3, axis=0)
-    drift = drift + _rounding(dwells, means)
-    fit = fit_positions(
-        means, variances, relative, latitude, gravity, options.priors, anomaly, drift
-    )
+    priors = with_products(options.priors)
+    told = [_told_of(dwells, summaries, site, priors) for dwells, summaries in sets]
+    means, variances, relative, drift = (np.array(parts) for parts in zip(*told, strict=True))
+    fits = fit_positions(means, variances, relative, latitude, gravity, priors, anomaly, drift)
+    options = replace(options, priors=priors)
+    return [
+        _answers(method, dwells, fit, (v, r), site, options)
+        for (dwells, _), fit, v, r in zip(sets, fits.each(), variances, relative, strict=True)
+    ]
+
+
+def _told_of(
+    dwells: Ordered[Dwell],
+    summaries: Ordered[tuple[Array, Array]],
+    site: Site,
+    priors: Priors,
+) -> tuple[Array, Array, Array, Array]:
+    """Means, variances (n, 6), turns (n, 3, 3) and drift (6, n, n) of some positions."""
+    means, scatter = (np.array(values) for values in zip(*summaries, strict=True))
+    spans = np.array([dwell.t_to - dwell.t_from for dwell in dwells])
+    first = _nominal_of(dwells[0]).inv()
+    relative = np.array([(first * _nominal_of(dwell)).as_matrix() for dwell in dwells])
+    drift = np.repeat(drift_covariance(priors, _times_of(dwells)), 3, axis=0)
+    drift = drift + _rounding(dwells, means, drift, site, priors)
+    return means, pooled_variances(scatter, spans), relative, drift
+
+
+def _times_of(dwells: Ordered[Dwell]) -> list[Span]:
+    return [Span(dwell.t_from, dwell.t_to - dwell.t_from) for dwell in dwells]
+
+
+def _answers(
+    method: str,
+    dwells: Ordered[Dwell],
+    fit: PositionFit,
+    told: tuple[Array, Array],
+    site: Site,
+    options: Options,
+) -> list[AttitudeEstimate]:
+    """Of every position; `told`: variances of its means, and turns."""
+    times = _times_of(dwells)
+    t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
     growth = _growth(fit)
     bias_sigmas = _switched_on(growth * fit.bias_covariance.diagonal(), fit, options.priors, times)
-    given = latitude, gravity, float(spans.sum())
     shared = _doubts(fit)
     if options.verdicts:
-        shared += _verdict(fit, variances, relative, given, options.priors)
+        given = *local_vectors(site), float(sum(span.length for span in times))
+        shared += _verdict(fit, *told, given, options.priors)
     return [
         AttitudeEstimate(
             method,

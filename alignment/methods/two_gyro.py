@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from alignment.angles import C_nb_from_angles, Sequence
+from alignment.around import less_turned
 from alignment.arrays import Array
 from alignment.constant_errors import constant_covariance
 from alignment.doubts import drift_doubt, heading_doubt
@@ -279,6 +280,8 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
     slopes = _slopes(C_nb, latitude)
     readings_covariance = _reading_covariance(readings, options) + np.diag(around_variance(dwell))
     covariance = slopes @ readings_covariance @ slopes.T
+    left = _left_of_the_turn(w, readings, site, options.priors)
+    covariance = covariance * less_turned(covariance, left)
     return AttitudeEstimate(
         METHOD,
         dwell.label,
@@ -351,6 +354,13 @@ def two_gyro_functional(readings: ImuReadings, site: Site, options: Options) -> 
     parts = (carried.spans / T)[:, None, None]
     C_ni = C_nb * Rotation.from_quat(carried.q[-1]).inv()
     return functional(carried, C_ni, parts * slopes[:, :3], parts * slopes[:, 3:], np.zeros((3, 3)))
+
+
+def _left_of_the_turn(w: Array, readings: ImuReadings, site: Site, priors: Priors) -> float:
+    """Part of the Earth's level rate that gyros of unknown bias show; 1 with a data sheet."""
+    up = readings.f_b.mean(axis=0)
+    level_rate = float(np.linalg.norm(np.cross(w, up / np.linalg.norm(up))))
+    return level_rate / site.horizontal_rate() if priors.noise_only else 1.0
 
 
 def _reading_covariance(readings: ImuReadings, options: Options) -> Array:

@@ -36,7 +36,7 @@ def place_of(path: str) -> tuple[str, Path]:
         return "settings", (first,)
     if first in ProcedureEntry.model_fields:
         return "procedure", (first, *rest)
-    raise unknown("key", first, (*FILES, *SETTINGS, *ProcedureEntry.model_fields))
+    raise unknown("key", first, {*FILES, *SETTINGS, *ProcedureEntry.model_fields})
 
 
 def changed(data: Data, path: Path, value: Any) -> Data:

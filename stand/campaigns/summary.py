@@ -343,8 +343,11 @@ def _yields(
 def _ways(settings: Settings, rows: Columns, part: IntArray) -> list[tuple[str, str]]:
     """The methods, with their windows, that units are judged by: as a rehearsal is."""
     require = settings.procedure.entry.require
-    pairs = zip(rows["method"][part], rows["window"][part], strict=True)
-    there = [way for way in dict.fromkeys(pairs) if way[0] in ESTIMATORS]
+    # what a method refuses has no window: it counts against all those that it has
+    told = part[rows["quantity"][part] != ""]
+    answers = list(dict.fromkeys(zip(rows["method"][told], rows["window"][told], strict=True)))
+    silent = set(rows["method"][part]) - {method for method, _ in answers}
+    there = [way for way in (*answers, *((m, "") for m in sorted(silent))) if way[0] in ESTIMATORS]
     if require is not None and require.method is not None:
         return [way for way in there if way[0] == require.method]
     return [way for way in there if not ESTIMATORS[way[0]].carries_nominal] or there
@@ -357,9 +360,12 @@ def _passed(
     way: tuple[str, str],
     limits: Mapping[str, float],
 ) -> int:
-    """Units of which every limited angle is within its limit at every place."""
-    own = part[(rows["method"][part] == way[0]) & (rows["window"][part] == way[1])]
-    met = np.ones(len(seeds), bool)
+    """Units of which every limited angle is within its limit at every place: a place that a method
+    refused is not."""
+    by_method = part[rows["method"][part] == way[0]]
+    own = by_method[rows["window"][by_method] == way[1]]
+    silent = rows["seed"][by_method[rows["quantity"][by_method] == ""]]
+    met = ~np.isin(seeds, silent)
     for quantity, limit in limits.items():
         names = _names_of(quantity, rows["quantity"][own])
         these = own[np.isin(rows["quantity"][own].astype(str), names)]

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from alignment.arrays import Array
 from alignment.earth import Site
@@ -78,16 +78,28 @@ class VaryEntry(catalogue.Entry):
     """One thing that is varied: one key, or several that take the same value."""
 
     key: Text | tuple[Text, ...]
-    values: Annotated[tuple[Value, ...], Field(min_length=1)] | None = None
+    values: tuple[Value, ...] | None = None
     range: RangeEntry | None = None
     name: Text | None = None
+
+    @field_validator("values", mode="before")
+    @classmethod
+    def _are_values(cls, values: Any) -> Any:
+        """One line for each that is none of the kinds there are, not one for each kind."""
+        for number, value in enumerate(values if isinstance(values, list | tuple) else (), start=1):
+            if not isinstance(value, bool | int | float | str):
+                raise ValueError(f"number {number} must be a number, a text, true or false")
+            if not isinstance(value, str) and not abs(value) <= LARGEST_STATED:
+                raise ValueError(f"{value!r} must be -{LARGEST_STATED:g} to {LARGEST_STATED:g}")
+        return values
 
     @model_validator(mode="after")
     def _one_source(self) -> VaryEntry:
         if (self.values is None) == (self.range is None):
             raise ValueError("values or range: must have one of them")
-        if not self.keys:
-            raise ValueError("key: has none, must have one or more")
+        for name, there in (("key", self.keys), ("values", self.values)):
+            if there == ():
+                raise ValueError(f"{name}: has none, must have one or more")
         return self
 
     @property
@@ -327,6 +339,20 @@ def check(found: Sweep) -> None:
         raise StandError(f"{found.source.name}: {len(found.values)} cases: at most {MOST_CASES}")
     for _ in found.cases():
         pass
+    if found.entry.combine != "latin-hypercube":
+        _refuse_twins(found)
+
+
+def _refuse_twins(found: Sweep) -> None:
+    """Two cases of the same values have the same runs, and would count for twice as many."""
+    seen: dict[tuple[Any, ...], int] = {}
+    for number, values in enumerate(found.values, start=1):
+        first = seen.setdefault(tuple((isinstance(v, bool), v) for v in values), number)
+        if first != number:
+            raise StandError(
+                f"{found.source.name}: {found.in_words(number)}: is case {first} once more, "
+                "values must differ"
+            )
 
 
 def count_of(entry: SweepEntry) -> int:

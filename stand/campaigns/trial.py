@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment import ESTIMATORS, AttitudeEstimate
+from alignment import AttitudeEstimate
 from alignment.against_truth import angle_errors, heading_errors, rotation_error
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from stand.errors import StandError
-from stand.evaluation.score import ANGLES, Truths, circular, suited
+from stand.evaluation.score import ANGLES, Truths, answered, circular
 from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.result import Prediction
 from stand.rehearsal.verify import BIASES
@@ -30,6 +30,7 @@ class Row(NamedTuple):
     """What one method found of one quantity at one place, SI; NaN where there is no number.
 
     `refusal`: why there is no answer, or none that can stand: its error and sigma are there then.
+    Without a quantity it is of a method's stretch, its place, or of the method altogether.
     """
 
     method: str = ""
@@ -88,12 +89,9 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> tuple[Row, ...]
     settings, biases = trials.settings, trials.biases(seed)
     rows: dict[tuple[str, ...], Row] = {}
     for method in methods:
-        try:
-            own = suited(method, dwells)
-            estimates = ESTIMATORS[method].estimate(own, settings.site, settings.options)
-        except AlignmentError as error:
-            rows[(method,)] = Row(method, refusal=str(error))
-            continue
+        estimates, refused = answered(method, dwells, settings.site, settings.options)
+        for r in refused:
+            rows[method, r.stretch] = Row(method, place=r.stretch, refusal=r.reason)
         for e in estimates:
             truth = truths[e.label].of(method) if e.label in truths else None
             for row in _rows(e, truth, biases, settings.site.latitude):

@@ -19,10 +19,9 @@ from scipy.spatial.transform import Rotation
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Site
 from alignment.against_truth import heading_errors, rotation_error
 from alignment.earth import EARTH_RATE
-from alignment.errors import AlignmentError
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.evaluation.score import circular, suited
+from stand.evaluation.score import answered, circular
 from stand.evaluation.statistics import EstimateErrors, Outcome, Tally, tally
 from stand.imu import ImuSpec, unstated
 from stand.motion.plan import Plan
@@ -109,9 +108,15 @@ def compare(
 
 def _from_json(one: list[Any]) -> Outcome:
     """An outcome as a journal has it: named tuples are lists there."""
-    method, seed, found, seconds, refusal = one
-    errors = tuple(EstimateErrors(*numbers) for numbers in found)
-    return Outcome(method=method, seed=seed, found=errors, seconds=seconds, refusal=refusal)
+    method, seed, found, seconds, refusal, left_out = one
+    return Outcome(
+        method=method,
+        seed=seed,
+        found=tuple(EstimateErrors(*numbers) for numbers in found),
+        seconds=seconds,
+        refusal=refusal,
+        left_out=tuple((stretch, reason) for stretch, reason in left_out),
+    )
 
 
 def _ready(settings: Settings) -> Callable[[int], list[Outcome]]:
@@ -149,20 +154,24 @@ class _Bench:
     ) -> Outcome:
         site = self.settings.site
         begin = time.perf_counter()
-        try:
-            own = suited(method, dwells)
-            estimates = ESTIMATORS[method].estimate(own, site, self._options)
-        except AlignmentError as error:
-            return Outcome(
-                method=method, seed=seed, seconds=time.perf_counter() - begin, refusal=str(error)
-            )
+        estimates, refused = answered(method, dwells, site, self._options)
         seconds = time.perf_counter() - begin
+        if not estimates and refused:
+            return Outcome(method=method, seed=seed, seconds=seconds, refusal=refused[0].reason)
+        silent = {r.stretch for r in refused}
+        own = [d for d in dwells if ESTIMATORS[method].suited(d) and d.label not in silent]
         found = tuple(
             against_truth(e, truth[e.label], floors(e, truth[e.label], own, site, self._imu))
             for e in estimates
             if e.C_nb is not None and e.label in truth and not circular(e)
         )
-        return Outcome(method=method, seed=seed, found=found, seconds=seconds)
+        return Outcome(
+            method=method,
+            seed=seed,
+            found=found,
+            seconds=seconds,
+            left_out=tuple((r.stretch, r.reason) for r in refused),
+        )
 
 
 def against_truth(
@@ -248,6 +257,7 @@ _NEES = ("nees_mean", "nees_low", "nees_high")
 def _row(t: Tally) -> dict[str, Any]:
     row: dict[str, Any] = {"method": t.method, "runs": t.runs, "estimates": t.estimates}
     row |= {"refused": t.refused, "reason": t.reason, "beyond_linear_range": t.beyond_linear}
+    row["refused_stretches"] = [one._asdict() for one in t.left_out]
     row |= {"undetermined": t.undetermined, "heading_undetermined": t.why_undetermined}
     row |= {f"{name}_deg": _number(getattr(t, name) / DEG) for name in _ANGLES}
     row |= {name: _number(getattr(t, name)) for name in (*_RATIOS, *_NEES)}

@@ -45,13 +45,25 @@ class EstimateErrors(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """One method in one run: its estimates, the seconds it worked, or why it refused."""
+    """One method in one run: its estimates, the seconds it worked, or why it refused.
+
+    `left_out`: stretches that it refused, with the reason, where it answered of others.
+    """
 
     method: str
     seed: int
     found: tuple[EstimateErrors, ...] = ()
     seconds: float = 0.0
     refusal: str = ""
+    left_out: tuple[tuple[str, str], ...] = ()
+
+
+class LeftOut(NamedTuple):
+    """A stretch that a method refused in `runs` runs while it answered of others; why at first."""
+
+    stretch: str
+    runs: int
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +74,8 @@ class Tally:
     interval that a consistent covariance keeps to in 95 of 100 such comparisons. NaN where there
     is nothing to say. `seconds` is the work per run, `estimates` how many were pooled, of which
     `undetermined` have no heading that can stand: where these are most, nothing is said of
-    heading at all.
+    heading at all. `refused` runs have no answer whatever; of the others `left_out` has the
+    stretches that were refused.
     """
 
     method: str
@@ -87,6 +100,7 @@ class Tally:
     nees_high: float
     seconds: float
     undetermined: int = 0
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def why_undetermined(self) -> str:
@@ -154,7 +168,17 @@ def tally(method: str, runs: int, outcomes: Sequence[Outcome]) -> Tally:
         nees_high=nees_high,
         seconds=sum(o.seconds for o in outcomes) / runs,
         undetermined=undetermined,
+        left_out=_left_out(outcomes),
     )
+
+
+def _left_out(outcomes: Sequence[Outcome]) -> tuple[LeftOut, ...]:
+    """By stretch, in the order of their first refusal."""
+    reasons: dict[str, list[str]] = {}
+    for outcome in outcomes:
+        for stretch, reason in outcome.left_out:
+            reasons.setdefault(stretch, []).append(reason)
+    return tuple(LeftOut(name, len(own), own[0]) for name, own in reasons.items())
 
 
 def _most(part: int, whole: int) -> bool:

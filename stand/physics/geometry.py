@@ -31,16 +31,20 @@ _TOWARD = {
 
 
 def with_errors(
-    model: mujoco.MjModel, errors: TableErrors, data: mujoco.MjData | None = None
+    model: mujoco.MjModel,
+    errors: TableErrors,
+    data: mujoco.MjData | None = None,
+    into: Any = None,
 ) -> mujoco.MjModel:
     """A copy of the whole stand with tilt and azimuth of its base, leaning axes and the IMU's seat.
 
     The base is turned about the crossing of its axes, by one rotation vector in w; the IMU by one
     in b: ``C_true = C_nominal exp(mounting)``. Each axis leans from its nominal direction in its
     nominal plane, so that what one leans changes no other. `data`, of this model or of a copy like
-    this one's, is worked in where many are made.
+    this one's, is worked in where many are made; `into`, what an earlier call of this model gave,
+    is made anew and given.
     """
-    built = copy.copy(model)
+    built: Any = copy.copy(model) if into is None else into
     at_zero: Any = mujoco.MjData(model) if data is None else data
     mujoco.mj_kinematics(model, at_zero)
     for name, toward in _TOWARD.items():

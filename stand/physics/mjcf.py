@@ -44,6 +44,7 @@ _KINDS = {
     mujoco.mjtGeom.mjGEOM_BOX: "box",
     mujoco.mjtGeom.mjGEOM_MESH: "mesh",
 }
+_WIDTHS = (3, 3, 4, 4, 6)  # of a solid's size, place, turn, colour and box
 
 
 def models_folder() -> Path:
@@ -72,10 +73,10 @@ def load_model(path: Path | None = None) -> mujoco.MjModel:
     return copy.copy(_compiled(path, files_sha256(path)))
 
 
-def describe(model: mujoco.MjModel, solids_of: StandModel | None = None) -> StandModel:
+def describe(model: mujoco.MjModel) -> StandModel:
     """Read bodies, hinges, solids, masses and the instrument's site from a compiled model.
 
-    A mesh is described by the box around it. `solids_of`: one described before, that has the same.
+    A mesh is described by the box around it.
 
     Raises
     ------
@@ -84,9 +85,9 @@ def describe(model: mujoco.MjModel, solids_of: StandModel | None = None) -> Stan
         solid of another kind than box, cylinder, capsule, sphere, plane and mesh.
     """
     _check_joints(model)
-    site = _site(model)
+    site, solids = _site(model), _solids(*_drawn(model))
     return StandModel(
-        bodies=tuple(_body(model, i, solids_of) for i in range(model.nbody)),
+        bodies=tuple(_body(model, i, solids) for i in range(model.nbody)),
         imu_body=model.body(model.site_bodyid[site]).name,
         imu_position=model.site_pos[site],
         imu_rotation=_xyzw(model.site_quat[site]),
@@ -298,15 +299,15 @@ def _check_sensors(model: mujoco.MjModel) -> None:
 # --- as plain data -------------------------------------------------------------------------------
 
 
-def _body(model: mujoco.MjModel, i: int, solids_of: StandModel | None) -> Body:
-    geoms = range(model.body_geomadr[i], model.body_geomadr[i] + model.body_geomnum[i])
+def _body(model: mujoco.MjModel, i: int, solids: tuple[Geom, ...]) -> Body:
+    first, count = model.body_geomadr[i], model.body_geomnum[i]
     return Body(
         name=model.body(i).name,
         parent=model.body(model.body_parentid[i]).name,
         position=model.body_pos[i],
         rotation=_xyzw(model.body_quat[i]),
         joint=_joint(model, model.body_jntadr[i]) if model.body_jntnum[i] else None,
-        geoms=solids_of.bodies[i].geoms if solids_of else tuple(_geom(model, k) for k in geoms),
+        geoms=solids[first : first + count] if count else (),
         mass=float(model.body_mass[i]),
         center=model.body_ipos[i],
         inertia=model.body_inertia[i],
@@ -318,26 +319,38 @@ def _joint(model: mujoco.MjModel, i: int) -> Joint:
     return Joint(name=model.joint(i).name, axis=model.jnt_axis[i])
 
 
-def _geom(model: mujoco.MjModel, i: int) -> Geom:
-    kind = _KINDS.get(mujoco.mjtGeom(model.geom_type[i]))
-    if kind is None:
-        raise StandError(
-            f"MJCF: geom {model.geom(i).name!r} must be one of {', '.join(_KINDS.values())}"
-        )
-    position, size = model.geom_pos[i], model.geom_size[i]
-    if kind == "mesh":
-        center, size = np.split(model.geom_aabb[i], 2)
+def _drawn(model: mujoco.MjModel) -> tuple[tuple[str, ...], bytes, bytes]:
+    """All that describes the solids: names, kinds, and sizes, places, turns, colours, boxes."""
+    names = tuple(model.geom(i).name for i in range(model.ngeom))
+    told = (model.geom_size, model.geom_pos, model.geom_quat, model.geom_rgba, model.geom_aabb)
+    numbers = np.hstack([np.asarray(part, dtype=float) for part in told])
+    return names, model.geom_type.tobytes(), numbers.tobytes()
+
+
+@lru_cache(maxsize=8)
+def _solids(names: tuple[str, ...], kinds: bytes, numbers: bytes) -> tuple[Geom, ...]:
+    """Of what `_drawn` tells: hundreds, the same in every table of a stand, so read once."""
+    told = np.frombuffer(numbers).reshape(len(names), sum(_WIDTHS))
+    sizes, places, turns, colours, boxes = np.split(told, np.cumsum(_WIDTHS[:-1]), axis=1)
+    sizes, places, turns = sizes.copy(), places.copy(), _xyzw(turns)
+    words = [_kind(*one) for one in zip(names, np.frombuffer(kinds, np.int32), strict=True)]
+    for i in np.flatnonzero([word == "mesh" for word in words]):
+        center, sizes[i] = np.split(boxes[i], 2)
         turn = np.empty(9)
-        mujoco.mju_quat2Mat(turn, model.geom_quat[i])
-        kind, position = "box", position + turn.reshape(3, 3) @ center
-    return Geom(
-        name=model.geom(i).name,
-        kind=kind,
-        size=size,
-        position=position,
-        rotation=_xyzw(model.geom_quat[i]),
-        rgba=model.geom_rgba[i],
-    )
+        mujoco.mju_quat2Mat(turn, np.roll(turns[i], 1))
+        words[i], places[i] = "box", places[i] + turn.reshape(3, 3) @ center
+    colours = colours.copy()
+    for array in (sizes, places, turns, colours):
+        array.flags.writeable = False
+    return tuple(map(Geom, names, words, sizes, places, turns, colours))
+
+
+def _kind(name: str, number: int) -> str:
+    kind = _KINDS.get(mujoco.mjtGeom(number))
+    if kind is None:
+        allowed = ", ".join(_KINDS.values())
+        raise StandError(f"MJCF: geom {name!r} must be one of {allowed}")
+    return kind
 
 
 def _xyzw(wxyz: NDArray[np.float64]) -> NDArray[np.float64]:

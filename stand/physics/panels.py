@@ -27,21 +27,25 @@ _ROUNDS = 20  # of Newton's iteration from Chebyshev's nodes: 4 of them settle i
 class Panels:
     """Panels that meet at the `ends` (p + 1,) [s], with `counts` (p,) nodes each: 3 or more.
 
+    `same` (2, p + 1): where panels begin and end [s] that have the same to show, and where the one
+    behind the last begins; None: they themselves.
+
     Attributes
     ----------
     nodes : (k,) s
         Where to look. Neighbours share what they have in common, the end between them.
     """
 
-    def __init__(self, ends: Array, counts: IntArray) -> None:
+    def __init__(self, ends: Array, counts: IntArray, same: Array | None = None) -> None:
         self._ends, self._counts = ends, counts
         self._middle, self._half = (ends[1:] + ends[:-1]) / 2, np.diff(ends) / 2
         self._at = np.concatenate([[0], np.cumsum(counts - 1)])
         self.nodes = np.empty(self._at[-1] + 1)
-        self.nodes[self._at] = ends
+        begins, stops = (ends, ends[1:]) if same is None else (same[0], same[1, :-1])
+        middle, half = (stops + begins[:-1]) / 2, (stops - begins[:-1]) / 2
+        self.nodes[self._at] = begins
         for own, rows, places in self._alike():
-            inside = self._middle[own, None] + self._half[own, None] * places[1:-1]
-            self.nodes[rows[:, 1:-1]] = inside
+            self.nodes[rows[:, 1:-1]] = middle[own, None] + half[own, None] * places[1:-1]
 
     def _alike(self) -> Iterator[tuple[IntArray, IntArray, Array]]:
         """Of m panels with as many nodes: their numbers (m,), nodes (m, n) and places (n,)."""

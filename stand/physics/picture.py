@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from alignment.arrays import Array
 from stand.errors import StandError, unknown
-from stand.physics import ASIDE
+from stand.physics import chosen_driver
 from stand.table.joints import JOINTS
 
 Image = NDArray[np.uint8]
@@ -108,7 +108,7 @@ def drawn(
         "model": None if model is None else str(model.absolute()),
         "quick": quick,
     }
-    chosen = os.environ.get(ASIDE) or os.environ.get("MUJOCO_GL")
+    chosen = chosen_driver()
     told = []
     for driver in (chosen,) if chosen else DRIVERS:
         done = 0

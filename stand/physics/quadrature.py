@@ -12,6 +12,8 @@ The derivatives are bounded from those of the joints, power series against power
 majorant): a chain of rotations by angles ``q_j(t)`` has no greater derivatives than
 ``exp(sum |q_j|(t))``, where each series has the absolute derivatives of its angle. What turns with
 the outermost axis that moves does not see it turn: only what stands still, as gravity, does.
+
+A motion that repeats itself, as coning turn by turn, is looked at in its first turn alone.
 """
 
 from collections.abc import Iterable
@@ -36,7 +38,7 @@ _SAME = 4  # units in the last place of a time: a knot nearer to an edge is on i
 _HELD = 1e6  # s, before and after a motion
 _ROUNDED = 1e-6  # of a panel: edges of samples are
 _LEAST = 1e-30  # of a bound: at rest any panel will do
-_CHUNK = 512  # pieces bounded at once, and ahead: their series stay in cache
+_CHUNK = 2048  # pieces bounded at once, and ahead
 _GROUP = 16  # pieces bounded as one, first
 
 Waves = Iterable[tuple[IntArray, IntArray, Array, Array]]
@@ -70,6 +72,8 @@ class Law:
         self._motion, self._waves = motion, list(waves)
         # nodes, panels where a sample ends within the piece; nodes, panels where none does
         self._known = np.zeros((len(motion.knots) - 1, 4), np.int64)
+        self._first = first_alike(motion)
+        self.repeats = bool((self._first < np.arange(len(self._first))).any())
 
     @property
     def motion(self) -> Motion:
@@ -85,7 +89,7 @@ class Law:
         nodes, panels = np.full((2, len(whole)), [[FEWEST], [1]])
         easy = self._one_parabola(pieces) if np.count_nonzero(whole) >= _GROUP else False
         open_yet = np.flatnonzero(~(whole & easy))
-        asked = pieces[open_yet]
+        asked = self._first[pieces[open_yet]]
         self._learn(asked)
         known = np.where(whole[open_yet, None], self._known[asked, 2:], self._known[asked, :2])
         nodes[open_yet], panels[open_yet] = known.T
@@ -105,8 +109,24 @@ class Law:
         moving = slice(max(-first, 0), len(motion.knots) - 1 - first)  # where it is not held
         if len(within[moving]):
             nodes[moving], parts[moving] = self.choose(max(first, 0), ~within[moving])
-        ends, piece = _parted(bounds, parts, edges)
-        return Panels(ends, nodes[piece]), edges
+        ends, piece, number = _parted(bounds, parts, edges)
+        same = None
+        if self.repeats:
+            same = self._same(ends, first + piece, number, np.append(parts, 1)[piece])
+        return Panels(ends, nodes[piece[:-1]], same), edges
+
+    def _same(self, ends: Array, piece: IntArray, number: IntArray, parts: IntArray) -> Array:
+        """As of `Panels`: of panels of these numbers in so many parts of a piece, (p + 1,) each."""
+        knots, at = self._motion.knots, np.clip(piece, 0, len(self._first) - 1)
+        first = np.where(at == piece, self._first[at], piece)
+        again = first < piece  # what is held before and after the motion is itself
+        own, lengths = first[again], np.diff(knots)[first[again]]
+        same = np.stack([ends, np.append(ends[1:], np.nan)])
+        for row, beyond in zip(same, (0, 1), strict=True):
+            share = number[again] + beyond
+            times = knots[own] + lengths * share / parts[again]
+            row[again] = np.where(share == parts[again], knots[own + 1], times)
+        return same
 
     def fewer_than_panels(self, t: Array, rate_hz: float) -> np.ndarray:
         """Of which times (n,) [s], so many a second, each one costs less than panels would.
@@ -118,7 +138,7 @@ class Law:
             return np.ones(len(t), bool)
         knots = self._motion.knots
         pieces = np.clip(np.searchsorted(knots, t) - 1, 0, len(knots) - 2)
-        distinct, own = np.unique(pieces, return_inverse=True)
+        distinct, own = np.unique(self._first[pieces], return_inverse=True)
         self._learn(distinct)
         nodes, panels = self._known[distinct, :2].T
         return (np.diff(knots)[distinct] * rate_hz < panels * (nodes - 1))[own]
@@ -181,10 +201,10 @@ def _snapped(edges: Array, bounds: Array) -> Array:
     return out
 
 
-def _parted(bounds: Array, parts: IntArray, edges: Array) -> tuple[Array, IntArray]:
-    """Ends (p + 1,) [s] of panels, so many even ones of each piece, and the piece of each (p,).
-
-    Only those that the edges meet: of a piece of many hours few.
+def _parted(bounds: Array, parts: IntArray, edges: Array) -> tuple[Array, IntArray, IntArray]:
+    """Where p panels begin and the last ends (p + 1,) [s], so many even ones of each piece, of
+    those that the edges meet: of a piece of many hours few. The piece of each, and of the one
+    that would follow, and its number there (p + 1,).
     """
     lengths = np.diff(bounds)
     begin, end = np.zeros(len(parts), np.int64), parts.copy()
@@ -197,11 +217,43 @@ def _parted(bounds: Array, parts: IntArray, edges: Array) -> tuple[Array, IntArr
     whole = end[-1] == parts[-1]
     stop = bounds[-1] if whole else bounds[-2] + lengths[-1] * end[-1] / parts[-1]
     ends = np.append(starts, stop)
+    piece = np.append(piece, len(parts) if whole else len(parts) - 1)
+    number = np.append(number, 0 if whole else end[-1])
     met = slice(
         int(np.searchsorted(ends, edges[0], side="right")) - 1,
         int(np.searchsorted(ends, edges[-1])) + 1,
     )
-    return ends[met], piece[met][: len(ends[met]) - 1]
+    return ends[met], piece[met], number[met]
+
+
+def first_alike(motion: Motion) -> IntArray:
+    """Of each piece (k,) the first that does the same to the bit, and so does the next to it.
+
+    Coning repeats itself turn by turn, to the rounding of the knots' times.
+    """
+    k, numbers = len(motion.knots) - 1, np.arange(len(motion.knots) - 1)
+    rng = np.random.default_rng(0)
+    odd = rng.integers(1 << 62, size=motion.coefficients.shape[::2], dtype=np.uint64) | np.uint64(1)
+    keys = np.zeros(k, np.uint64)
+    for a in range(0, k, _CHUNK):
+        part = np.ascontiguousarray(motion.coefficients[:, a : a + _CHUNK]).view(np.uint64)
+        keys[a : a + _CHUNK] = (part * odd[:, None]).sum(axis=(0, 2), dtype=np.uint64)
+    both = keys * np.uint64(3) + np.append(keys[1:], np.uint64(0))
+    _, index, inverse = np.unique(both, return_index=True, return_inverse=True)
+    first = index[inverse]
+    again = np.flatnonzero(first < numbers)
+    if not len(again):
+        return numbers
+    same = np.ones(len(again), bool)
+    lengths, rounded = np.diff(motion.knots), _SAME * np.spacing(motion.knots[1:])
+    for a in range(0, len(again), _CHUNK):
+        own = again[a : a + _CHUNK]
+        for one, other in ((own, first[own]), (own + 1, first[own] + 1)):
+            one, other = np.minimum(one, k - 1), np.minimum(other, k - 1)
+            equal = (motion.coefficients[:, one] == motion.coefficients[:, other]).all(axis=(0, 2))
+            same[a : a + _CHUNK] &= equal & (np.abs(lengths[one] - lengths[other]) <= rounded[one])
+    first[again[~same]] = again[~same]
+    return first
 
 
 def _cheapest(lengths: Array, longest: list[Array]) -> IntArray:

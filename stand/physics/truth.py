@@ -18,7 +18,7 @@ the chain rule, and an axis that wobbles has two small hinges across it, prescri
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from itertools import count, pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -120,20 +120,14 @@ def lean_model(
     with the axis and anchor it has at zero angles; that spares five bodies' arithmetic. More
     than MuJoCo allows on one body go to others in the same place.
     """
-    at_zero: Any = mujoco.MjData(model) if data is None else data
-    mujoco.mj_kinematics(model, at_zero)
-    sid = model.site(SITE).id
-    origin, C_wb = at_zero.site_xpos[sid].copy(), at_zero.site_xmat[sid].reshape(3, 3).copy()
+    chain = _chain(model, errors, data)
     spec = mujoco.MjSpec()
     spec.option.gravity = C_NW.inv().apply(-site.f_n)
     spec.option.magnetic = C_NW.inv().apply(site.w_ie_n)
     spec.option.disableflags = int(_UNUSED_STAGES)
-    quat = Rotation.from_matrix(C_wb).as_quat(scalar_first=True)
-    body = _weighted(spec.worldbody, pos=origin, quat=quat)
-    names, axes, anchors = zip(*_hinges(model, at_zero, errors), strict=True)
-    axes_b = product(C_wb.T, np.array(axes).T).T
-    anchors_b = product(C_wb.T, (np.array(anchors) - origin).T).T
-    for number, (name, axis, anchor) in enumerate(zip(names, axes_b, anchors_b, strict=True)):
+    body = _weighted(spec.worldbody, pos=chain.origin, quat=chain.quat)
+    hinges = zip(chain.names, chain.axes, chain.anchors, strict=True)
+    for number, (name, axis, anchor) in enumerate(hinges):
         if number and number % HINGES == 0:
             body = _weighted(body)
         body.add_joint(
@@ -154,6 +148,41 @@ def lean_model(
             objname=f"place{i}",
         )
     return spec.compile()
+
+
+class _Chain(NamedTuple):
+    """Names, axes and anchors (h, 3) in b of the lean model's hinges, and where b is in w."""
+
+    names: tuple[str, ...]
+    axes: Array
+    anchors: Array
+    origin: Array
+    quat: Array
+
+
+def _chain(model: mujoco.MjModel, errors: TableErrors, data: mujoco.MjData | None = None) -> _Chain:
+    at_zero: Any = mujoco.MjData(model) if data is None else data
+    mujoco.mj_kinematics(model, at_zero)
+    sid = model.site(SITE).id
+    origin, C_wb = at_zero.site_xpos[sid].copy(), at_zero.site_xmat[sid].reshape(3, 3).copy()
+    names, axes, anchors = zip(*_hinges(model, at_zero, errors), strict=True)
+    return _Chain(
+        names=names,
+        axes=product(C_wb.T, np.array(axes).T).T,
+        anchors=product(C_wb.T, (np.array(anchors) - origin).T).T,
+        origin=origin,
+        quat=Rotation.from_matrix(C_wb).as_quat(scalar_first=True),
+    )
+
+
+def _rebuild(lean: mujoco.MjModel, chain: _Chain) -> None:
+    """Make of a lean model that of another table of as many hinges, to the bit as its compiler.
+
+    Which leaves what has a length of one within 1e-14 as it is.
+    """
+    lean.body_pos[1] = lean.body_ipos[1] = chain.origin
+    lean.body_quat[1] = lean.body_iquat[1] = chain.quat
+    lean.jnt_axis[:], lean.jnt_pos[:] = chain.axes, chain.anchors
 
 
 def _weighted(parent: mujoco.MjsBody, **place: Array) -> mujoco.MjsBody:
@@ -206,25 +235,29 @@ class Truth:
     ) -> None:
         self._places = places if places is not None and places.any() else None
         self._site, self._data = site, data
-        lean = self._of(model, PERFECT if errors is None else errors)
-        self.batch = Batch(lean, ROWS, nthread=threads)
+        errors = PERFECT if errors is None else errors
+        self._take(errors)
+        self._lean = lean_model(model, site, self._places, errors, data)
+        self.batch = Batch(self._lean, ROWS, nthread=threads)
         self._sensors = self.batch.bind("sensordata")
 
-    def _of(self, model: mujoco.MjModel, errors: TableErrors) -> mujoco.MjModel:
+    def _take(self, errors: TableErrors) -> None:
         self._errors, self._perfect, self._order = errors, errors.perfect, _order(errors)
         self._law: Law | None = None  # of the motion met last
-        return lean_model(model, self._site, self._places, errors, self._data)
 
     def change(self, model: mujoco.MjModel, errors: TableErrors) -> None:
         """Be that of another table from now on, with the bits of a new one and less work.
 
         `model` and `errors` as at first.
         """
-        lean = self._of(model, errors)
-        if lean.nv == self.batch.model.nv:
-            self.batch.set_models(lean)
-        else:  # other axes wobble
-            self.batch = Batch(lean, ROWS, nthread=self.batch.nthread)
+        same = np.array_equal(errors.wobbling, self._errors.wobbling)
+        self._take(errors)
+        if same:
+            _rebuild(self._lean, _chain(model, errors, self._data))
+            self.batch.set_models(self._lean)
+        else:
+            self._lean = lean_model(model, self._site, self._places, errors, self._data)
+            self.batch = Batch(self._lean, ROWS, nthread=self.batch.nthread)
             self._sensors = self.batch.bind("sensordata")
 
     def instants(self, joints: Array, rates: Array, accelerations: Array) -> Instants:
@@ -428,13 +461,17 @@ class Truth:
     def _curves(self, motion: Motion, panels: Panels) -> tuple[Curves, bool]:
         """Curves of w, f at the point, f at the places if they are others (which is told), the
         attitude, and what true angles and rates have beyond the encoders'."""
-        q, v, a = motion.joints(panels.nodes)
+        nodes, again = panels.nodes, None
+        if self._law_of(motion).repeats:  # what was seen once is not looked at again
+            nodes, again = np.unique(nodes, return_inverse=True)
+        q, v, a = motion.joints(nodes)
         at = self.instants(q, v, a)
         own = self._places is not None
         seen = [at.w_ib_b, at.f_b, *((at.f_places,) if own else ()), at.q_wb]
         if not self._perfect:
             seen += [at.joints - q, at.joint_rates - v]
-        return panels.curves(np.ascontiguousarray(np.hstack(seen).T)), own
+        columns = np.ascontiguousarray(np.hstack(seen).T)
+        return panels.curves(columns if again is None else columns[:, again]), own
 
     def _samples(self, motion: Motion, edges: Array, ends: Array, felt: Array) -> Samples:
         """From curves' values (c, n) at the ends and as felt."""

@@ -26,6 +26,7 @@ from stand.rehearsal.refusals import (
     coarse_tilt,
     rival_of,
     rivalled,
+    second_order,
 )
 from stand.rehearsal.response import ReadingErrors, Response, TableTurns
 from stand.rehearsal.result import Observability, Prediction
@@ -98,11 +99,13 @@ def _by_gains(
     table = TableTurns(steps, stretches, scene)
     errors: dict[int, ReadingErrors] = {}  # answers of one fit share their stretches
     rivals: dict[int, Rival] = {}
+    leans: dict[int, str] = {}
     anomaly = method.anomaly if scene.site.local_gravity is None else 0.0
     for answer in answers:
         if id(answer.stretches) not in errors:
             errors[id(answer.stretches)] = ReadingErrors(answer, table, scene, unit, anomaly)
             rivals[id(answer.stretches)] = rival_of(answer)
+            leans[id(answer.stretches)] = second_order(answer, errors[id(answer.stretches)], scene)
     responses = [Response(answer, errors[id(answer.stretches)]) for answer in answers]
     check_vertical([r for r in responses if r.answer.window_gain is not None])
     known = partial(_known, stretches=stretches, scene=scene)
@@ -111,15 +114,16 @@ def _by_gains(
     for answer, response in zip(answers, responses, strict=True):
         C_nb = answer.stretches[answer.own].C_pb
         why = partial(_why, answer, known)
-        other = rivals[id(answer.stretches)]
+        other, lean = rivals[id(answer.stretches)], leans[id(answer.stretches)]
         why_not, parts = rivalled(other), response.attitude()
         parts = parts if why_not else rounder(parts, other)
         told = angles(name, answer.window, answer.label, C_nb, parts, why, response.bias())
         told = withheld(told, ("heading", "yaw"), doubt or why_not)
         later = answer.window == "fresh" and not method.carries_nominal
-        found += withheld(told, ("pitch", "roll"), coarse_tilt(scene) if later else "")
+        found += withheld(told, ("pitch", "roll"), coarse_tilt(scene) if later else lean)
         if answer is answers[0]:
-            found += withheld(response.biases(name), *_with_heading(response, parts, why_not))
+            of_heading = withheld(response.biases(name), *_with_heading(response, parts, why_not))
+            found += withheld(of_heading, [b for b in answer.biases if b.startswith("accel")], lean)
     return found, [_observed(name, known(answers[0]))] if observe else []
 
 

@@ -6,17 +6,20 @@ from math import sqrt
 import numpy as np
 from scipy.special import chdtrc
 
+from alignment.constant_errors import in_one_attitude
 from alignment.errors import AlignmentError
 from alignment.gains import Answer
 from alignment.information import InstrumentErrors
 from alignment.information.circle import NO_RIVAL, Rival, rival
 from alignment.information.result import DETERMINED
+from alignment.methods.position_fit import ROUNDING
 from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT
 from alignment.nominal import WRONG_POSITION
 from alignment.units import DEG, STANDARD_GRAVITY
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.predictions import Parts
-from stand.rehearsal.response import Response
+from stand.rehearsal.response import ReadingErrors, Response
+from stand.rehearsal.rocking import FOLLOWS
 from stand.rehearsal.rounding import roundings_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.verification import AGREES, MOSTLY
@@ -137,4 +140,39 @@ def rivalled(other: Rival) -> str:
     return (
         f"a heading {other.apart / DEG:.0f} deg off fits the readings nearly as well (chi-square "
         f"{other.chi2:.1f} more): a turn about a second axis would tell"
+    )
+
+
+def second_order(answer: Answer, errors: ReadingErrors, scene: Scene) -> str:
+    """Why a fit of positions has no predicted tilts and accelerometer biases; '' where it has.
+
+    A fit knows the attitudes as they were, a prediction as they are planned. A table that leans by
+    t beside its plan makes of an accelerometer's error b across the vertical ``t b`` along it: in
+    one position more force, half a turn on less. So n positions over which b goes round tell it by
+    ``(t b / s)^2`` times what was known of it, t (of a level axis) and b standard deviations, s
+    the noise of the mean of all: of a first order that holds b to be hidden in the tilt,
+    ``1/sqrt(1 + (t b / s)^2)`` is left. No number stands where that is less than 0.9. The errors b
+    are biases, axes that are off, and scale errors by as much of the force as goes round in b,
+    on a base that is planned to lean.
+    """
+    told, g, n = scene.options.priors, scene.site.gravity, len(answer.stretches)
+    if not answer.biases or n < 2:
+        return ""
+    t = float(np.linalg.norm([told.nominal, told.turn, told.seat]))
+    forces = np.array([s.C_pb.inv().apply(scene.site.f_n) for s in answer.stretches])
+    round_ = sqrt(float(forces.var(axis=0).sum()) / 2)
+    one = in_one_attitude(told, g)
+    b = float(np.hypot(one.accel_bias, one.accel_scale * round_))
+    about = np.eye(n) - 1 / n
+    by_accel = [N for name, N in errors.noises.items() if name.startswith("accelerometer")]
+    noise = np.sum(by_accel, axis=0)
+    apart = [float(np.trace(about @ noise[k::6, k::6] @ about)) for k in (3, 4, 5)]
+    s2 = float(np.mean(apart)) / (n - 1) / n + ROUNDING[3] ** 2 / n
+    gain = (t * b) ** 2 / s2
+    if gain <= FOLLOWS * (1 + gain):
+        return ""
+    return (
+        f"the mean force is known to {sqrt(s2):.2g} m/s^2, and {t / DEG:.2g} deg by which the "
+        f"table may lean make {t * b:.2g} m/s^2 of the accelerometers' errors: more than first "
+        "order matters; see --verify"
     )

@@ -158,7 +158,13 @@ def _verification(v: Verification) -> dict[str, Any]:
         "seconds": v.seconds,
         "achieved": [_achieved(a) for a in v.achieved],
         "refused": [
-            {"method": r.method, "runs": r.runs, "reason": r.reason, "contradicts": r in v.silent}
+            {
+                "method": r.method,
+                "stretch": r.stretch,
+                "runs": r.runs,
+                "reason": r.reason,
+                "contradicts": r in v.silent,
+            }
             for r in v.refused
         ],
     }

@@ -14,14 +14,14 @@ Key = tuple[str, str, str, str]  # method, window, label, quantity
 
 
 class RunErrors(NamedTuple):
-    """One run: errors [SI] by what they are of, and why methods refused.
+    """One run: errors [SI] by what they are of, and why methods refused a stretch, or all ('').
 
     `untold`: of which of them the run tells no number, for a sigma that cannot stand. They count
     all the same: a prediction is of all runs, and those of small sigmas alone are a choice.
     """
 
     errors: dict[Key, float]
-    refusals: dict[str, str]
+    refusals: dict[tuple[str, str], str]
     untold: frozenset[Key] = frozenset()
 
 
@@ -29,14 +29,16 @@ def run_to_json(run: RunErrors) -> dict[str, Any]:
     """A run for a file, for `run_from_json`."""
     errors = [[*key, error] for key, error in run.errors.items()]
     untold = sorted(map(list, run.untold))
-    return {"errors": errors, "refusals": run.refusals, "untold": untold}
+    refusals = [[*who, reason] for who, reason in run.refusals.items()]
+    return {"errors": errors, "refusals": refusals, "untold": untold}
 
 
 def run_from_json(data: dict[str, Any]) -> RunErrors:
     """What `run_to_json` made."""
     errors: dict[Key, float] = {(m, w, label, q): error for m, w, label, q, error in data["errors"]}
     untold: frozenset[Key] = frozenset((m, w, label, q) for m, w, label, q in data["untold"])
-    return RunErrors(errors, data["refusals"], untold)
+    refusals = {(method, stretch): reason for method, stretch, reason in data["refusals"]}
+    return RunErrors(errors, refusals, untold)
 
 
 class Sums:
@@ -46,7 +48,7 @@ class Sums:
     def __init__(self) -> None:
         self.runs = 0
         self._of: dict[Key, Array] = {}
-        self._refused: dict[str, tuple[int, str]] = {}
+        self._refused: dict[tuple[str, str], tuple[int, str]] = {}
 
     def __contains__(self, key: Key) -> bool:
         return key in self._of and self._of[key][-1] > 0
@@ -62,14 +64,14 @@ class Sums:
                 told = key not in found.untold
                 powers = 1.0, error, error**2, error**4, told
                 self._of.setdefault(key, np.zeros(len(powers)))[:] += powers
-        for method, reason in found.refusals.items():
-            often, first = self._refused.get(method, (0, reason))
-            self._refused[method] = often + 1, first
+        for who, reason in found.refusals.items():
+            often, first = self._refused.get(who, (0, reason))
+            self._refused[who] = often + 1, first
 
     def to_json(self) -> dict[str, Any]:
         """All of it, for `from_json`: more runs go on where these ended."""
         of = [[*key, *values.tolist()] for key, values in self._of.items()]
-        refused = [[method, *rest] for method, rest in self._refused.items()]
+        refused = [[*who, *rest] for who, rest in self._refused.items()]
         return {"runs": self.runs, "of": of, "refused": refused}
 
     @classmethod
@@ -78,12 +80,15 @@ class Sums:
         made = cls()
         made.runs = data["runs"]
         made._of = {tuple(row[:4]): np.array(row[4:]) for row in data["of"]}
-        made._refused = {method: (often, first) for method, often, first in data["refused"]}
+        made._refused = {(m, stretch): (n, first) for m, stretch, n, first in data["refused"]}
         return made
 
     def refused(self) -> tuple[Refused, ...]:
-        """Methods that refused, with how often."""
-        return tuple(Refused(m, n, reason) for m, (n, reason) in self._refused.items())
+        """Methods that refused, stretch by stretch or altogether, with how often."""
+        return tuple(
+            Refused(method, n, reason, stretch=stretch)
+            for (method, stretch), (n, reason) in self._refused.items()
+        )
 
     def sigma(self, key: Key) -> tuple[int, tuple[float, float, float]]:
         """How many runs gave a number; root mean square of the errors with its 95 % interval.

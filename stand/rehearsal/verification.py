@@ -93,6 +93,7 @@ def _meets(low: float, high: float) -> bool:
 class Refused:
     """A method that gave no answer in `runs` of the runs, and the first reason.
 
+    No answer at all, or, with a `stretch`, none of that one while it answered of others.
     `predicted`: whether the rehearsal has a number for it.
     """
 
@@ -100,6 +101,12 @@ class Refused:
     runs: int
     reason: str
     predicted: bool = False
+    stretch: str = ""
+
+    @property
+    def who(self) -> str:
+        """What gave no answer, in words."""
+        return " at ".join(part for part in (self.method, self.stretch) if part)
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,12 +21,11 @@ from alignment.arrays import Array
 from alignment.calibration import Calibration
 from alignment.calibration import Key as ConstantKey
 from alignment.calibration.bench import Bench
-from alignment.errors import AlignmentError
 from alignment.units import DEG
 from stand.calibration.truth import true_values
 from stand.calibration.units import name_of
 from stand.errors import StandError
-from stand.evaluation.score import ANGLES, Truths, suited
+from stand.evaluation.score import ANGLES, Truths, answered
 from stand.rehearsal.constants import ASSUMED
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
 from stand.rehearsal.sums import Key, RunErrors, Sums, run_from_json, run_to_json
@@ -96,7 +95,7 @@ def with_verification(
         result = _warned(result, "prediction", _contradicted(a), a.label)
     for r in verification.silent:
         often = f"{r.runs} of {verification.done} runs"
-        text = f"{r.method} was predicted, and gave no answer in {often}"
+        text = f"{r.who} was predicted, and gave no answer in {often}"
         result = _warned(result, "prediction", text)
     return result
 
@@ -185,7 +184,8 @@ def verification_of(
     """What the summed runs, from `seed` on, come to beside a rehearsal's predictions."""
     achieved = list(_achieved(result, sums))
     among = sum(a.ratio is not None for a in achieved)
-    told = {p.method for p in result.predictions if p.determined}
+    told = {(p.method, p.label) for p in result.predictions if p.determined}
+    told |= {(method, "") for method, _ in told}
     together = tuple(replace(a, among=max(1, among)) for a in achieved)
     return Verification(
         requested=requested,
@@ -193,7 +193,7 @@ def verification_of(
         seed=seed,
         seconds=seconds,
         achieved=together,
-        refused=tuple(replace(r, predicted=r.method in told) for r in sums.refused()),
+        refused=tuple(replace(r, predicted=(r.method, r.stretch) in told) for r in sums.refused()),
     )
 
 
@@ -240,7 +240,7 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
     try:
         dwells, attitudes = trials.readings(seed)
     except StandError as error:  # a sway drawn anew may be beyond the table
-        return RunErrors({}, dict.fromkeys(methods, f"seed {seed}: {error}"))
+        return RunErrors({}, dict.fromkeys([(m, "") for m in methods], f"seed {seed}: {error}"))
     truths = {
         d.label: Truths(C, mean=mean)
         for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
@@ -249,13 +249,9 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
     truth_of_unit = partial(_true_constants, trials, seed)
     found, untold, refusals = {}, set(), {}
     for method in methods:
-        try:
-            own = suited(method, dwells)
-            site = _site_told(settings, method, seed)
-            estimates = ESTIMATORS[method].estimate(own, site, settings.options)
-        except AlignmentError as error:
-            refusals[method] = str(error)
-            continue
+        site = _site_told(settings, method, seed)
+        estimates, refused = answered(method, dwells, site, settings.options)
+        refusals |= {(method, r.stretch): r.reason for r in refused}
         for e in estimates:
             if e.label in truths:
                 untold |= {(e.method, e.window, e.label, name) for name in e.undetermined}

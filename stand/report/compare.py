@@ -78,12 +78,15 @@ def table(comparison: Comparison) -> TableData:
 
 
 def refusals(tallies: Sequence[Tally]) -> list[str]:
-    """Why methods gave no answer, or not in every run; those with one reason together."""
+    """Why methods gave no answer, or not in every run, or not of every stretch; those with one
+    reason together."""
     found: dict[tuple[str, str], list[str]] = {}
     for t in tallies:
-        if t.refused:
-            often = "always" if t.refused == t.runs else f"in {t.refused} of {t.runs} runs"
-            found.setdefault((often, t.reason), []).append(t.method)
+        told = [(t.method, t.refused, t.reason)] if t.refused else []
+        told += [(f"{t.method} at {one.stretch}", one.runs, one.reason) for one in t.left_out]
+        for who, runs, reason in told:
+            often = "always" if runs == t.runs else f"in {runs} of {t.runs} runs"
+            found.setdefault((often, reason), []).append(who)
     return [
         f"no answer {often} from {', '.join(methods)}: {reason}"
         for (often, reason), methods in found.items()

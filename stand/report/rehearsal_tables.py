@@ -128,7 +128,7 @@ def _verified(v: Verification | None) -> TableData:
         "ratio: predicted over achieved, with its own interval; contradicted where the interval of "
         f"all at once misses {AGREES[0]:g} to {AGREES[1]:g}",
         chance_text(v),
-        *(f"no answer in {r.runs} of {v.done} runs from {r.method}: {r.reason}" for r in v.refused),
+        *(f"no answer in {r.runs} of {v.done} runs from {r.who}: {r.reason}" for r in v.refused),
     ]
     title = f"Verified by {v.done} runs from seed {v.seed} in {v.seconds:.0f} s"
     if v.interrupted:

@@ -77,7 +77,7 @@ def outcome(v: Verification) -> str:
 
 def _silent(v: Verification) -> list[str]:
     """Methods that were predicted and mostly gave no answer."""
-    return [f"that {r.method} answers: it gave none in {r.runs} of them" for r in v.silent]
+    return [f"that {r.who} answers: it gave none in {r.runs} of them" for r in v.silent]
 
 
 def fact(v: Verification) -> tuple[str, str]:

@@ -79,7 +79,7 @@ def chance_text(v: Verification) -> str:
 
 def refused_in_words(r: Refused, done: int) -> str:
     """One sentence of a method that gave no answer in some of the runs that were done."""
-    return f"{r.method} gave no answer in {r.runs} of {runs_text(done)}: {r.reason}"
+    return f"{r.who} gave no answer in {r.runs} of {runs_text(done)}: {r.reason}"
 
 
 def runs_text(n: int) -> str:

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings
 from alignment.arrays import Array, set_owned
+from alignment.quaternions import multiply
 from stand.calibration.truth import unit_record
 from stand.evaluation.score import Truths
 from stand.imu.model import draw, without
@@ -220,17 +221,17 @@ def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulate
     truths, readings = zip(*blocks, strict=True)
 
     def joined(parts: Sequence[TruthBlock | ImuBlock], name: str) -> NDArray[Any]:
-        return np.concatenate([getattr(part, name) for part in parts])
+        return _locked(np.concatenate([getattr(part, name) for part in parts]))
 
     return Simulated(
         settings=settings,
-        t=joined(readings, "t_ns") * NS,
+        t=_locked(joined(readings, "t_ns") * NS),
         w_ib_b=joined(readings, "w_ib_b"),
         f_b=joined(readings, "f_b"),
         saturated=joined(readings, "saturated"),
         true_w_ib_b=joined(truths, "w_ib_b"),
         true_f_b=joined(truths, "f_b"),
-        q_nb=(C_NW * Rotation.from_quat(joined(truths, "q_wb"))).as_quat(),
+        q_nb=_locked(multiply(C_NW.as_quat(), joined(truths, "q_wb"))),
         joints=joined(truths, "joints"),
         encoders=joined(truths, "encoders"),
         stretches=tuple(dwells),
@@ -238,3 +239,9 @@ def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulate
         steps=records,
         schedule=describe_schedule(simulation.plan.steps),
     )
+
+
+def _locked(values: NDArray[Any]) -> NDArray[Any]:
+    """Given away, so that nobody copies it."""
+    values.flags.writeable = False
+    return values

@@ -26,7 +26,7 @@ LOOPBACK = "127.0.0.1"
 _AHEAD = 2  # batches that a worker has: the one at work, and the next
 _HEARD_S = 0.1  # after which an interrupt that was noted is acted upon
 _CONNECT_S = 10.0
-_WORKERS_S = 60.0  # for the first worker to come
+_WORKERS_S = 60.0  # for the first worker to come, or another one where all have gone
 _SILENT_S = 5.0  # of a scheduler that does not answer any more
 _FETCH_S = 30.0  # for a result: of a worker that has gone it is made again first
 _AGAIN = "again"
@@ -69,7 +69,7 @@ def cluster(supply: Supply, address: str) -> Generator[Done | Lost | None]:
     ------
     StandError
         Nobody answers at this address, there are no workers, or they have other versions of what
-        computes; the scheduler has gone.
+        computes; the scheduler has gone, or all workers have and none comes.
     RunFailed
         A bug in a run.
     KeyboardInterrupt
@@ -179,15 +179,30 @@ class _Far:
         self.held: dict[Any, Batch] = {}
         self._ended: SimpleQueue[Any] = SimpleQueue()
         self._heard = self._counted = time.monotonic()  # from a scheduler that answers
+        self._manned = self._heard  # when there was a worker
         self._ahead = self._wanted()
 
     def _wanted(self) -> int:
-        return _AHEAD * max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+        """How many batches are handed out; a refusal where nobody has taken any for long."""
+        workers = len(self._client.scheduler_info(n_workers=-1)["workers"])
+        now = time.monotonic()
+        if workers:
+            self._manned = now
+        elif now - self._manned > _WORKERS_S:
+            raise StandError(
+                f"--scheduler {self._address}: its workers have gone, none for {_WORKERS_S:g} s"
+            )
+        return _AHEAD * max(1, workers)
 
     def fill(self, supply: Supply) -> None:
         """Hand out batches, as long as there are and somebody takes them.
 
         A run that has been lost goes alone: nobody else's end is taken for its own.
+
+        Raises
+        ------
+        StandError
+            There have been no workers for `_WORKERS_S`.
         """
         if self._client.status != "running":
             return

@@ -10,7 +10,7 @@ those of `stand.simulation.simulation`.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -75,6 +75,7 @@ class Trials:
         self._blocks: list[Block] = []
         self._begins: dict[str, float | None] = {}
         self._truth: Truth | None = None
+        self._built: Any = None  # the model of the last run's table
         self._last: tuple[int, Imu] | None = None  # the unit of the last run
 
     def keep_moves(self) -> None:
@@ -165,7 +166,7 @@ class Trials:
     def _truth_of(self, settings: Settings) -> Truth:
         if self._truth is None or not self._same:
             errors = table_errors_of(settings)
-            turned = with_errors(self._model, errors, self._data)
+            turned = self._built = with_errors(self._model, errors, self._data, self._built)
             if self._truth is None:
                 self._truth = Truth(
                     turned, settings.site, self._spec.places, errors, data=self._data

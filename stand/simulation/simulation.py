@@ -90,7 +90,7 @@ class Simulation:
         )
         servo = settings.motion is MotionKind.SERVO
         built = with_errors(model, self.errors)
-        self.built: StandModel = describe(built, solids_of=self.stand)
+        self.built: StandModel = describe(built)
         self._truth = Truth(
             built,
             settings.site,

@@ -11,7 +11,7 @@ from alignment.methods.position_fit import rounding_covariance
 from alignment.methods.triad import triad
 from alignment.methods.two_gyro import two_gyro
 from alignment.readings import Grain
-from alignment.rounding import rounding_variance, waves, with_rounding
+from alignment.rounding import rounding_variance, shared_rounding, waves, with_rounding
 
 W, G = 7.292115e-5, 9.81
 STEP = 0.02  # m/s^2: 2 mg
@@ -135,3 +135,18 @@ def test_positions_that_read_alike_share_what_is_left_or_not():
     np.testing.assert_allclose(found[4], 4 * np.eye(3), atol=1e-12)
     assert not found[:3].any()
     assert np.linalg.eigvalsh(found).min() > -1e-12
+
+
+@pytest.mark.parametrize(("apart", "doubt"), [(0.0, 0.0), (0.3, 0.0), (0.2, 0.15), (0.0, 1.0)])
+def test_two_means_share_what_is_known_of_how_they_differ(apart, doubt):
+    """Rounded at 20 000 places anywhere in a step, a second mean so far on, give or take."""
+    rng = np.random.default_rng(6)
+    one = rng.uniform(0, STEP, 20_000)
+    two = one + STEP * (apart + doubt * rng.normal(size=one.shape))
+    off = np.array([np.round(x / STEP) * STEP - x for x in (one, two)])
+    ones = np.ones((2, 2)) - np.eye(2)
+    found = shared_rounding(STEP, np.zeros(2), apart * STEP * ones, (doubt * STEP) ** 2 * ones)
+    # products of two such numbers: 1/sqrt(20 000) of q^2/12, four times; waves left out 0.3 %
+    np.testing.assert_allclose(found, np.cov(off, bias=True), atol=0.03 * STEP**2 / 12)
+    if apart == doubt == 0:
+        np.testing.assert_allclose(found, STEP**2 / 12, rtol=4e-3)

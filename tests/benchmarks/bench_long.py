@@ -61,6 +61,9 @@ def long_rows(
             shortest = shortest or most
             what = f"{length:.3g} h at 1 kHz {name}"
             rows.append((what, f"{most:.0f} MB", f"{most / shortest:.2f}"))
+        if name == "at rest":
+            most, _ = command(folder, "allan", "long")
+            rows.append((f"allan of {still[-1]:.3g} h at rest", f"{most:.0f} MB", ""))
     for name, *given in (("align",), ("export", "--out", "long.npz")):
         most, _ = command(folder, name, "long", *given)
         rows.append((f"{name} of the last", f"{most:.0f} MB", ""))

@@ -12,7 +12,9 @@ value made None or an argument left out, which every test notices. Tests marked 
 
 import argparse
 import difflib
+import gc
 import importlib
+import inspect
 import json
 import os
 import random
@@ -24,11 +26,15 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterable, Iterator
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import zip_longest
+from multiprocessing import get_context
 from pathlib import Path
+from types import CodeType, FunctionType
 
 import libcst as cst
 from libcst.metadata import MetadataWrapper, PositionProvider
@@ -46,6 +52,7 @@ AREAS = {
 BUDGET = 20.0  # s of tests, for one mutant
 PATIENCE = 3  # times as long on the processor: it runs for ever
 WAIT = 900  # s: it waits for ever
+OURS = 70  # exit status of a fault of this file
 OTHERS = ("numpy", "scipy.optimize", "scipy.spatial.transform", "scipy.stats", "scipy.interpolate")
 OTHERS += ("mujoco", "ruckig", "mcap", "lz4.frame", "zstandard", "allantools", "jinja2")
 OTHERS += ("pydantic", "typer.testing", "rich.table", "rich.progress", "pytest")
@@ -74,6 +81,9 @@ class Found:
     after: str
     tests: int
     by: str
+
+
+Task = tuple[Mutant, list[str]]  # with its tests, the first to be run first
 
 
 # --- mutants -------------------------------------------------------------------------------------
@@ -178,14 +188,13 @@ class Map:
     def pytest_unconfigure(self) -> None:
         self._coverage.stop()
         data = self._coverage.get_data()
-        lines = {
-            Path(file).resolve().relative_to(Path.cwd()).as_posix(): {
-                line: [test for test in tests if test]
-                for line, tests in data.contexts_by_lineno(file).items()
-            }
-            for file in data.measured_files()
-        }
-        text = json.dumps({"times": self._times, "lines": lines})
+        lines, imported = {}, {}
+        for path in data.measured_files():
+            file = Path(path).resolve().relative_to(Path.cwd()).as_posix()
+            by_line = data.contexts_by_lineno(path)
+            lines[file] = {line: [t for t in tests if t] for line, tests in by_line.items()}
+            imported[file] = [line for line, tests in by_line.items() if "" in tests]
+        text = json.dumps({"times": self._times, "lines": lines, "imported": imported})
         (self._folder / "map.json").write_text(text, encoding="utf-8")
 
 
@@ -235,37 +244,166 @@ def copied(to: Path) -> Path:
     return to
 
 
-def begun(copy: Path, mutant: Mutant, tests: list[str], stamp: int) -> int:
-    """A process that tests a mutant in a copy of the tree; its number."""
+def functions(code: CodeType) -> Iterator[CodeType]:
+    """Bodies of a module's functions and methods, in the order of the text; not those in bodies."""
+    for one in code.co_consts:
+        if isinstance(one, CodeType):
+            at_once = not one.co_flags & inspect.CO_OPTIMIZED  # a class
+            if not at_once and not one.co_name.endswith(("comp>", "genexpr>")):
+                yield one
+            else:
+                yield from functions(one)
+
+
+def shell(code: CodeType) -> tuple[object, ...]:
+    """All else of a module or a class: what its import runs."""
+    own = set(functions(code))
+    kept = [
+        (type(c), shell(c) if isinstance(c, CodeType) else c)
+        for c in code.co_consts
+        if c not in own
+    ]
+    return code.co_code, code.co_names, kept
+
+
+def by_import(mutant: Mutant, found: dict) -> bool:
+    """Whether a module that is imported already has run the line, or a test's module on its way."""
+    imported = found["imported"].get(mutant.file, ())
+    if any(line in imported for line in range(mutant.lines[0], mutant.lines[1] + 1)):
+        return True
+    was, now = (compile(text, mutant.file, "exec") for text in (original(mutant), mutant.code))
+    return shell(was) != shell(now) or any(
+        one.co_freevars != other.co_freevars
+        for one, other in zip(functions(was), functions(now), strict=True)
+    )
+
+
+def original(mutant: Mutant) -> str:
+    """The file as it is."""
+    return (ROOT / mutant.file).read_text(encoding="utf-8")
+
+
+def patch(own: Sequence[FunctionType], path: str, mutant: Mutant) -> None:
+    """Put a mutant's bodies into the functions of a module that is imported from `path`."""
+    was, now = (compile(text, path, "exec") for text in (original(mutant), mutant.code))
+    new = {
+        (one.co_qualname, one.co_firstlineno): other
+        for one, other in zip(functions(was), functions(now), strict=True)
+        if one != other
+    }
+    for one in own:
+        key = one.__code__.co_qualname, one.__code__.co_firstlineno
+        one.__code__ = new.get(key, one.__code__)
+
+
+def into(log: Path) -> None:
+    """What a process prints goes into a new file."""
+    file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(file, 1)
+    os.dup2(file, 2)
+
+
+def forked(copy: Path, mutant: Mutant, stamp: int, run: Callable[[], int]) -> tuple[int, str]:
+    """What a process of its own comes to, with the mutant in the copy: its status and its log."""
     path = copy / mutant.file
     path.write_text(mutant.code, encoding="utf-8")
     os.utime(path, (stamp, stamp))  # compiled code goes by the time of its source
     child = os.fork()
-    if child:
-        return child
+    if not child:
+        os.setsid()
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        into(copy / "log")
+        most = round(PATIENCE * BUDGET)
+        resource.setrlimit(resource.RLIMIT_CPU, (most, most))
+        signal.alarm(WAIT)
+        code = 1
+        try:
+            code = run()
+        except Exception:
+            traceback.print_exc()
+            code = OURS
+        finally:
+            os._exit(code)
+    try:
+        _, status = os.waitpid(child, 0)
+    finally:
+        _end(child)  # with what a test may have left
+    shutil.copy2(ROOT / mutant.file, path)
+    os.utime(path)
+    log = (copy / "log").read_text(encoding="utf-8", errors="replace")
+    if os.WIFEXITED(status) and os.WEXITSTATUS(status) == OURS:
+        raise SystemExit(log)
+    return status, log
+
+
+class Warm:
+    """A pytest plugin: all tests are imported once, and each mutant is a fork that runs its own."""
+
+    def __init__(self, copy: Path, queue: list[Task], told: Callable[..., None]) -> None:
+        self._copy, self._queue, self._told = copy, queue, told
+
+    def pytest_runtest_logreport(self, report) -> None:
+        if report.failed:
+            with (self._copy / "log").open("a", encoding="utf-8") as log:
+                log.write(f"\nFAILED {report.nodeid}\n")
+
+    def pytest_runtestloop(self, session) -> bool:
+        from _pytest.main import pytest_runtestloop
+
+        items = {item.nodeid: item for item in session.items}
+        own: dict[str, list[FunctionType]] = {}
+        for one in gc.get_objects():
+            if isinstance(one, FunctionType):
+                own.setdefault(one.__code__.co_filename, []).append(one)
+        gc.collect()
+        gc.freeze()  # pages that nobody writes are shared by the forks
+
+        def run() -> int:
+            path = str(self._copy / mutant.file)
+            patch(own.get(path, []), path, mutant)
+            session.items = [items[test] for test in tests]
+            with suppress(session.Failed):
+                pytest_runtestloop(session)
+            return int(session.testsfailed > 0)
+
+        for stamp, (mutant, tests) in enumerate(self._queue, start=1_000_000_000):
+            self._told(mutant, tests, *forked(self._copy, mutant, stamp, run))
+        return True
+
+
+def worked(copy: Path, queue: list[Task], found: dict, told: Callable[..., None]) -> None:
+    """Each of a queue in turn: bodies of functions in one process that has imported all, what an
+    import runs in a process that imports it anew."""
     os.setsid()
-    log = os.open(copy / "log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-    os.dup2(log, 1)
-    os.dup2(log, 2)
-    os.chdir(copy)
-    os.environ["PYTHONPATH"] = str(copy)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.path.insert(0, str(copy))
-    resource.setrlimit(resource.RLIMIT_CPU, 2 * (round(PATIENCE * BUDGET),))
-    signal.alarm(WAIT)
+    os.environ["PYTHONPATH"] = str(copy)
+    os.environ["PYTEST_DEBUG_TEMPROOT"] = str(copy.parent)
+    os.chdir(copy)
     import pytest
 
-    os._exit(pytest.main(["-x", "-q", "--no-header", "-p", "no:cacheprovider", *tests]))
+    quiet = ["-x", "-q", "--no-header", "-p", "no:cacheprovider", "-m", "not slow"]
+    warm = [task for task in queue if not by_import(task[0], found)]
+
+    child = os.fork()
+    if not child:
+        into(copy / "warm")
+        os._exit(pytest.main([*quiet, "-p", "no:randomly"], plugins=[Warm(copy, warm, told)]))
+    _, status = os.waitpid(child, 0)
+    if status:
+        raise SystemExit((copy / "warm").read_text(encoding="utf-8", errors="replace"))
+    cold = [task for task in queue if task not in warm]
+    for stamp, (mutant, tests) in enumerate(cold, start=1_100_000_000):
+        run = partial(pytest.main, [*quiet, *tests])
+        told(mutant, tests, *forked(copy, mutant, stamp, run))
 
 
-def ended(copy: Path, mutant: Mutant, tests: list[str], status: int) -> Found:
-    """What came of it; the copy is as it was."""
-    shutil.copy2(ROOT / mutant.file, copy / mutant.file)
-    log = (copy / "log").read_text(encoding="utf-8", errors="replace")
+def result_of(m: Mutant, tests: list[str], status: int, log: str) -> Found:
+    """What came of it."""
     failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - |$)", log, re.M)
     by = ""
     if status:
         by = failed[1] if failed else "time" if os.WIFSIGNALED(status) else "import"
-    m = mutant
     return Found(m.area, m.file, m.lines[0], m.before, m.after, len(tests), by)
 
 
@@ -273,29 +411,42 @@ def tried(mutants: list[Mutant], found: dict, jobs: int) -> Iterator[Found]:
     """Each in turn, `jobs` at a time; before them the code as it is, which no test may refuse."""
     for name in OTHERS:
         importlib.import_module(name)
-    as_it_is = [replace(m, code=(ROOT / m.file).read_text(encoding="utf-8")) for m in mutants[:1]]
+    as_it_is = [replace(m, after=m.before, code=original(m)) for m in mutants[:1]]
+    tasks = [(m, tests_of(m, found)) for m in (*as_it_is, *mutants)]
+    results = get_context("fork").SimpleQueue()
+
+    def told(*task) -> None:
+        results.put(result_of(*task))
+
+    running, left = [], jobs
     with tempfile.TemporaryDirectory() as root:
-        free = [copied(Path(root) / str(k)) for k in range(jobs)]
-        running: dict[int, tuple[Path, Mutant, list[str]]] = {}
-        queue = [*as_it_is, *mutants, *[None] * jobs]
         try:
-            for stamp, mutant in enumerate(queue, start=1_000_000_000):
-                if running and (mutant is None or not free):
-                    child, status = os.wait()
-                    _end(child)  # with what a test may have left
-                    copy, *own = running.pop(child)
-                    free.append(copy)
-                    result = ended(copy, *own, status)
-                    if own[0] not in as_it_is:
-                        yield result
-                    elif result.by:
-                        raise SystemExit(f"without a bug: {result.by} fails")
-                if mutant is not None:
-                    copy, tests = free.pop(), tests_of(mutant, found)
-                    running[begun(copy, mutant, tests, stamp)] = copy, mutant, tests
+            for k in range(jobs):
+                copy = copied(Path(root) / str(k))
+                child = os.fork()
+                if not child:
+                    code = 1
+                    try:
+                        worked(copy, tasks[k::jobs], found, told)
+                        code = 0
+                    finally:
+                        results.put(None)
+                        os._exit(code)
+                running.append(child)
+            while left:
+                result = results.get()
+                if result is None:
+                    left -= 1
+                elif result.before != result.after:
+                    yield result
+                elif result.by:
+                    raise SystemExit(f"without a bug: {result.by} fails")
         finally:
             for child in running:
-                _end(child)
+                if left:  # it was interrupted
+                    with suppress(ProcessLookupError):
+                        os.killpg(child, signal.SIGTERM)
+                os.waitpid(child, 0)
 
 
 def _end(child: int) -> None:

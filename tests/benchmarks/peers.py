@@ -435,7 +435,8 @@ pyins takes attitudes that are ready made, ours here, and draws a spline through
 stamps it meets, and what the motion does between them, and what a rocking base does to the
 accelerometers' place, is not in it. Its `Turntable` makes the motion too, as we do. What is felt
 costs here by the motion, not by the rate: coning of 5 Hz in 50 pieces of polynomials a second takes
-550 evaluations of a table of 18 hinges for each second, whether they give 100 samples or 1000.
+550 evaluations for each second, whether they give 100 samples or 1000; of whole turns that repeat
+themselves the first alone is looked at.
 `ahrs.Sensors` makes magnetometers as well, on an Earth that does not turn, and noise alone.
 
 ## Floors

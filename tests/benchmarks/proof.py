@@ -230,7 +230,7 @@ def told(one: Case) -> Iterator[str]:
         yield f"{lead} | {f'{method} {window}'.strip()} | {' | '.join(cells)} |"
     for refused in found.refused:
         why = refused.reason.split(": ", 1)[-1]
-        yield f"{lead} | {refused.method} | no answer in {refused.runs} runs: {why} | | | | |"
+        yield f"{lead} | {refused.who} | no answer in {refused.runs} runs: {why} | | | | |"
 
 
 def _column(quantity: str) -> str:

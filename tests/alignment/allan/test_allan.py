@@ -14,7 +14,7 @@ from alignment.allan import analyse, channel
 from alignment.allan.analysis import needed
 from alignment.allan.analysis import shown as is_shown
 from alignment.allan.covariance import degrees_of_freedom
-from alignment.allan.deviation import deviation, variances
+from alignment.allan.deviation import Deviation, deviation, variances
 from alignment.allan.fit import LIMIT, Rival, fit, interval
 from alignment.allan.stretches import between, interruptions
 from alignment.allan.terms import KEYS, design, index, plateau, value, variance, weight
@@ -70,7 +70,7 @@ def test_published_thousand_points():
     for _ in range(999):
         n.append(16807 * n[-1] % 2147483647)
     x = np.concatenate([[0], np.cumsum(np.array(n) / 2147483647)])
-    got = np.sqrt(variances(x, np.array([1, 10, 100])))
+    got = np.sqrt(variances([x], np.array([1, 10, 100])))
     # Printed to seven digits; at 100 samples every second start point is used.
     np.testing.assert_allclose(got[:2], [2.922319e-1, 9.159953e-2], rtol=2e-7)
     assert got[2] == pytest.approx(3.241343e-2, rel=0.01)
@@ -127,7 +127,16 @@ def test_variances_are_those_of_allantools():
     phase = np.cumsum(np.random.default_rng(5).normal(size=3000))
     m = np.array([1, 2, 4, 8, 16, 32])  # beyond that every second start is left out
     _, theirs, _, _ = allantools.oadev(phase, rate=1.0, data_type="phase", taus=m)
-    np.testing.assert_allclose(variances(phase, m), theirs**2, rtol=1e-12)
+    np.testing.assert_allclose(variances([phase], m), theirs**2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1, 7, 100, 1000])
+def test_variances_of_a_sum_in_pieces(size):
+    """The squares of the whole, each once, added in another order."""
+    phase = np.cumsum(np.random.default_rng(6).normal(size=3000))
+    m = 2 ** np.arange(9)  # at 64 to 256 every second to eighth start
+    cut = [phase[a : a + size] for a in range(0, len(phase), size)]
+    np.testing.assert_allclose(variances(cut, m), variances([phase], m), rtol=1e-12)
 
 
 # Uncertainty -------------------------------------------------------------------------------------
@@ -666,3 +675,19 @@ def test_the_ring_laser_is_not_white():
 
 def test_keys_are_in_the_order_of_their_slopes():
     assert KEYS == ("Q", "N", "B", "K", "R")
+
+
+def test_a_plateau_that_begins_late_has_a_say_in_white_noise():
+    """An exact curve of six minutes, white noise of 1 and a plateau from 200 samples on: none that
+    the fit may find begins so late, and N comes out low, with one that does it does not."""
+    m = 2 ** np.arange(11)
+    exact = design(m, 200.0) @ np.array([0, 1, 1 / 800, 0, 0])
+    found = fit(Deviation((12_000,) * 6, 0.005, m, exact))
+    n = index("N")
+    low = 1 - found.weights[n]
+    assert low > 1e-3
+    (late,) = (rival for rival in found.rivals if rival.late)
+    assert abs(1 - late.problem.physical(late.weights)[n]) < low / 3
+    without = replace(found, rivals=tuple(r for r in found.rivals if not r.late))
+    assert interval(found, n)[1] > interval(without, n)[1]
+    assert interval(found, index("K")) == interval(without, index("K"))

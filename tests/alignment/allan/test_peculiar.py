@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from alignment import ImuReadings
+from alignment import ImuReadings, parts
+from alignment.allan import peculiar as rules
+from alignment.allan import running
 from alignment.allan.peculiar import peculiar
 
 N, DT, SIGMA = 12_000, 0.01, 4e-4
@@ -59,10 +61,10 @@ def test_a_jump_that_stays():
     assert "stays there" in note
 
 
-def test_noise_of_any_colour_is_none_of_it():
+def check_no_false_alarms(seeds):
     """White, a walk, quantised, one Gauss-Markov process, noise of a third of a step: 5 of 100 each
     would be 25 false alarms of a rule at 5 %; these are set for less than one in a thousand."""
-    for seed in range(20):
+    for seed in range(seeds):
         g = np.random.default_rng([seed, 3]).standard_normal((4, N + 1))
         kinds = (
             g[0, 1:],
@@ -73,3 +75,42 @@ def test_noise_of_any_colour_is_none_of_it():
             np.full(N, 1.1),
         )
         assert [note for x in kinds for note in told(x)] == []
+
+
+def test_noise_of_any_colour_is_none_of_it():
+    check_no_false_alarms(seeds=20)
+
+
+@pytest.fixture
+def short_parts(monkeypatch):
+    """Records go by in parts of 1280 samples and pieces of 500, spectra are of 2048 at once."""
+    monkeypatch.setattr(parts, "PART", 1280)
+    monkeypatch.setattr(running, "PIECE", 500)
+    monkeypatch.setattr(rules, "SEGMENT", 2048)
+
+
+def test_what_goes_by_in_parts_is_what_it_is_in_one(short_parts):
+    """At the seams too: readings 1279 and 2560; the jump at 7000 is at none."""
+    x = white()
+    x[[1279, 2560, 5000]] += 30 * SIGMA
+    assert told(x) == [
+        "gyro x: 3 readings more than 8 sigma off the neighbours, first at 12.8 s: outliers are "
+        "in the terms"
+    ]
+    x = white()
+    x[6000:9000] = x[6000]
+    assert told(x)[0].startswith("gyro x: the same reading from 60.17 to 89.6 s: it stuck")
+    (note,) = told(white() + 2.5 * SIGMA * (np.arange(N) >= 7000))
+    assert note.startswith("gyro x: jumps near 70")
+
+
+@pytest.mark.parametrize("frequency", [20.0, 49.99])
+def test_a_line_in_the_mean_of_several_spectra(short_parts, frequency):
+    x = white() + SIGMA / 2 * np.sin(2 * np.pi * frequency * DT * np.arange(N) + 0.3)
+    (note,) = told(x)
+    # to a bin of a sixth of the record, 0.05 Hz
+    assert abs(float(note.split()[5]) - frequency) < 0.05
+
+
+def test_noise_of_any_colour_is_none_of_it_in_parts(short_parts):
+    check_no_false_alarms(seeds=3)

@@ -15,6 +15,7 @@ from alignment.errors import NotAtRest
 from alignment.information.drift import GaussMarkov
 from alignment.methods.fine import (
     Model,
+    _Aim,
     _heave_density,
     _is_settled,
     _Pass,
@@ -169,23 +170,61 @@ def test_innovations_as_large_as_their_sigmas_allow():
 
 
 @pytest.mark.parametrize(
-    ("turn", "bias", "settled"),
+    ("turn", "bias", "sigma", "settled"),
     [
-        (0.0099, 0.0, True),
-        (0.0101, 0.0, False),
-        (0.0, 0.00099, True),  # in 10 s
-        (0.0, 0.00101, False),
-        (0.0099, 0.00099, True),  # the larger counts, not their sum
+        (0.0099, 0.0, 0.5, True),
+        (0.0101, 0.0, 0.5, False),
+        (0.0, 0.00099, 0.5, True),  # in 10 s
+        (0.0, 0.00101, 0.5, False),
+        (0.0099, 0.00099, 0.5, True),  # the larger counts, not their sum
+        (0.0166, 0.0, 0.53, True),  # rad of heading, 30.4 deg: tilt alone counts, 0.6 of it
+        (0.0167, 0.0, 0.53, False),
+        (0.0166, 0.0, 0.52, False),  # 29.8 deg
     ],
 )
-def test_a_correction_of_a_hundredth_is_settled(turn, bias, settled):
-    """Length of a vector: 0.6 and 0.8 parts of it along two axes."""
+def test_a_correction_of_a_hundredth_is_settled(turn, bias, sigma, settled):
+    """Length of a vector: 0.6 and 0.8 parts of it along two axes, the second heading."""
     x = np.zeros((2, 13))
     x[-1, [0, 2]] = turn * 0.6, turn * 0.8
     x[-1, [10, 11]] = -bias * 0.6, bias * 0.8
     reference = SimpleNamespace(carried=SimpleNamespace(t=np.array([50.0, 60.0])))
     held = model(Priors(gyro_bias=1.0), names=("gyro_bias",), walks=(0.0,))
-    assert _is_settled(held, reference, SimpleNamespace(x=x)) == settled
+    heading = np.eye(13)[2] * sigma**2
+    run = _Pass(x, np.full((2, 13), sigma**2), *(np.zeros(1),) * 4, heading)
+    assert _is_settled(held, reference, run) == settled
+
+
+def test_what_goes_with_a_heading_that_is_not_determined_stays_too():
+    """Sigma 1 rad, of covariance 0.02 with tilt north and -0.3 with the fourth: of 2 rad of
+    heading 0.04 and -0.6 are its own; with 0.5 rad, 28.6 deg, all is corrected."""
+    x = np.zeros((2, 4))
+    x[-1] = 0.05, -0.01, 2.0, 0.1
+    for sigma, left in ((1.0, [0.01, -0.01, 0.0, 0.7]), (0.5, x[-1])):
+        heading = np.array([0.02, 0.0, 1.0, -0.3]) * sigma**2
+        run = _Pass(x, np.full((2, 4), sigma**2), *(np.zeros(1),) * 4, heading)
+        np.testing.assert_allclose(run.left, left, atol=1e-15)
+
+
+def test_what_a_heading_comes_to_is_aimed_at():
+    """-0.6 of a correction left, then nothing: 1/1.6 of it. 0.5 left: twice. The wrong way: all."""
+    aim = _Aim()
+    assert aim.part(1.0) == 1.0
+    assert aim.part(-0.6) == pytest.approx(1 / 1.6)
+    # 0.625 of -0.6 was taken: -0.375 of 1.6 ways is all of it, and what is left is rounding
+    assert aim.part(-1e-9) == pytest.approx(1 / 1.6, rel=1e-6)
+    slow = _Aim()
+    slow.part(1.0)
+    assert slow.part(0.5) == pytest.approx(2.0)
+    assert slow.part(0.001) == pytest.approx(2.0 / 0.998)
+    away = _Aim()
+    away.part(1.0)
+    assert away.part(1.1) == 1.0
+    crawling = _Aim()
+    crawling.part(1.0)
+    assert crawling.part(0.99) == 4.0  # of 100, the most
+    leaping = _Aim()
+    leaping.part(1.0)
+    assert leaping.part(-9.0) == 0.25  # of a tenth, the least
 
 
 # --- noise of an interval by its samples ----------------------------------------------------------

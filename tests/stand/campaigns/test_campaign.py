@@ -3,6 +3,7 @@
 import hashlib
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from swept import PROCEDURE, SWEEP, written
 
 import stand
+from alignment import ESTIMATORS
+from alignment.errors import AlignmentError
 from stand.campaigns import campaign as module
 from stand.campaigns.campaign import Campaign, size_of
 from stand.campaigns.folder import alone, read_sweep
@@ -260,3 +263,20 @@ def test_the_python_face(tmp_path):
     assert isinstance(made.write_page(), Path)
     with pytest.raises(StandError, match="workers = 0: must be 1 or more"):
         stand.campaign(path, tmp_path / "other", workers=0)
+
+
+def test_a_stretch_that_is_refused_has_a_row_and_the_others_theirs(tmp_path, monkeypatch):
+    """triad refuses the first of two rests: the second's numbers are all there."""
+    estimate = ESTIMATORS["triad"].estimate
+
+    def half_hearted(dwells, site, options):
+        if dwells[0].label == "first":
+            raise AlignmentError("first: not at rest")
+        return estimate(dwells, site, options)
+
+    monkeypatch.setitem(ESTIMATORS, "triad", replace(ESTIMATORS["triad"], estimate=half_hearted))
+    sweep = load_sweep(written(tmp_path))
+    rows = [row for row in ready(sweep.case(1).settings)(0) if row.method == "triad"]
+    (refused,) = [row for row in rows if not row.quantity]
+    assert (refused.place, refused.refusal) == ("first", "first: not at rest")
+    assert {row.place for row in rows if row.quantity} == {"second rest"}

@@ -104,6 +104,19 @@ def test_an_answer_that_is_missing_or_cannot_stand_does_not_pass(tmp_path):
     }
 
 
+def test_a_place_that_is_refused_costs_the_unit_and_not_its_other_places(tmp_path):
+    """Of three runs one has no answer at its second rest: 2 pass, and 3 errors at the first."""
+    silent = Row("two-position", place="second rest", refusal="second rest: not at rest")
+    lost = Run(1, 2, (*run_of(1, 2, 0.0).rows, silent))
+    found = summarised(kept(tmp_path, [run_of(1, 0, 0.0), run_of(1, 1, 0.0), lost]))
+    yields = {y.case: (y.method, y.window, y.passed, y.runs) for y in found.yields}
+    assert yields == dict.fromkeys((0, 1), ("two-position", "", 2, 3))
+    assert [cell.runs for cell in found.of(HEADING)] == [3]
+    assert [(r.reason, r.runs, r.seed) for r in found.refused] == [
+        ("second rest: not at rest", 1, 2)
+    ]
+
+
 def test_the_worst_units_are_named_with_their_limit(four):
     """0.16 of 0.1 deg is 1.6 times: seeds 2 and 3 of case 4, the first first."""
     worst = [(w.case, w.seed, round(w.times, 6)) for w in four.worst[:3]]

@@ -135,6 +135,15 @@ def test_ranges_are_rounded(tmp_path):
         ('key = "site.latitude_deg"\nrange = { low = 1, high = 0 }', "must be below high"),
         ('key = "site.latitude_deg"\nrange = { low = 1, high = 2 }', "range, count: required"),
         ('key = "rate_hz"\nvalues = [2]\n[[vary]]\nkey = "rate_hz"\nvalues = [3]', "varied twice"),
+        ('key = "rate_hz"\nvalues = []', "values: has none, must have one or more"),
+        ('key = []\nvalues = [1]', "key: has none, must have one or more"),
+        ('key = "rate_hz"\nvalues = [2, nan]', "vary 1, values: nan must be -1e"),
+        ('key = "rate_hz"\nvalues = [2, [3]]', "values: number 2 must be a number, a"),
+        ('key = "rate_hz"\nvalues = [2, 3, 2.0]',
+         r"case 3 \(rate_hz = 2\): is case 1 once more, values must differ"),
+        ('key = "site.latitude_deg"\nrange = { low = 1, high = 1.01, count = 2, digits = 1 }',
+         "is case 1 once more"),
+        ('key = "seed"\nvalues = [1]', r"unknown key 'seed'.* table, table_errors"),
     ],
 )  # fmt: skip
 def test_a_fault_is_one_line(tmp_path, table, told):

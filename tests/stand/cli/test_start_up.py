@@ -24,7 +24,7 @@ ROTATIONS = "import sys, scipy.spatial.transform; print(*sorted(sys.modules), fi
 LIBRARIES = {
     *("numpy", "scipy", "mujoco", "rerun", "pyarrow", "ruckig", "mcap", "zstandard", "lz4"),
     *("pydantic", "typer", "rich", "matplotlib", "jinja2", "multiprocessing", "pandas"),
-    *("rosbags", "pyulog", "h5py", "allantools", "dask"),
+    *("rosbags", "pyulog", "h5py", "allantools", "dask", "glfw"),
 }
 ROOMS = ("alignment", "stand.physics.truth", "stand.physics.servo", "stand.vehicle.path")
 ROOMS = (

@@ -75,6 +75,7 @@ SCHEMA = {
     "estimates",
     "refused",
     "reason",
+    "refused_stretches",
     "beyond_linear_range",
     "undetermined",
     "heading_undetermined",
@@ -118,7 +119,7 @@ def test_json_of_the_command(stand_command, tmp_path):
     first, second, refused = found["methods"]
     assert (first["runs"], first["estimates"], second["estimates"]) == (3, 6, 3)
     for row in (first, second):
-        for name in SCHEMA - {"method", "reason", "heading_undetermined"}:
+        for name in SCHEMA - {"method", "reason", "refused_stretches", "heading_undetermined"}:
             assert isinstance(row[name], (int, float)), name
         # floors by hand: 0.003/60 deg/rt-s over 9.96651 deg/h, in 24 s and in 48 s
         T = 24 if row is first else 48
@@ -333,6 +334,33 @@ def test_a_refusal_is_counted_and_told(half_turn, monkeypatch):
     assert (row.runs, row.refused, row.estimates, row.reason) == (3, 1, 4, "not today")
     assert told == pytest.approx([1 / 3, 2 / 3, 1])
     assert "no answer in 1 of 3 runs from triad: not today" in table(found).notes
+
+
+def test_a_stretch_that_is_refused_leaves_the_others_of_its_run(half_turn, monkeypatch, tmp_path):
+    """Of 3 runs of 2 stretches one stretch is refused once: 5 estimates, and no run without any.
+
+    Before, the run counted as refused: 4 estimates. A second command reads the same of its file.
+    """
+    estimate, asked = ESTIMATORS["triad"].estimate, []
+
+    def moody(dwells, site, options):
+        if len(dwells) == 2:
+            asked.append(1)
+        if len(asked) == 2 and len(dwells) == 2:
+            raise AlignmentError(f"{dwells[1].label}: not at rest: it turns at 0.2 deg/s")
+        return estimate(dwells, site, options)
+
+    monkeypatch.setitem(ESTIMATORS, "triad", replace(ESTIMATORS["triad"], estimate=moody))
+    settings, kept = replace(half_turn, methods=("triad",)), tmp_path / "runs"
+    found = compare(settings, 3, workers=1, keep=kept)
+    (row,) = found.tallies
+    assert (row.runs, row.refused, row.estimates, row.reason) == (3, 0, 5, "")
+    ((stretch, runs, reason),) = row.left_out
+    assert (runs, reason) == (1, f"{stretch}: not at rest: it turns at 0.2 deg/s")
+    assert f"no answer in 1 of 3 runs from triad at {stretch}: {reason}" in table(found).notes
+    (told,) = to_json(found)["methods"]
+    assert told["refused_stretches"] == [{"stretch": stretch, "runs": 1, "reason": reason}]
+    assert compare(settings, 3, workers=1, keep=kept).tallies == found.tallies
 
 
 # --- statistics

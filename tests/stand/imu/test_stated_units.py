@@ -50,6 +50,60 @@ def test_units_of_sheets_by_hand(told, value, wanted, by_hand):
     assert value * conversion(told, wanted) == pytest.approx(by_hand, rel=1e-12)
 
 
+# in SI; powers of angle, length, time and temperature
+UNITS = {
+    "deg": (0.017453292519943295, (1, 0, 0, 0)),
+    "mdeg": (1.7453292519943295e-5, (1, 0, 0, 0)),
+    "rad": (1, (1, 0, 0, 0)),
+    "mrad": (1e-3, (1, 0, 0, 0)),
+    "urad": (1e-6, (1, 0, 0, 0)),
+    "arcmin": (2.908882086657216e-4, (1, 0, 0, 0)),
+    "arcsec": (4.84813681109536e-6, (1, 0, 0, 0)),
+    "m": (1, (0, 1, 0, 0)),
+    "mm": (1e-3, (0, 1, 0, 0)),
+    "ft": (0.3048, (0, 1, 0, 0)),
+    "g": (9.80665, (0, 1, -2, 0)),
+    "mg": (9.80665e-3, (0, 1, -2, 0)),
+    "ug": (9.80665e-6, (0, 1, -2, 0)),
+    "s": (1, (0, 0, 1, 0)),
+    "ms": (1e-3, (0, 0, 1, 0)),
+    "us": (1e-6, (0, 0, 1, 0)),
+    "h": (3600, (0, 0, 1, 0)),
+    "Hz": (1, (0, 0, -1, 0)),
+    "kHz": (1e3, (0, 0, -1, 0)),
+    "rt-h": (60, (0, 0, 0.5, 0)),
+    "rt-s": (1, (0, 0, 0.5, 0)),
+    "rt-Hz": (1, (0, 0, -0.5, 0)),
+    "K": (1, (0, 0, 0, 1)),
+    "ppm": (1e-6, (0, 0, 0, 0)),
+    "%": (1e-2, (0, 0, 0, 0)),
+    "1": (1, (0, 0, 0, 0)),
+}
+SPELLINGS = {
+    "deg / s": "deg/s", "°C": "K", "°/s": "deg/s", "µg": "ug", "μg": "ug", "√h": "rt-h",
+    "√hr": "rt-h", "sqrt(h)": "rt-h", "sqrt(hr)": "rt-h", "sqrt s": "rt-s", "rth": "rt-h",
+    "√Hz": "rt-Hz", "rt-hz": "rt-Hz", "√hz": "rt-Hz", "hz": "Hz", "hr": "h", "mdps": "mdeg/s",
+    "dps": "deg/s", "arcseconds": "arcsec", "arcsecond": "arcsec", "arc-s": "arcsec",
+    "arcs": "arcsec", "arcminute": "arcmin", "arcminutes": "arcmin",
+}  # fmt: skip
+
+
+def test_every_unit_by_hand():
+    with pytest.raises(StandError) as caught:
+        scale_of("furlong")
+    assert str(caught.value).endswith("; known: " + ", ".join(UNITS))
+    for name, (size, dimension) in UNITS.items():
+        assert scale_of(name) == (pytest.approx(size, rel=1e-13), dimension), name
+        angle, length, time, warmth = (-3 * d for d in dimension)
+        found = scale_of(f"rad^2/{name}^3/s/m/K")
+        expected = angle + 2, length - 1, time - 1, warmth - 1
+        assert found == (pytest.approx(size**-3, rel=1e-13), expected), name
+    for told, ours in SPELLINGS.items():
+        assert scale_of(told) == scale_of(ours), told
+    with pytest.raises(StandError, match=r"'m\^4' is not known"):
+        scale_of("m^4/s")
+
+
 def test_a_key_takes_the_unit_of_its_sheet():
     gyro = (
         f'angle_random_walk = {{ value = 3.8, unit = "mdps/rt-Hz", {SHEET} }}\n'

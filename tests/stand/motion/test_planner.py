@@ -505,3 +505,16 @@ def test_a_move_of_more_than_seven_thousand_seconds_is_refused():
     assert planned(move("rate_deg_s = 0.025", outer=170.0) + dwell()).steps[
         0
     ].t_to == pytest.approx(6801)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_attitude_across_half_a_turn_is_reached_the_short_way(sign):
+    """From a yaw of 170 deg to -170 deg, and on to -160: 20 deg and 10, not 340 back."""
+    head = {"roll": 0.0, "pitch": 0.0}
+    yaws = (sign * 170.0, -sign * 170.0, -sign * 160.0)
+    steps = "".join(move(attitude=head | {"yaw": yaw}).replace('"M"', f'"{yaw}"') for yaw in yaws)
+    joints = np.array([step.joints for step in planned(steps + dwell()).steps[:3]]) / DEG
+    outer = joints[:, JOINTS.index("outer")]
+    assert np.abs(outer) == pytest.approx([170.0, 190.0, 200.0])
+    assert np.sign(outer) == pytest.approx(np.sign(outer[0]))
+    assert np.delete(joints, JOINTS.index("outer"), axis=1) == pytest.approx(0.0, abs=1e-9)

@@ -12,11 +12,13 @@ from stand.motion.moves import joined, move_piece, rest_piece
 from stand.motion.polynomial import Motion
 from stand.motion.sway import sway, vibration
 from stand.motion.waves import coning, scorsby, sines
+from stand.physics import quadrature
 from stand.physics.geometry import with_errors
 from stand.physics.mjcf import describe, load_model
 from stand.physics.quadrature import (
     Law,
     derivatives,
+    first_alike,
     interpolation_constant,
     longest_panels,
     longest_whole,
@@ -221,9 +223,9 @@ def rolling():
     return scorsby(entry, 12.0, 4.0)
 
 
-def nutating():
+def nutating(seconds=6.0):
     entry = ConingMotion.model_validate({"axis": "X1", "half_angle_deg": 3.0, "frequency_hz": 0.5})
-    return coning(entry, 6.0, 2.0, np.zeros(6), describe(load_model()))
+    return coning(entry, seconds, 2.0, np.zeros(6), describe(load_model()))
 
 
 def shaking(axes=("outer",)):
@@ -322,6 +324,46 @@ def test_evaluations_of_slow_and_fast_turns(model, monkeypatch):
     truth.block(turning(4.0, 20.0), 10_000, Sampling.INSTANT, 0, 200_000)
     truth.block(turning(60.0, 20.0), 20, Sampling.MEAN, 0, 400)  # 21 rad
     assert rows == [12, 12, 12, 155]
+
+
+def test_turns_that_repeat_are_looked_at_once(model, monkeypatch):
+    """Ten turns of a cone cost what three do."""
+    rows = []
+    for seconds in (6.0, 20.0):
+        truth, motion = Truth(model, Site(0.3)), nutating(seconds)
+        seen = truth.instants
+        monkeypatch.setattr(
+            truth, "instants", lambda q, v, a, s=seen: rows.append(len(q)) or s(q, v, a)
+        )
+        truth.block(motion, 20, Sampling.MEAN, 0, round(20 * motion.duration))
+    assert rows[0] == rows[1]
+
+
+@pytest.mark.parametrize("hz", [7, 20, 190])
+def test_repeated_turns_are_as_right_as_the_first(model, monkeypatch, hz):
+    """The same bits in any block; beside each turn looked at for itself, times round by 1e-15 s:
+    of 0.2 rad/s at pi rad/s by 1e-15 rad/s, of 10 m/s^2 by 1e-14 m/s^2, and sums of them more."""
+    motion, truth = nutating(20.0), Truth(model, Site(0.5))
+    (whole,) = truth.blocks(motion, hz, Sampling.MEAN, block_s=100.0)
+    parts = list(truth.blocks(motion, hz, Sampling.MEAN, block_s=0.71))
+    assert len(parts) > 30
+    for name in ("w_ib_b", "f_b", "q_wb", "joints"):
+        joined_parts = np.concatenate([getattr(p, name) for p in parts])
+        np.testing.assert_array_equal(joined_parts, getattr(whole, name), err_msg=name)
+    monkeypatch.setattr(quadrature, "first_alike", lambda motion: np.arange(len(motion.knots) - 1))
+    (each,) = Truth(model, Site(0.5)).blocks(motion, hz, Sampling.MEAN, block_s=100.0)
+    assert np.abs(each.w_ib_b - whole.w_ib_b).max() < 1e-13
+    assert np.abs(each.f_b - whole.f_b).max() < 1e-12
+    assert np.abs(each.q_wb - whole.q_wb).max() < 1e-14
+
+
+def test_what_is_alike():
+    """Pieces 1 and 3 are of the same numbers and so are the next; 0 has another next than 2."""
+    one, two, three = (np.full(6, x) for x in (1.0, 2.0, 3.0))
+    c = np.array([[two, one, two, one, two, three], np.zeros((6, 6))])
+    assert first_alike(Motion(np.arange(7.0), c)).tolist() == [0, 1, 0, 1, 4, 5]
+    knots = np.array([0, 1, 2, 3, 4.001, 5, 6])  # 3 is longer, and 2's next
+    assert first_alike(Motion(knots, c)).tolist() == [0, 1, 2, 3, 4, 5]
 
 
 @pytest.mark.parametrize("hz", [20, 190])

@@ -15,7 +15,7 @@ from stand.physics.truth import Sampling, Truth, sample_count, stamps_ns
 from stand.procedure.procedure import load_procedure
 from stand.table.joints import JOINTS
 from stand.table.table import load_table
-from stand.table.table_errors import PERFECT, TableErrors
+from stand.table.table_errors import PERFECT, TableErrors, draw
 
 LATITUDES = (0.0, 48.5, -33.0, 89.0)
 GRAVITY = {0.0: 9.7803253359, 48.5: 9.8093587, -33.0: 9.7956607, 89.0: 9.8321691}  # WGS 84
@@ -680,3 +680,19 @@ def test_rocking_of_all_six_axes_integrates_back(model, hz, bound):
     if hz == 200:  # both ways of adding up agree
         one_by_one = integrate_back(part, hz, s.latitude)
         assert drift(part, hz, s.latitude) == pytest.approx(one_by_one, rel=1e-3, abs=1e-8)
+
+
+@pytest.mark.parametrize("table", ["laboratory", "mid-class"])
+def test_a_truth_that_changed_its_table_is_that_of_the_other_one(model, table):
+    """To the bit: six axes that wobble, and none; one after the other in the same models."""
+    wrong = [draw(load_table(table), seed, None, True) for seed in (1, 2, 3)]
+    rng = np.random.default_rng(5)
+    q, v, a = rng.uniform(-1, 1, (3, 20, 6))
+    changing, built = Truth(with_errors(model, PERFECT), site(48.5), errors=PERFECT), None
+    for errors in [*wrong, PERFECT, wrong[0]]:
+        built = with_errors(model, errors, into=built)
+        changing.change(built, errors)
+        fresh = Truth(with_errors(model, errors), site(48.5), errors=errors).instants(q, v, a)
+        found = changing.instants(q, v, a)
+        for name in ("w_ib_b", "f_b", "q_wb", "joints", "joint_rates"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(fresh, name), err_msg=name)

@@ -78,6 +78,27 @@ def test_npy(tmp_path, shape):
     check(read_imu(tmp_path / "a.npy", form=form), relative=True)
 
 
+@pytest.mark.parametrize(
+    ("kind", "shape", "told"),
+    [
+        ("|V0", (3,), "damaged: (3,) of 0 bytes are not in {}"),
+        ("<f8", (30,), "damaged: (30,) of 8 bytes are not in {}"),
+        ("<f8", (3,), "cut off: (3,) of 8 bytes are not in it"),
+        ("<f8", (-1, 7), "damaged: (-1, 7) of 8 bytes are not in {}"),
+        ("|O", (1,), "holds Python objects, must be numbers"),
+    ],
+)
+def test_an_array_that_its_file_cannot_hold(tmp_path, kind, shape, told):
+    path = tmp_path / "a.npy"
+    with path.open("wb") as file:
+        head = {"descr": kind, "fortran_order": False, "shape": shape}
+        np.lib.format.write_array_header_1_0(file, head)
+        file.write(bytes(20))
+    with pytest.raises(StandError) as caught:
+        read_imu(path, form=LogForm(columns="t,gx,gy,gz,ax,ay,az", **UNITS))
+    assert str(caught.value) == f"{path}: {told.format(path.stat().st_size)}"
+
+
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
 def test_npz(tmp_path, save):
     save(tmp_path / "a.npz", time=T, gyro=W, acc=F.T, rate=100.0, gps=np.zeros(7))

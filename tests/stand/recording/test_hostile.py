@@ -21,7 +21,7 @@ from stand.physics.mjcf import describe, load_model
 from stand.recording.log import load_log
 from stand.recording.mcap.container import MAGIC
 from stand.recording.mcap.reader import read_imu, read_truth
-from stand.recording.mcap.records import MOST_CHUNK_BYTES
+from stand.recording.mcap.records import MOST_CHUNK_BYTES, whole_records
 from stand.recording.mcap.writer import EPOCH_NS, McapWriter
 from stand.recording.metadata import describe_estimate, describe_site
 from stand.samples import ImuBlock, TruthBlock
@@ -307,3 +307,21 @@ def test_metadata_records_are_the_last_of_a_name(whole, tmp_path):
     path.write_bytes(rebuilt(data[:at] + late + data[at:]))
     with pytest.raises(StandError, match="epoch_ns = 'x': must be a valid integer"):
         load_log(path, None, None, None)
+
+
+def test_records_of_a_file_that_ends_anywhere():
+    """By hand: whole ones count, up to zeros of a power cut, to one that is cut off, or DataEnd."""
+
+    def record(opcode, content):
+        return struct.pack("<BQ", opcode, len(content)) + content
+
+    def found(*parts):
+        return list(whole_records(BytesIO(b"\x89MCAP0\r\n" + b"".join(parts))))
+
+    header, chunk, end = record(1, b"ab"), record(6, b"abcd"), record(15, b"1234")
+    two = [(1, b"ab"), (6, b"abcd")]
+    assert found(header, chunk) == two
+    assert found(header, chunk, bytes(30), chunk) == two
+    assert found(header, chunk, chunk[:-1]) == found(header, chunk, chunk[:5]) == two
+    assert found(header, chunk, end, chunk) == [*two, (15, b"1234")]
+    assert found() == []

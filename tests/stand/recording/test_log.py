@@ -14,6 +14,7 @@ from alignment.angles import SequenceRule
 from stand.errors import StandError
 from stand.motion.plan import PlannedStep, Turning
 from stand.physics.mjcf import describe, load_model
+from stand.recording.curves import Phase
 from stand.recording.encoders import Encoders, axis_of_turn
 from stand.recording.log import load_log
 from stand.recording.mcap import EPOCH_NS, JointLog, McapWriter, cdr, schemas
@@ -23,6 +24,7 @@ from stand.recording.metadata import (
     describe_schedule,
     describe_site,
 )
+from stand.recording.samples_review import write_review
 from stand.samples import ImuBlock, TruthBlock
 
 RATE = 10  # Hz
@@ -199,6 +201,41 @@ def test_what_was_to_be_estimated_comes_back(tmp_path):
     del estimate["prior_turn_rad"]  # a recording from before
     path = recording(tmp_path / "old.mcap", describe_schedule(steps()), estimate=estimate)
     assert load(path).options.priors == replace(options.priors, turn=0.0)
+
+
+# --- a stretch of it for the eye
+
+
+@pytest.mark.parametrize(
+    ("m", "shown"),
+    [(1, "every sample"), (4, "two rows of 4 samples: a shorter stretch shows all")],
+)
+def test_a_stretch_for_review_has_the_steps_within_it(run, tmp_path, monkeypatch, m, shown):
+    """Of 10 samples a second those from 3 to 18 s: steps are cut at both, what is over is out."""
+    taken = []
+
+    def written(path, *told):
+        taken.append(told)
+        path.write_bytes(b"rrd")
+        return m
+
+    monkeypatch.setattr("stand.recording.review.excerpt.write_excerpt", written)
+    told = write_review(load(run), tmp_path / "a.rrd", 3.0, 18.04)
+    ((name, readings, phases),) = taken
+    assert name == f"{run}, 3.000 to 18.000 s"
+    assert told == f"{name}: 151 samples, {shown}"
+    assert readings.t == pytest.approx(np.arange(30, 181) / 10)
+    np.testing.assert_array_equal(readings.f_b, samples()[1].f_b[29:180])
+    assert phases == [
+        Phase(3 * S, 4 * S, "dwell", "A"), Phase(4 * S, 16 * S, "rate", "turn"),
+        Phase(16 * S, 18 * S, "sine", "rock"),
+    ]  # fmt: skip
+    write_review(load(run), tmp_path / "b.rrd", None, None)
+    assert (len(taken[1][1]), taken[1][2][-1]) == (240, Phase(20 * S, 24 * S, "dwell", "B"))
+    with pytest.raises(StandError, match=r"from 30 to 24 s: must hold .* 0\.100 to 24\.000 s$"):
+        write_review(load(run), tmp_path / "c.rrd", 30.0, None)
+    with pytest.raises(StandError, match=r"c\.mcap: must end in \.rrd"):
+        write_review(load(run), tmp_path / "c.mcap", None, None)
 
 
 # --- logs of real tables

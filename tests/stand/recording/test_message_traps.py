@@ -8,6 +8,8 @@ import stand
 from stand.errors import StandError
 from stand.recording.entrance import read_imu
 from stand.recording.log_form import LogForm
+from stand.recording.mcap import cdr
+from stand.recording.mcap.decode import frame_ids
 
 N = 1600  # 16 s at 100 Hz
 W, F = at_rest(N)
@@ -76,3 +78,27 @@ def test_headers_that_say_they_are_right_are_not_doubted(tmp_path):
     """Arrival jitters by milliseconds and is a little late: that is what it does."""
     late = T_NS + np.random.default_rng(3).integers(0, 4_000_000, N)
     assert read_imu(mcap(tmp_path / "a", T_NS, W, F, log_ns=np.sort(late))).doubts == ()
+
+
+def test_beyond_so_many_units_a_message_is_of_none():
+    """33 frame_ids are told apart: messages of others count for nobody, not for one of these."""
+    zero = np.zeros((1, 3))
+    rows = [
+        cdr.imu_messages(np.array([k]), zero, zero, frame_id=f"f{k:02d}").tobytes()
+        for k in range(40)
+    ]
+    data = np.frombuffer(b"".join(rows), np.uint8)
+    names, which = frame_ids(data, np.arange(40) * len(rows[0]))
+    assert names == [f"f{k:02d}" for k in range(33)]
+    assert which.tolist() == [*range(33), *[-1] * 7]
+
+
+def test_a_frame_id_without_a_byte_is_no_name():
+    """Some write an empty text without its end: a length of 0."""
+    row = cdr.imu_messages(np.array([7]), np.zeros((1, 3)), np.zeros((1, 3)), frame_id="a")
+    data = np.frombuffer(row.tobytes() * 3, np.uint8).copy()
+    size = len(row.tobytes())
+    for start in (0, 2 * size):
+        data[start + 12 : start + 16] = 0  # behind four bytes of encapsulation and the stamp
+    names, which = frame_ids(data, np.arange(3) * size)
+    assert (names, which.tolist()) == (["", "a"], [0, 1, 0])

@@ -6,7 +6,8 @@ import pytest
 from stand.errors import StandError
 from stand.recording.foreign import LogForm, load_foreign
 from stand.recording.inspection import inspect
-from stand.recording.text_table import is_text
+from stand.recording.log_columns import guessed_columns
+from stand.recording.text_table import fields_of, is_text
 
 COLUMNS = "t,gx,gy,gz,ax,ay,az"
 N = 60
@@ -182,6 +183,28 @@ def test_a_row_that_is_no_row_is_named(tmp_path):
     assert refusal(path, form()) == f"{path}: line 31, column 4 = '1_0': must be a number"
 
 
+def test_a_name_that_two_columns_have_tells_none(tmp_path):
+    """As it is written it may tell them apart; a number always does."""
+    columns = "t=t,gx={},gy=3,gz=4,ax=5,ay=6,az=7"
+    path = written(tmp_path / "a.csv", head="t,x,y,z,X,y,z\n")
+    for name in ("y", "Y"):
+        assert refusal(path, form(columns.format(name))) == (
+            f"column {name!r}: 2 have this name: give its number"
+        )
+    for one in ("x", "2"):
+        check(load_foreign(path, form(columns.format(one))))
+
+
+def test_a_row_of_columns_by_name_may_be_longer_and_not_shorter(tmp_path):
+    """By name nobody says how many there are: those that are asked for must be there."""
+    columns = "t=1,gx=2,gy=3,gz=4,ax=5,ay=6,az=7"
+    long = [*TEXT[:30], [*TEXT[30], "more"], *TEXT[31:]]
+    check(load_foreign(written(tmp_path / "a.csv", long), form(columns)))
+    short = [*TEXT[:30], TEXT[30][:6], *TEXT[31:]]
+    path = written(tmp_path / "b.csv", short)
+    assert refusal(path, form(columns)) == f"{path}: line 31: 6 columns, column 7 is asked for"
+
+
 # --- times
 
 
@@ -335,6 +358,19 @@ def test_names_that_are_known(tmp_path, head, guesses):
     assert ",".join(found.guesses) == guesses
 
 
+@pytest.mark.parametrize(
+    ("names", "guesses"),
+    [
+        ("time sec nanosec week tow gx", "t - - - - gx"),  # one time is enough
+        ("week tow sec nanosec", "week tow - -"),
+        ("sec nanosec week", "sec nanosec week"),
+        ("gx gyro_x temp", "gx - -"),  # the first counts
+    ],
+)
+def test_of_several_times_one_is_taken(names, guesses):
+    assert guessed_columns(names.split(), 6) == guesses.split()
+
+
 def test_a_look_at_any_numbers(tmp_path):
     """1e200 squared is beyond a double: no warning, and no unit."""
     rows = [[*row[:4], "1e200", "1e200", "1e200"] for row in TEXT]
@@ -350,3 +386,17 @@ def test_seven_columns_without_names_are_a_time_and_six_channels(tmp_path, width
     path = tmp_path / "log.csv"
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     assert f" --columns {guess} " in inspect(path).lines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("line", "separator", "fields"),
+    [
+        ('"a b"\t1\t2', "\t", ["a b", "1", "2"]),
+        ('"a\tb"\t1', "\t", ["a\tb", "1"]),
+        ('"a b"\t1 2', None, ["a b", "1", "2"]),
+        ('"a, b", 2,3', ",", ["a, b", "2", "3"]),
+        ("1;2 # so", ";", ["1", "2"]),
+    ],
+)
+def test_quotes_hold_a_field_together(line, separator, fields):
+    assert fields_of(line, separator) == fields

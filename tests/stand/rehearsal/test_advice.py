@@ -3,6 +3,7 @@
 The rehearsals themselves are told what to say, for it is the search that is tested.
 """
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -12,7 +13,15 @@ from test_rehearsal import asked, case
 
 from stand.rehearsal import advice
 from stand.rehearsal.advice import with_advice
-from stand.rehearsal.result import Duration, Judgement, Rehearsal, StepDuration, Verdict
+from stand.rehearsal.result import (
+    Contribution,
+    Duration,
+    Judgement,
+    Prediction,
+    Rehearsal,
+    StepDuration,
+    Verdict,
+)
 
 REQUIRED = 'title = "A case"\ntable = "mid-class"\n[require]\nheading_deg = 1.0\n'
 SITE = "[site]\nlatitude_deg = 48.5\n"
@@ -358,3 +367,110 @@ def test_several_quantities_together_or_each_by_itself(told):
 def test_what_passes_needs_no_advice(told):
     found, seen = told(procedure(["triad"], DWELL.format("a", 100)), lambda e: (0.1, True))
     assert (found, seen) == ((), [])
+
+
+# --- words
+
+
+def said(monkeypatch, made, says):
+    """Advice of a procedure of which `says` (entry) gives the judgement and the predictions."""
+
+    def rehearse(settings, judged_only=False):
+        entry = settings.procedure.entry
+        judgement, predictions = says(entry)
+        total = seconds(entry)
+        return Rehearsal(
+            inputs=None,
+            feasibility=(SimpleNamespace(feasible=True),),
+            duration=Duration((StepDuration(1, "dwell", "", 0.0, total, 0.0, 0.0, total),)),
+            predictions=predictions,
+            observability=(),
+            judgements=(judgement,),
+            advice=(),
+            findings=(),
+        )
+
+    monkeypatch.setattr(advice, "rehearse", rehearse)
+    return with_advice(asked(made)).advice
+
+
+def test_a_bias_is_told_beside_the_sigma_in_the_unit_of_what_is_judged(monkeypatch):
+    def says(entry):
+        well = seconds(entry) >= 200
+        one = judged("gyro bias", 1.0, Verdict.PASS if well else Verdict.FAIL)
+        return replace(one, unit="rad", per=1.0, sigma=0.25, bias=0.125), ()
+
+    first, *_ = said(monkeypatch, procedure(["triad"], DWELL.format("a", 100)), says)
+    assert first.text == (
+        'step 1 "a", duration_s: 200 instead of 100: gyro bias then has a sigma of 0.25 rad '
+        "beside a bias of 0.125 rad by triad, in 200 s"
+    )
+
+
+def test_what_is_added_is_told_as_a_whole(monkeypatch):
+    def says(entry):
+        well = len(entry.step) > 1
+        return judged("heading", 1.0, Verdict.PASS if well else Verdict.FAIL), ()
+
+    first, *_ = said(monkeypatch, procedure(["triad"], DWELL.format("a", 100)), says)
+    assert first.text == (
+        "estimate, methods: triad, multi-position instead of triad; add step 2 "
+        '"to a turned 2": kind = move, joints_deg = outer 180; add step 3 "a turned 2": '
+        "kind = dwell, duration_s = 100: heading then has a sigma of 1 deg by triad, in 200 s"
+    )
+
+
+def test_what_stands_in_the_way_is_the_largest_part_of_the_best(monkeypatch):
+    """2 x 4 deg in 100 s and 2 x 3 from 200 s on: by that slope only the longest could do, 6400 s.
+    A second position is as good in 200 s, and no better in 400: three lengths and two. Of equals
+    the first that was tried is the best; the row that is judged says what is in its way."""
+
+    def says(entry):
+        t = seconds(entry)
+        size = 3.0 if t > 150 or len(entry.step) > 1 else 4.0
+        one = judged("heading", size, Verdict.FAIL)
+        parts = (Contribution("table tilt", np.radians(2.5)), Contribution("noise", 1e-3))
+        row = Prediction("triad", "", "rest", "heading", "deg", np.pi / 180, one.sigma, parts)
+        other = replace(row, label="elsewhere", contributions=parts[::-1])
+        wrong = replace(row, method="fine", contributions=parts[::-1])
+        return one, (other, wrong, row)
+
+    (nothing,) = said(monkeypatch, procedure(["triad"], DWELL.format("a", 100)), says)
+    assert nothing.text == (
+        "none of 5 procedures tried, up to 64 times as long (6400 s), reaches 1 deg with coverage "
+        "2: table tilt (2.5 deg) stands in the way in the best, which comes to 6 deg in 200 s "
+        '(step 1 "a", duration_s: 200 instead of 100)'
+    )
+
+
+@pytest.mark.parametrize(
+    ("reason", "what"),
+    [("not determined: it rocks; by other words", "triad, not determined: it rocks,"),
+     ("", "the errors of the unit")],
+)  # fmt: skip
+def test_what_has_no_number_anywhere_stands_in_the_way_by_its_reason(monkeypatch, reason, what):
+    def says(entry):
+        return replace(judged("heading", None, Verdict.FAIL), reason=reason), ()
+
+    (nothing,) = said(monkeypatch, procedure(["triad"], DWELL.format("a", 100_000)), says)
+    assert nothing.text.endswith(f"reaches 1 deg with coverage 2: {what} stands in the way")
+
+
+def test_the_best_has_a_number_and_of_those_without_the_least_is_the_best(monkeypatch):
+    """As it is there is no number, of whatever size; twice as long is 2 x 5 deg, and no better."""
+
+    def says(entry):
+        t = seconds(entry)
+        one = judged("heading", 5.0 if t > 100 else None, Verdict.FAIL)
+        return replace(one, beyond=np.radians(0.1)), ()
+
+    one = procedure(["triad"], DWELL.format("a", 100))
+    (nothing,) = said(monkeypatch, one, says)
+    assert "in the best, which comes to 10 deg in 200 s (step 1" in nothing.text
+
+    def never(entry):
+        t = seconds(entry)
+        return replace(judged("heading", None, Verdict.FAIL), beyond=500.0 / t), ()
+
+    (nothing,) = said(monkeypatch, one, never)
+    assert "in the best, which comes in 12800 s" in nothing.text  # two positions, 64 times as long

@@ -1,5 +1,6 @@
 """Rehearsal of calibrations: what is predicted, required, refused, and what cannot be told."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -120,7 +121,14 @@ def test_what_no_sheet_states_is_told_by_the_readings_and_not_by_a_guess():
     (judged,) = answer.judgements
     assert judged.verdict is Verdict.FAIL
     assert judged.sigma is None
-    assert "no sheet states its size, and the readings hardly tell it" in judged.reason
+    told = re.fullmatch(
+        r"not determined: no sheet states its size, and the readings hardly tell it \(of ([\d.]+) "
+        r"deg/h/g, ([\d.]+) are by the size assumed\)",
+        judged.reason,
+    )
+    assert told
+    # 1/sqrt(1/3.3^2 + 1) = 0.957, of which the guess leaves 3.3^2/(1 + 3.3^2) = 0.916
+    assert (float(told[1]), float(told[2])) == pytest.approx((0.957, 0.916), rel=0.03)
     assert {p.sigma for p in answer.predictions if "g sensitivity" in p.quantity} == {None}
 
 

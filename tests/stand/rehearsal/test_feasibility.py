@@ -75,6 +75,20 @@ def test_what_grows_with_time_breaks_its_limit_after_three_seconds(quantity, pow
     assert found.first_violation == pytest.approx(BEGIN + FIRST, abs=1e-8)
 
 
+@pytest.mark.parametrize(("speed", "after"), [(5.0, 3.0), (-5.0, None), (-12.0, 40 / 12)])
+def test_travel_may_be_longer_one_way(speed, after):
+    """15 deg up and 40 deg down."""
+    scene = moved("base_roll", 0, speed)
+    axis, table = JOINTS.index("base_roll"), scene.settings.table
+    low, high = list(table.low), list(table.high)
+    low[axis], high[axis] = radians(-40), radians(15)
+    table = replace(table, low=tuple(low), high=tuple(high))
+    settings = replace(scene.settings, table=table)
+    found = margin(replace(scene, settings=settings), "angle")
+    begun = None if after is None else pytest.approx(BEGIN + after * (1 + 1e-6), abs=1e-8)
+    assert found.first_violation == begun
+
+
 def test_a_torque_breaks_its_limit_when_it_does():
     scene = moved("outer", 0, 0, 10 / 2)
     allowed = scene.table.torque[JOINTS.index("outer")]

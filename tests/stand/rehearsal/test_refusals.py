@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_traps import DWELL, case
+from test_traps import DWELL, TURNED, case
 
 from alignment.errors import AlignmentError
 from alignment.information import InstrumentErrors, TriadErrors
@@ -293,3 +293,44 @@ def test_a_limit_is_first_broken_when_it_is():
             assert angle.first_violation is None
         else:
             assert angle.first_violation == pytest.approx(first, abs=2e-3)
+
+
+# --- forces so sure that the table's lean tells biases
+
+LEANING = '[[step]]\nkind = "move"\nlabel = "lean"\njoints_deg = { base_roll = 14 }\n'
+HALF_TURN = (DWELL.format("first", 60), TURNED.format(180), DWELL.format("second", 60))
+
+
+def half_turn(lean=False, **accel):
+    """Predictions and seconds of rest of half a turn; accelerometers with these errors alone."""
+    unit = load_imu("hg9900")
+    unit = replace(unit, accel=replace(unit.accel, **{"bias": 0.0, "scale": 0.0} | accel))
+    procedure = case(["two-position"], *(LEANING,) * lean, *HALF_TURN)
+    settings = assembled(procedure, unit, load_table("mid-class"), rate_hz=20)
+    steps = prepared(settings).plan.stretches
+    seconds = sum(step.steady_to - step.steady_from for step in steps)
+    return {p.quantity: p for p in rehearse(settings).predictions}, seconds
+
+
+@pytest.mark.parametrize(("lean", "field"), [(False, "bias"), (True, "scale")])
+def test_a_lean_tells_accelerometer_errors_where_forces_are_surer_than_both(lean, field):
+    """The table leans by sqrt(2 10^2 + 3^2 + 10^2 + 3^2 + 30^2 + 5^2) = 35.3'' = 0.171 mrad.
+
+    With b = 1 mm/s^2 that is 1.71e-7 m/s^2. Noise s of the mean leaves 1/sqrt(1 + (t b/s)^2), 0.9
+    at t b/s = 0.4843. Of a base at 14 deg the force across, 2.373 m/s^2, goes round, 1.678 of it
+    rms along an axis; 595.9 ppm of that are 1 mm/s^2.
+    """
+    t, b = radians(35.256 / 3600), 1e-3
+    assert t * b == pytest.approx(1.709e-7, rel=1e-3)
+    size = {"bias": b, "scale": b / (G * np.sin(radians(14)) / sqrt(2))}[field]
+    assert size == pytest.approx({"bias": 1e-3, "scale": 595.9e-6}[field], rel=1e-3)
+    _, seconds = half_turn(lean, noise=1e-3)
+    limit = t * b / 0.4843 * sqrt(seconds)
+    for factor, determined in ((1.03, True), (0.97, False)):
+        found, _ = half_turn(lean, noise=factor * limit, **{field: size})
+        assert found["heading"].determined
+        for quantity in ("roll", "pitch", "accelerometer bias X1", "accelerometer bias Z1"):
+            p = found[quantity]
+            assert p.determined == determined, (factor, quantity)
+            if not determined:
+                assert "0.0098 deg by which the table may lean make 1.7e-07 m/s^2" in p.reason

@@ -369,6 +369,21 @@ def test_rounding_is_noise_as_far_as_noise_blurs_it():
             assert one.steepness == pytest.approx(np.sqrt(np.mean(slope[5:-5] ** 2)), rel=0.03)
 
 
+def test_what_is_anew_in_each_sample_by_hand():
+    """Noise of half a step about the middle of one: 15.73 % of samples are a step up and 0.135 %
+    two, as many down, a variance of 0.325412; with edges at 1, 3 and 5 sigma the slope is
+    ``2 (0.241971 + 0.004432 + 1.5e-6) / 0.5``, and noise by it is no rounding. About an edge they
+    are at 0, 2 and 4 sigma: half a step, and 2.28 % one and a half, either way."""
+    for x, variance, slope in (
+        (0.0, 0.325412, 0.985617),
+        (0.5, 0.25 + 2 * (0.02275013 * 2 + 3.167e-5 * 4), (0.3989423 + 2 * 0.0541249) / 0.5),
+    ):
+        left = Rounding(1.0, 0.5).left(np.array([x]), np.zeros((1, 1)))
+        assert left.slope[0] == pytest.approx(slope, abs=2e-6)
+        assert left.moments[0, 0] == pytest.approx(0.0, abs=1e-12)
+        assert left.fresh[0] == pytest.approx(variance - (left.slope[0] / 2) ** 2, abs=2e-5)
+
+
 def test_one_wave_of_a_step_by_hand():
     """At noise of 0.45 steps the second wave is exp(-12 pi^2 0.2025) = 4e-11 of the first, which is
     ``q^2/(2 pi^2) exp(-(2 pi 0.45)^2)`` at hand, times ``exp(-2 (pi d)^2)`` if known to d steps."""

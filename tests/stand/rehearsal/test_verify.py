@@ -387,6 +387,34 @@ def test_refusals_are_counted(half_turn, monkeypatch):
     assert "no answer in 2 of 4 runs from triad: not today" in table.notes
 
 
+def test_a_stretch_that_is_refused_is_named_and_the_others_count(half_turn, monkeypatch, tmp_path):
+    """Six of six, once in 64 where half of the units are answered for: the stretch contradicts."""
+    estimate = ESTIMATORS["triad"].estimate
+
+    def half_hearted(dwells, site, options):
+        if dwells[0].label == "first":
+            raise AlignmentError("first: not at rest")
+        return estimate(dwells, site, options)
+
+    asked = asked_of(half_turn)
+    result = rehearse(asked)
+    monkeypatch.setitem(ESTIMATORS, "triad", replace(ESTIMATORS["triad"], estimate=half_hearted))
+    result = with_verification(result, asked, 6, workers=1, keep=tmp_path / "runs")
+    found = result.verification
+    assert found is not None
+    (refused,) = found.refused
+    assert (refused.who, refused.runs, refused.predicted) == ("triad at first", 6, True)
+    assert found.silent == (refused,)
+    runs = {a.label: a.runs for a in found.achieved if a.method == "triad"}
+    assert "first" not in runs
+    assert set(runs.values()) == {6}
+    (table,) = [t for t in tables(result) if t.title.startswith("Verified by 6 runs")]
+    assert "no answer in 6 of 6 runs from triad at first: first: not at rest" in table.notes
+    again = with_verification(rehearse(asked), asked, 6, workers=1, keep=tmp_path / "runs")
+    assert again.verification is not None
+    assert again.verification.refused == found.refused
+
+
 def test_a_method_that_is_predicted_and_never_answers_contradicts(half_turn, monkeypatch):
     """Six of six: once in 64 where half of the units are answered for. Five are once in 32."""
 

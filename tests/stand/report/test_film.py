@@ -12,6 +12,7 @@ from PIL import Image as Picture
 
 from stand import api
 from stand.errors import StandError
+from stand.physics import ASIDE
 from stand.physics import picture as drawing
 from stand.physics.mjcf import models_folder
 from stand.recording.mcap.reader import JointLog
@@ -243,7 +244,7 @@ def test_another_driver_goes_on_where_one_stops(monkeypatch):
 
     monkeypatch.setattr(drawing, "drawn_by", drawn_by)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    monkeypatch.delenv(drawing.ASIDE, raising=False)
+    monkeypatch.delenv(ASIDE, raising=False)
     images = drawing.pictures(np.zeros((3, 6)), width=2, height=2)
     assert [int(image[0, 0, 0]) for image in images] == [10, 20, 21]
     assert asked == [("egl", 3), ("osmesa", 2)]

@@ -112,3 +112,15 @@ def test_a_run_that_was_lost_goes_alone():
     before = len(client.seeds)
     far.fill(supply)
     assert len(client.seeds) == before
+
+
+def test_workers_that_have_all_gone_are_waited_for_and_then_told(monkeypatch):
+    """Of a cluster of this machine none comes again where its nanny gave up."""
+    client, supply = Taken(), Supply([Task(1, b"", range(100))])
+    far = door._Far(client, ADDRESS)
+    monkeypatch.setattr(door, "_COUNTED_S", -1.0)  # always
+    client.scheduler_info = lambda n_workers: {"workers": {}}
+    far.fill(supply)  # waited for
+    monkeypatch.setattr(door, "_WORKERS_S", -1.0)
+    with pytest.raises(StandError, match=f"--scheduler {ADDRESS}: its workers have gone, none for"):
+        far.fill(supply)

@@ -209,3 +209,21 @@ def test_bare_settings_are_of_the_plainest_run():
         assert (one.sampling, one.motion) == (Sampling.MEAN, MotionKind.IDEAL)
         assert (one.revision, one.allan_terms) == ("", ())
     assert bare.rate_hz == 200
+
+
+def test_what_nobody_says_of_a_run():
+    """As `stand run --help` has it."""
+    for made in (
+        settings("static", "stim300"),
+        assembled(
+            PROCEDURES["static"],
+            IMUS["stim300"],
+            TABLES["precision"],
+            PROCEDURES["static"].entry.site.site(),
+        ),
+    ):
+        told = made.rate_hz, made.sampling, made.seed, made.without, made.motion
+        assert told == (200, Sampling.MEAN, 0, (), MotionKind.IDEAL)
+        assert (made.true_table, made.methods, made.revision, made.allan_terms) == (
+            False, None, "", (),
+        )  # fmt: skip

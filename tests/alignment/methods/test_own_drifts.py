@@ -1,0 +1,108 @@
+"""Whose a drift is: the base's that turns, or the accelerometers', or the gyros'.
+
+A unit at rest, X1 north, 300 s at 10 Hz, with white noise of good ring lasers; what settles
+does so by exp(-t / 30 s). Small turns are written by hand: gyros feel their rate, accelerometers
+gravity's share of their angle.
+"""
+
+from math import cos, radians, sin
+
+import numpy as np
+import pytest
+
+from alignment import Dwell, ImuReadings, Options, Priors, Site
+from alignment.methods.fine import fine
+from alignment.methods.inertial import block_of, inertial, laid, own_parts
+from alignment.methods.two_gyro import two_gyro
+from alignment.noise import drift_of
+from alignment.strapdown import carry
+
+W, G, LAT = 7.292115e-5, 9.8123, radians(51.0)  # rad/s, m/s^2
+HERE = Site(LAT, local_gravity=G)
+HZ, SPAN, TAU = 10, 300.0, 30.0
+ARW, VRW = 2e-7, 1e-5  # rad/sqrt(s): 0.0007 deg/rt-h; m/s/sqrt(s)
+SETTLED = 30e-6 * G  # m/s^2: 30 ug, 6 arc seconds
+
+
+def readings(seed, base=0.0, accel=0.0, gyro=0.0, straight=0.0, arw=ARW):
+    """At rest, X1 north, Y1 up, Z1 east; `base` [m/s^2 of gravity's share along X1] and `accel`
+    settle, `gyro` [rad/s] about Z1 too; `straight`: accelerometer X1 from end to end."""
+    rng, n = np.random.default_rng(seed), round(SPAN * HZ)
+    t = np.arange(1, n + 1) / HZ
+    settling = np.exp(-(t - 0.5 / HZ) / TAU)
+    w = np.tile([W * cos(LAT), W * sin(LAT), 0.0], (n, 1))
+    f = np.tile([0.0, G, 0.0], (n, 1))
+    # Z1 east: a turn by a about it takes Y1 away from X1, up has sin(a) along X1
+    f[:, 0] += (base + accel) * settling + straight * (t / SPAN - 0.5)
+    w[:, 2] += base / G * (-settling / TAU) + gyro * settling
+    w += arw * np.sqrt(HZ) * rng.normal(size=w.shape)
+    f += VRW * np.sqrt(HZ) * rng.normal(size=f.shape)
+    return ImuReadings(t, w, f)
+
+
+def parts_of(r):
+    carried = carry(r, block_of(r))
+    matched, noise, _ = laid(r, carried, HERE, Priors())
+    return own_parts(carried, matched, noise, drift_of(r.w_ib_b))
+
+
+def yaw_of(method, r):
+    """Yaw, which is zero in truth, and its sigma [rad]."""
+    (one,) = method([Dwell("p", 0.0, SPAN, r)], HERE, Options())
+    assert one.angles is not None
+    assert one.sigmas is not None
+    return (one.angles[1] + np.pi) % (2 * np.pi) - np.pi, one.sigmas[1]
+
+
+def test_a_base_that_turns_is_no_drift_of_accelerometers():
+    """Their own part is what the noise of the gyros leaves open: 0.0007 deg/rt-h wanders by
+    ``ARW sqrt(T/12)``, 0.2 arc seconds, where the base turns by 6 and bends by 1."""
+    parts = np.array([parts_of(readings(seed, base=SETTLED)) for seed in range(4)])
+    assert np.all(parts < 0.4), parts
+
+
+def test_accelerometers_that_settle_do_so_by_themselves():
+    """And feign a turn of heading that is stated, though what settles early is no ramp: it was
+    six sigmas off."""
+    parts, squares = [], []
+    for seed in range(4):
+        r = readings(seed, accel=SETTLED)
+        parts.append(parts_of(r)[1])
+        squares.append(np.divide(*yaw_of(inertial, r)) ** 2)
+    assert np.all(np.array(parts) > 0.7), parts
+    assert 0.12 < np.mean(squares) < 2.8  # chi-square of 4 degrees of freedom, 95 %
+
+
+def test_a_straight_drift_of_accelerometers_is_theirs():
+    """Nothing bends, and heading takes it up whole: ``d/(g W T cos lat)``, 0.12 deg of 30 ug."""
+    r = readings(0, straight=SETTLED)
+    assert parts_of(r)[1] > 0.99
+    _, sigma = yaw_of(inertial, r)
+    assert sigma > 0.95 * SETTLED / (G * W * SPAN * cos(LAT))  # as its fit finds it
+
+
+def test_gyros_that_drift_do_so_by_themselves():
+    drift = radians(0.2) / 3600
+    for seed in range(4):
+        assert parts_of(readings(seed, gyro=drift))[0] > 0.8
+
+
+@pytest.mark.parametrize("method", [inertial, fine])
+def test_heading_is_as_sure_as_what_turned_lets_it_be(method):
+    """What accelerometers feign is stated, and what turned the base is not, by half at most."""
+    sigmas = {}
+    for name in ("base", "accel"):
+        off, sigmas[name] = yaw_of(method, readings(1, **{name: SETTLED}))
+        assert abs(off) < 3 * sigmas[name], name
+    assert sigmas["base"] < 0.5 * sigmas["accel"]
+
+
+@pytest.mark.parametrize("method", [inertial, fine, two_gyro])
+def test_a_bias_that_hides_half_of_the_earth_makes_heading_half_as_sure(method):
+    """Gyros read half of the Earth's level rate: by hand, noise turns that by twice as much."""
+    sigmas = []
+    for part in (0.0, 0.5):
+        r = readings(2, arw=50 * ARW)  # quieter ones see what second order of so large a bias does
+        w = r.w_ib_b - np.array([part * W * cos(LAT), 0.0, 0.0])
+        sigmas.append(yaw_of(method, ImuReadings(r.t, w, r.f_b))[1])
+    assert sigmas[1] / sigmas[0] == pytest.approx(2.0, rel=0.1)  # as finely as noise is told
