@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 PART = 2**20  # rows at once
 MOST = 2**22  # rows that are held at once: over an hour at 1 kHz
 _EXCERPT = 4096  # rows of one excerpt
+_FEW = 1024  # rows apart: 64 KiB of the file come with each
 
 Values = NDArray[Any]
 
@@ -49,6 +50,16 @@ def _origin(values: Values) -> Any:
     while isinstance(base, np.ndarray):
         base = base.base
     return base
+
+
+def taken(values: Values, rows: Values) -> Values:
+    """`values[rows]`, of few rows at a time: each brings what lies around it in the file along."""
+    found = np.empty((len(rows), *values.shape[1:]), values.dtype)
+    for first in range(0, len(rows), _FEW):
+        part = slice(first, first + _FEW)
+        found[part] = values[rows[part]]
+        release(values)
+    return found
 
 
 def excerpts(values: Values) -> list[Values]:

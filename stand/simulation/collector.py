@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Turn
 from alignment.arrays import Array
+from alignment.parts import taken
 from alignment.quaternions import turned_evenly
 from alignment.readings import EDGE, JointAngles
 from stand.imu import ImuSpec
@@ -158,7 +159,7 @@ class DwellCollector:
         after += times(after) < t
         after = np.clip(after, 1, len(q_wb) - 1)
         rows = np.unique(np.concatenate([after - 1, after]))  # of hours few are asked for
-        return C_NW * turned_evenly(times(rows), q_wb[rows], t)
+        return C_NW * turned_evenly(times(rows), taken(q_wb, rows), t)
 
     def finish(
         self, begins: Mapping[str, float | None] | None = None
