@@ -125,7 +125,8 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Dask logs what is told in one line here."""
-    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    theirs = ("distributed", "tornado")
+    names = [name for name in logging.root.manager.loggerDict if name.startswith(theirs)]
     before = {name: logging.getLogger(name).level for name in names}  # Dask gives each its own
     for name in names:
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -325,6 +326,9 @@ def of_this_machine(workers: int) -> Iterator[str]:
     chosen = _UNWATCHED | {
         "distributed.nanny.pre-spawn-environ": own,
         "distributed.scheduler.allowed-failures": 0,  # halving isolates what ends a worker
+        # Dask gives up for good who is not there so long after any loss, one that is about to
+        # come again too: where starting takes 15 s, or runs end worker after worker
+        "distributed.deploy.lost-worker-timeout": "1d",
     }
     try:
         with (
@@ -339,8 +343,20 @@ def of_this_machine(workers: int) -> Iterator[str]:
                 silence_logs=logging.CRITICAL,
             ) as local,
         ):
+            local.loop.add_callback(_keep_manned, local, workers)
             yield local.scheduler_address
     finally:
         for name in set(os.environ) - set(before):
             del os.environ[name]
         os.environ.update(before)
+
+
+def _keep_manned(local: Any, workers: int) -> None:
+    """Start anew, now and later, whom Dask does not: one that failed as it was to come again."""
+    if local.status.name != "running":
+        return
+    for name, nanny in list(local.workers.items()):
+        if nanny.status.name in ("closed", "failed"):
+            del local.workers[name]
+    local.scale(workers)
+    local.loop.call_later(_COUNTED_S, _keep_manned, local, workers)

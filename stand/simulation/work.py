@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from alignment.errors import Fault
 from stand.errors import StandError
 
-BATCH_S = 0.5  # of work in a batch: what a cluster asks of one is about 3 ms
+BATCH_S = 0.5  # of work in a batch: one costs a cluster 6 ms of a processor, and a second 10 ms
 LARGEST = 256  # runs in a batch, however short they are
 FIRST = 4  # of a case of which nothing is known yet
 TRIES = 2  # of a run alone, before it is named: its process may have been ended by somebody else

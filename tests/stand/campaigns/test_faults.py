@@ -212,14 +212,20 @@ def fatal():
 
 
 def test_what_is_started_here_listens_here_alone_and_names_a_fatal_run():
+    """Also where a worker is long in coming again, or who starts it has failed."""
+    dask, distributed = dask_door.libraries()
     before = dict(os.environ)
-    with of_this_machine(1) as address:
+    late = {"distributed.deploy.lost-worker-timeout": "50ms"}  # of 15 s, on a machine at work
+    with dask.config.set(late), of_this_machine(1) as address:
         assert address.startswith(f"tcp://{LOOPBACK}:")
         assert listening([os.getpgid(0)]) <= {"0100007F"}
-        found = list(cluster(Supply([Task(1, recipe_of(fatal), range(8))]), address))
+        found = list(cluster(Supply([Task(1, recipe_of(fatal), (4, 5))]), address))
+        (nanny,) = (one for one in distributed.Nanny._instances if one.status.name == "running")
+        distributed.utils.sync(nanny.loop, nanny.close)
+        found += cluster(Supply([Task(2, recipe_of(fatal), (6,))]), address)
     assert [one for one in found if isinstance(one, Lost)] == [Lost(1, 5)]
-    done = sorted(seed for one in found if isinstance(one, Done) for seed in one.results)
-    assert done == [0, 1, 2, 3, 4, 6, 7]
+    done = [(one.case, one.results) for one in found if isinstance(one, Done)]
+    assert done == [(1, [4]), (2, [6])]
     assert dict(os.environ) == before
 
 
