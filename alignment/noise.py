@@ -30,6 +30,7 @@ _ORDERS = 20  # periods of a record below which noise counts for its mean
 _FAR_LESS = 0.35  # of the whole: chance makes that of the lower half of orders in 2 of 1000
 _DRIFT_ORDERS = 8
 _WHOLE = 0.98  # part of a record from which a dwell is all of it
+_FEWEST_WINDOWS = 5  # from which their scatter tells something: a record has at least as many
 _NOTHING = Apart(0.0, 0.0, np.zeros(6))
 _DRIFTS = 15.0  # mean F (1, 10 degrees of freedom) of three axes: 1 in 10 000 records of noise
 
@@ -162,13 +163,47 @@ def around_variance(dwell: Dwell) -> Array:
     -----
     Of a record at rest that drifts steadily by D from end to end, windows that are a part p of it
     have means that are spread evenly over ``(1 - p) D``: variance ``((1 - p) D)^2/12``. Of what
-    lies apart a window has the share that falls into it. Zeros where the record moves, or is the
-    dwell.
+    lies apart a window has the share that falls into it. Where means of as long windows scatter by
+    more than all that, as flicker noise makes them, what is more counts. Zeros where the record
+    moves, or is the dwell.
     """
+    return _told_around(dwell) + _wander_around(dwell)
+
+
+def _told_around(dwell: Dwell) -> Array:
     drift, part = drift_around(dwell)
     one = apart_around(dwell)
     share = one.share(dwell.t_from, dwell.t_to)
     return np.asarray(((1 - part) * drift) ** 2 / 12 + (share * one.off) ** 2)
+
+
+def _wander_around(dwell: Dwell) -> Array:
+    """By how much means of windows like the dwell vary (6,) beyond their noise, drift and share.
+
+    Zeros where there are fewer than five, or the record moves.
+    """
+    count = round(len(dwell.readings) / len(dwell.window()))
+    return np.zeros(6) if count < _FEWEST_WINDOWS else _wander_at_rest(dwell.readings, count)
+
+
+@lru_cache(maxsize=1)  # the windows of one record ask one after the other
+def _wander_at_rest(readings: ImuReadings, count: int) -> Array:
+    """As `_wander_around`, of so many windows; of a triad whose ratios of found to expected are, on
+    average, within three standard errors of one: zeros."""
+    try:
+        check_rest(readings, "")
+    except NotAtRest:
+        return np.zeros(6)
+    t_from, span = readings.t[0] - readings.interval, readings.interval * len(readings) / count
+    starts = (t_from + span * np.arange(count)).tolist()
+    windows = [Dwell("", start, start + span, readings) for start in starts]
+    shown = [mean_and_variance(window.window()) for window in windows]
+    found = np.var([means for means, _ in shown], axis=0, ddof=1)
+    told = [own + _told_around(w) for w, (_, own) in zip(windows, shown, strict=True)]
+    expected = np.mean(told, axis=0)
+    ratios = np.divide(found, expected, out=np.zeros(6), where=expected > 0).reshape(2, 3)
+    beyond = ratios.mean(axis=1) > 1 + 3 * np.sqrt(2 / (3 * (count - 1)))
+    return np.repeat(beyond, 3) * np.maximum(found - expected, 0.0)
 
 
 def apart_around(dwell: Dwell) -> Apart:
@@ -193,6 +228,8 @@ def around_doubt(dwell: Dwell) -> tuple[str, ...]:
     flags: tuple[str, ...] = ()
     if drift.any():
         flags = (f"the record around it drifts, {drift_words(drift[:3], drift[3:])}: counted",)
+    if _wander_around(dwell).any():
+        flags += ("windows as long as this scatter by more than its noise and drift: counted",)
     one = apart_around(dwell)
     return flags + apart_doubt(one) * bool(one.share(dwell.t_from, dwell.t_to))
 

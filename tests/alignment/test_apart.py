@@ -1,4 +1,6 @@
-"""One part of a record at rest that lies apart: by hand, and how often chance makes one."""
+"""What only the whole record shows: a part that lies apart, windows that scatter by more than their
+noise. By hand, and how often chance makes one.
+"""
 
 import numpy as np
 import pytest
@@ -72,3 +74,28 @@ def test_windows_have_their_share_of_what_the_record_shows():
         found = np.sqrt(around_variance(window)[:3])
         np.testing.assert_allclose(found, share * off, rtol=0.15)  # three sigmas of 0.05
         assert bool(around_doubt(window)) == bool(share)
+
+
+def stepped(step, seed=0):
+    """Ten windows of 16 s, in turn `step` above and below the mean."""
+    rng, n = np.random.default_rng(seed), round(SPAN * HZ)
+    w = 1e-6 * rng.normal(size=(n, 3))
+    w += np.where(np.arange(n) * 10 // n % 2, -step, step)[:, None]
+    f = np.tile([0.0, 9.81, 0.0], (n, 1)) + 1e-4 * rng.normal(size=(n, 3))
+    r = ImuReadings(np.arange(1, n + 1) / HZ, w, f)
+    return Dwell("p", 32.0, 48.0, r)
+
+
+def test_windows_that_scatter_by_more_than_their_noise():
+    """Noise of a window's mean is 1e-6/sqrt(160) = 8e-8; ten windows at +-1e-6 have a variance of
+    10/9 e-12 (n - 1), which is to be stated, and accelerometers nothing."""
+    dwell = stepped(1e-6)
+    counted = around_variance(dwell)
+    np.testing.assert_allclose(counted[:3], 1e-12 * 10 / 9, rtol=0.2)  # 2 sigma: 0.16 x 1.1
+    assert not counted[3:].any()
+    assert any("scatter by more" in flag for flag in around_doubt(dwell))
+
+
+def test_windows_of_noise_scatter_by_their_noise():
+    found = [around_variance(stepped(0.0, seed)).any() for seed in range(40)]
+    assert sum(found) <= 2  # chi-square of 27 beyond 49 is one in 170, of two triads
