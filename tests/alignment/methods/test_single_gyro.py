@@ -320,7 +320,7 @@ def test_white_noise_floor_of_one_position(latitude, gyros):
 
 
 def chosen(hidden, sheet=False, noise=None):
-    """Heading of a unit whose X1 is 44 deg east of north, biases hiding a part of the level rate."""
+    """Heading of a unit with X1 44 deg east of north, biases hiding a part of the level rate."""
     C = headed(44.0)
     means = readings_of(C, radians(48.5))
     level = W * cos(radians(48.5)) * np.array([cos(radians(44)), 0.0, sin(radians(44))])

@@ -137,8 +137,8 @@ def test_what_is_common_to_all_windows_is_not_compared():
 
 def test_what_rounding_leaves_is_common_to_all_windows():
     """Noise of 0.1 steps of 0.01 m/s^2: the mean of a level accelerometer may be off by 3 mm/s^2
-    (step/sqrt(12)), 0.3 mrad, in all windows alike, whose scatter of nothing contradicts no sigma. With noise
-    of a step none of it is left, and all of the sigma changes."""
+    (step/sqrt(12)), 0.3 mrad, in all windows alike, whose scatter of nothing contradicts no sigma.
+    With noise of a step none of it is left, and all of the sigma changes."""
     sigmas = []
     for noise in (0.001, 0.01):
         t, w, f, _ = STILL.readings(240.0, 10)
