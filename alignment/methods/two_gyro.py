@@ -43,6 +43,7 @@ from alignment.units import DEG, STANDARD_GRAVITY
 
 METHOD = "two-gyro"
 
+LARGEST_TURN = np.radians(10.0)  # rms about its line: a turn by a between two rests has a/4
 LARGEST_TILT = np.radians(10.0)  # mean tilt: near enough to level for two gyros to tell
 LARGEST_SWAY = np.radians(5.0)  # rms about the mean
 LEAST_SAMPLES = 32
@@ -404,6 +405,13 @@ def _check_sway(label: str, readings: ImuReadings, sway: Sway) -> None:
         raise AlignmentError(
             f"{label}: sway too large: {np.degrees(sway.rms):.1f} deg rms, "
             f"{np.degrees(LARGEST_SWAY):.0f} are allowed"
+        )
+    about = integral_variance(readings.w_ib_b @ up[:, None] / np.linalg.norm(up))
+    turned = float(np.sqrt(about[0])) * readings.interval
+    if turned > LARGEST_TURN:
+        raise AlignmentError(
+            f"{label}: heading turns by {np.degrees(turned):.1f} deg rms, "
+            f"{np.degrees(LARGEST_TURN):.0f} are allowed: no mean attitude"
         )
 
 

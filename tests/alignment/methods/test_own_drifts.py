@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
+from alignment.errors import AlignmentError
 from alignment.methods.fine import fine
 from alignment.methods.inertial import block_of, inertial, laid, own_parts
 from alignment.methods.triad import triad
@@ -141,3 +142,17 @@ def test_gyros_that_settle_early_are_counted(method):
     off, sigma = yaw_of(method, ImuReadings(r.t, w, r.f_b))
     assert 0.8 * by_hand < sigma < 2.2 * by_hand
     assert abs(off) < 2 * sigma
+
+
+@pytest.mark.parametrize(("turn", "told"), [(90.0, "22.5"), (36.0, "")])
+def test_a_turn_between_two_rests_has_no_mean_attitude(turn, told):
+    """By hand: a step by a amid a record is ``a sqrt(1/4 - 3/16) = a/4`` rms about its line."""
+    r = readings(5)
+    w = r.w_ib_b.copy()
+    w[round(SPAN * HZ) // 2, 1] += radians(turn) * HZ
+    dwell = Dwell("p", 0.0, SPAN, ImuReadings(r.t, w, r.f_b))
+    if not told:
+        assert two_gyro([dwell], HERE, Options())
+        return
+    with pytest.raises(AlignmentError, match=f"heading turns by {told} deg rms, 10 are allowed"):
+        two_gyro([dwell], HERE, Options())
