@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from alignment.apart import Apart
 from alignment.arrays import Array
 from alignment.units import DEG_PER_HOUR, STANDARD_GRAVITY
 
@@ -35,4 +36,15 @@ def drift_doubt(gyro: Array, accel: Array) -> tuple[str, ...]:
     return (
         f"drift from end to end beyond noise: {told}: counted as one sigma; a "
         "slower one is not known without a data sheet",
+    )
+
+
+def apart_doubt(one: Apart) -> tuple[str, ...]:
+    """A flag where a part of the readings lies apart from all others."""
+    told = drift_words(np.abs(one.off[:3]), np.abs(one.off[3:]))
+    if not told:
+        return ()
+    return (
+        f"from {one.t_from:.4g} to {one.t_to:.4g} s off the other readings: {told}: counted as "
+        "one sigma; left out (--from, --to) it harms nothing",
     )

@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from alignment.apart import PARTS, Apart, apart
 from alignment.arrays import Array
-from alignment.doubts import drift_doubt, drift_words
+from alignment.doubts import apart_doubt, drift_doubt, drift_words
 from alignment.errors import NotAtRest, TooShort
 from alignment.once import once
 from alignment.parts import PART, excerpts, mean, parts, release, sums_between
@@ -29,6 +30,8 @@ _ORDERS = 20  # periods of a record below which noise counts for its mean
 _FAR_LESS = 0.35  # of the whole: chance makes that of the lower half of orders in 2 of 1000
 _DRIFT_ORDERS = 8
 _WHOLE = 0.98  # part of a record from which a dwell is all of it
+_FEWEST_WINDOWS = 5  # from which their scatter tells something: a record has at least as many
+_NOTHING = Apart(0.0, 0.0, np.zeros(6))
 _DRIFTS = 15.0  # mean F (1, 10 degrees of freedom) of three axes: 1 in 10 000 records of noise
 
 GAP = 10.0  # usual steps: a longer one is a gap
@@ -65,36 +68,48 @@ def mean_variance(values: Array) -> Array:
     noise rises within them the lower half counts. White noise tells the variance to 25 % (1 sigma).
 
     Then the square of a steady drift over the record, where the columns, a triad's, show one
-    beyond doubt (see `drift_of`): what came before and after differs by as much. Records of 32
-    samples or fewer give the textbook variance. A constant bias is not in it, nor a drift below
-    the noise.
+    beyond doubt (see `drift_of`): what came before and after differs by as much; and of what one
+    part of the record adds to the mean, where that lies apart from the others (see `apart`).
+    Records of 32 samples or fewer give the textbook variance. A constant bias is not in it, nor a
+    drift below the noise.
     """
     shown = _shown_by(values)
-    return shown.variance + _drift(shown.cosines, shown.sines, len(values)) ** 2
+    _, off = apart(shown.parts)
+    drift = _drift(shown.cosines, shown.sines, len(values))
+    return shown.variance + drift**2 + (off / PARTS) ** 2
 
 
 class _Shown(NamedTuple):
-    """What columns (n, k) show: the variances (k,) of their means but for drifts, and `_waves`."""
+    """What columns (n, k) show: the variances (k,) of their means but for drifts, `_waves`, and
+    means of sixteen parts less that of all (16, k)."""
 
     variance: Array
     cosines: Array
     sines: Array
+    parts: Array
 
 
 def _shown_by(values: Array) -> _Shown:
     n = len(values)
     if n <= BLOCKS:
         none = np.zeros((_ORDERS, values.shape[1]))
-        return _Shown(values.var(axis=0, ddof=1) / n, none, none)
+        return _Shown(values.var(axis=0, ddof=1) / n, none, none, np.zeros((PARTS, none.shape[1])))
     sums, edges = _sums(values)
     level, cosines, sines = _level(sums, edges)
     variance = 13 / 15 * level + 2 * _integral_variance(sums, edges) / n**2
-    return _Shown(variance, cosines, sines)
+    return _Shown(variance, cosines, sines, _part_means(sums, edges))
+
+
+def _part_means(sums: Array, edges: np.ndarray) -> Array:
+    """Means (16, k) of parts, by sums over blocks between edges [samples]."""
+    first = np.arange(PARTS + 1) * len(sums) // PARTS
+    total = np.add.reduceat(sums, first[:-1], axis=0)
+    return np.asarray(total / np.diff(edges[first])[:, None])
 
 
 @once
-def _means_and_shown(readings: ImuReadings) -> tuple[Array, Array, tuple[Array, Array]]:
-    """Means (6,), their variances but for drifts, and drifts (3,) of gyros and accelerometers.
+def _means_and_shown(readings: ImuReadings) -> tuple[Array, Array, Array, Apart]:
+    """Means (6,), their variances but for drifts, drifts (6,), and what lies apart.
 
     Of all channels together, which is faster, where they are not many.
     """
@@ -103,16 +118,34 @@ def _means_and_shown(readings: ImuReadings) -> tuple[Array, Array, tuple[Array, 
     means = np.concatenate([mean(values) for values in columns])
     shown = [_shown_by(values) for values in columns]
     variances = np.concatenate([one.variance for one in shown])
-    cosines, sines = (np.hstack([one[k] for one in shown]) for k in (1, 2))
-    gyro, accel = (_drift(cosines[:, own], sines[:, own], n) for own in (slice(3), slice(3, 6)))
-    return means, variances, (gyro, accel)
+    cosines, sines, sixteen = (np.hstack([one[k] for one in shown]) for k in (1, 2, 3))
+    triads = slice(3), slice(3, 6)
+    drifts = [_drift(cosines[:, own], sines[:, own], n) for own in triads]
+    return means, variances, np.concatenate(drifts), _apart(readings, sixteen)
+
+
+def _apart(readings: ImuReadings, means: Array) -> Apart:
+    """When readings lie apart, by means (16, 6): the part that gyros name, else accelerometers."""
+    (k, gyro), (other, accel) = apart(means[:, :3]), apart(means[:, 3:])
+    if not gyro.any():
+        k = other
+    elif other != k:
+        accel = np.zeros(3)  # another part's, which is left in the noise
+    span = readings.interval * len(readings) / PARTS
+    start = float(readings.t[0] - readings.interval + k * span)
+    return Apart(start, start + span, np.concatenate([gyro, accel]))
+
+
+def apart_of(readings: ImuReadings) -> Apart:
+    """What lies apart from the rest of a record at rest; zeros where nothing does."""
+    return _means_and_shown(readings)[3]
 
 
 @once
 def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     """Means (6,) of rates and forces, and the variances (6,) of those means, as `mean_variance`."""
-    means, variances, drifts = _means_and_shown(readings)
-    variances = variances + np.concatenate(drifts) ** 2
+    means, variances, drifts, one = _means_and_shown(readings)
+    variances = variances + drifts**2 + (one.off / PARTS) ** 2
     means.flags.writeable = variances.flags.writeable = False  # there is one for all who ask
     return means, variances
 
@@ -124,16 +157,60 @@ def dwell_mean_and_variance(dwell: Dwell, window: ImuReadings) -> tuple[Array, A
 
 
 def around_variance(dwell: Dwell) -> Array:
-    """Variance (6,) of a dwell's means by a drift that only the record it is cut from shows.
+    """Variance (6,) of a dwell's means by what only the record it is cut from shows.
 
     Notes
     -----
     Of a record at rest that drifts steadily by D from end to end, windows that are a part p of it
-    have means that are spread evenly over ``(1 - p) D``: variance ``((1 - p) D)^2/12``. Zeros where
-    the record moves, or is the dwell.
+    have means that are spread evenly over ``(1 - p) D``: variance ``((1 - p) D)^2/12``. Of what
+    lies apart a window has the share that falls into it. Where means of as long windows scatter by
+    more than all that, as flicker noise makes them, what is more counts. Zeros where the record
+    moves, or is the dwell.
     """
+    return _told_around(dwell) + _wander_around(dwell)
+
+
+def _told_around(dwell: Dwell) -> Array:
     drift, part = drift_around(dwell)
-    return np.asarray(((1 - part) * drift) ** 2 / 12)
+    one = apart_around(dwell)
+    share = one.share(dwell.t_from, dwell.t_to)
+    return np.asarray(((1 - part) * drift) ** 2 / 12 + (share * one.off) ** 2)
+
+
+def _wander_around(dwell: Dwell) -> Array:
+    """By how much means of windows like the dwell vary (6,) beyond their noise, drift and share.
+
+    Zeros where there are fewer than five, or the record moves.
+    """
+    count = round(len(dwell.readings) / len(dwell.window()))
+    return np.zeros(6) if count < _FEWEST_WINDOWS else _wander_at_rest(dwell.readings, count)
+
+
+@lru_cache(maxsize=1)  # the windows of one record ask one after the other
+def _wander_at_rest(readings: ImuReadings, count: int) -> Array:
+    """As `_wander_around`, of so many windows; of a triad whose ratios of found to expected are, on
+    average, within three standard errors of one: zeros."""
+    try:
+        check_rest(readings, "")
+    except NotAtRest:
+        return np.zeros(6)
+    t_from, span = readings.t[0] - readings.interval, readings.interval * len(readings) / count
+    starts = (t_from + span * np.arange(count)).tolist()
+    windows = [Dwell("", start, start + span, readings) for start in starts]
+    shown = [mean_and_variance(window.window()) for window in windows]
+    found = np.var([means for means, _ in shown], axis=0, ddof=1)
+    told = [own + _told_around(w) for w, (_, own) in zip(windows, shown, strict=True)]
+    expected = np.mean(told, axis=0)
+    ratios = np.divide(found, expected, out=np.zeros(6), where=expected > 0).reshape(2, 3)
+    beyond = ratios.mean(axis=1) > 1 + 3 * np.sqrt(2 / (3 * (count - 1)))
+    return np.repeat(beyond, 3) * np.maximum(found - expected, 0.0)
+
+
+def apart_around(dwell: Dwell) -> Apart:
+    """What lies apart in the record that a dwell is cut from; zeros where that moves, or is the
+    dwell."""
+    part = len(dwell.window()) / len(dwell.readings)
+    return _NOTHING if part > _WHOLE else _shown_at_rest(dwell.readings)[1]
 
 
 def drift_around(dwell: Dwell) -> tuple[Array, float]:
@@ -142,25 +219,30 @@ def drift_around(dwell: Dwell) -> tuple[Array, float]:
     Zeros where the record moves, or is the dwell.
     """
     part = len(dwell.window()) / len(dwell.readings)
-    return (np.zeros(6) if part > _WHOLE else _drift_at_rest(dwell.readings)), part
+    return (np.zeros(6) if part > _WHOLE else _shown_at_rest(dwell.readings)[0]), part
 
 
 def around_doubt(dwell: Dwell) -> tuple[str, ...]:
-    """A flag where a dwell's record drifts."""
+    """Flags where a dwell's record drifts, or what lies apart there falls into it."""
     drift, _ = drift_around(dwell)
-    if not drift.any():
-        return ()
-    return (f"the record around it drifts, {drift_words(drift[:3], drift[3:])}: counted",)
+    flags: tuple[str, ...] = ()
+    if drift.any():
+        flags = (f"the record around it drifts, {drift_words(drift[:3], drift[3:])}: counted",)
+    if _wander_around(dwell).any():
+        flags += ("windows as long as this scatter by more than its noise and drift: counted",)
+    one = apart_around(dwell)
+    return flags + apart_doubt(one) * bool(one.share(dwell.t_from, dwell.t_to))
 
 
 @lru_cache(maxsize=1)  # the windows of one record ask one after the other
-def _drift_at_rest(readings: ImuReadings) -> Array:
-    """How far rates and forces (6,) drift from end to end; zeros of a record that moves."""
+def _shown_at_rest(readings: ImuReadings) -> tuple[Array, Apart]:
+    """Drifts (6,) from end to end and what lies apart; zeros of a record that moves."""
     try:
         check_rest(readings, "")
     except NotAtRest:
-        return np.zeros(6)
-    return np.concatenate([drift_of(readings.w_ib_b), drift_of(readings.f_b)])
+        return np.zeros(6), _NOTHING
+    drift = np.concatenate([drift_of(readings.w_ib_b), drift_of(readings.f_b)])
+    return drift, apart_of(readings)
 
 
 def integral_variance(values: Array) -> Array:
@@ -268,8 +350,9 @@ def _drift(cosines: Array, sines: Array, n: int) -> Array:
 
 
 def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
-    """A flag where readings at rest drift, as `drift_of` has it."""
-    return drift_doubt(*_means_and_shown(readings)[2])
+    """Flags where readings at rest drift, as `drift_of` has it, or a part of them lies apart."""
+    _, _, drifts, one = _means_and_shown(readings)
+    return drift_doubt(drifts[:3], drifts[3:]) + apart_doubt(one)
 
 
 @once

@@ -23,14 +23,16 @@ from alignment.around import by_direction, less_turned, whole_circle
 from alignment.arrays import Array, set_owned
 from alignment.constant_errors import BY_AXIS, in_one_attitude
 from alignment.cross import cross_matrix
-from alignment.doubts import drift_doubt, heading_doubt
+from alignment.doubts import heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack, determined
 from alignment.information.drift import GaussMarkov
 from alignment.methods.drifting import held
 from alignment.methods.inertial import (
+    Match,
     Noise,
+    Rest,
     checked_readings,
     covariances,
     drive,
@@ -44,7 +46,6 @@ from alignment.methods.inertial import (
     told_at,
     wander_doubt,
 )
-from alignment.noise import around_doubt
 from alignment.nominal import TRACK_STEP
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
@@ -330,8 +331,7 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     coarse, wander = covariances(carried, matched, noise, priors, arm)
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
-    flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
-    flags += around_doubt(dwell) if rest.drift_around.any() else ()
+    flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
     model = model_of(readings, site, noise, priors)
     reference = _Reference(carried, matched.C_ni, np.zeros(3))
@@ -353,8 +353,18 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
             f"{dwell.label}: the linearisation did not settle: heading is not determined, and a "
             "filter about a wrong one knows no tilt either"
         )
-    more = rest_covariance(carried, matched, rest), left_of_the_turn(carried, matched, priors)
+    added = rest_covariance(carried, matched, rest) + _in_the_mean(rest, carried, matched, site)
+    more = added, left_of_the_turn(carried, matched, priors)
     return _answer(model, reference, run, more, flags)
+
+
+def _in_the_mean(rest: Rest, carried: Carried, matched: Match, site: Site) -> Array:
+    """Heading's variance (3, 3) by what lies apart in a record at rest, of which a filter whose
+    gyros' noise limits it holds what the mean does: the match knows little of either end."""
+    _, east, _ = matched.C_ni.as_matrix() @ matrices(carried.q[-1:])[0]
+    t_from, t_to = float(carried.t[0]), float(carried.t[-1])
+    rates = [one.share(t_from, t_to) * one.off[:3] * east for one in rest.apart]
+    return np.diag([0.0, 0.0, float(np.sum(np.square(rates))) / site.horizontal_rate() ** 2])
 
 
 def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) -> Model:

@@ -16,16 +16,19 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.spatial.transform import Rotation
 
+from alignment.apart import Apart
 from alignment.around import by_direction, less_turned, whole_circle
 from alignment.arrays import Array
 from alignment.constant_errors import constant_columns
 from alignment.cross import cross_matrix
-from alignment.doubts import drift_doubt, heading_doubt
+from alignment.doubts import apart_doubt, drift_doubt, heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.information.drift import flicker, sum_covariance, turn_on
 from alignment.noise import (
+    apart_around,
+    apart_of,
     around_doubt,
     check_rest,
     drift_around,
@@ -83,7 +86,8 @@ class Rest:
 
     `jitter`: variance of the angle about what noise makes of it [rad^2], which the last sample
     has. `gyro_drift`, `accel_drift`: steady drifts from end to end [rad/s], [m/s^2];
-    `drift_around` (6,) [rad/s], [m/s^2]: of the record that this one is `part` of.
+    `drift_around` (6,) [rad/s], [m/s^2]: of the record that this one is `part` of. `apart`: what
+    lies apart from the rest of this one and of that.
     """
 
     jitter: Array
@@ -91,6 +95,14 @@ class Rest:
     accel_drift: Array
     drift_around: Array
     part: float
+    apart: tuple[Apart, ...] = ()
+
+    def doubts(self, dwell: Dwell) -> tuple[str, ...]:
+        """What is counted of drifts and of what lies apart, in words."""
+        flags = drift_doubt(self.gyro_drift, self.accel_drift)
+        flags += tuple(flag for one in self.apart[:1] for flag in apart_doubt(one))
+        around = any(one.off.any() for one in self.apart[1:]) or self.drift_around.any()
+        return flags + (around_doubt(dwell) if around else ())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,14 +221,17 @@ def rest_of(
     steady = np.concatenate([drift_of(w), drift_of(readings.f_b)])
     own = np.maximum(steady, np.concatenate([np.zeros(3), _slow_force(*seen)]))
     wide, part = drift_around(dwell)
-    if own.any() or wide.any():
+    one, other = apart_of(readings), apart_around(dwell)
+    if own.any() or wide.any() or one.off.any() or other.off.any():
         gyro, accel = own_parts(*seen, own[:3])
-        if wide.any():
+        if wide.any() or other.off.any():
             around = _own_parts_around(dwell.readings, site)
             wide = wide * np.repeat(around, 3)
+            other = other.of(*around)
             accel = min(accel, around[1])
         own = own * np.repeat([gyro, accel], 3)
-    return Rest(jitter, own[:3], own[3:], wide, part)
+        one = one.of(gyro, accel)
+    return Rest(jitter, own[:3], own[3:], wide, part, (one, other))
 
 
 def own_parts(
@@ -661,8 +676,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance = covariance + rest_covariance(carried, matched, rest)
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
-    flags += drift_doubt(rest.gyro_drift, rest.accel_drift)
-    flags += around_doubt(dwell) if rest.drift_around.any() else ()
+    flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
     C_nb = told_at(dwell, matched.C_ni * Rotation.from_quat(carried.q[-1]))
     return AttitudeEstimate(
@@ -746,18 +760,29 @@ def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:
     own, wide = np.concatenate([rest.gyro_drift, rest.accel_drift]), rest.drift_around
     ramp = np.maximum(own, rest.part * wide)
     constant = np.maximum(own, (1 - rest.part) * wide / np.sqrt(12))
-    if not (ramp.any() or constant.any()):
+    apart = [one for one in rest.apart if one.off.any()]
+    if not (ramp.any() or constant.any() or apart):
         return covariance
     gyro, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
     turned = drive(carried, C_ni)
     line = _line(carried)
+    shares = [_share(one, carried) for one in apart]
     for part, axes in ((gyro + np.eye(3), slice(3)), (accel, slice(3, 6))):
         for J, size in (
             ((part @ turned).sum(axis=0), constant),
             ((line * (part @ turned)).sum(axis=0), ramp),
         ):
             covariance = covariance + (J * size[axes]) @ (J * size[axes]).T
+        for one, share in zip(apart, shares, strict=True):
+            J = (share * (part @ turned)).sum(axis=0) * one.off[axes]
+            covariance = covariance + J @ J.T
     return covariance
+
+
+def _share(one: Apart, carried: Carried) -> Array:
+    """The part of each block (m, 1, 1) that lies apart."""
+    common = np.minimum(carried.t[1:], one.t_to) - np.maximum(carried.t[:-1], one.t_from)
+    return np.asarray((np.maximum(common, 0.0) / carried.spans)[:, None, None])
 
 
 def _slow_sway(values: Array, covariance: Array) -> Array:

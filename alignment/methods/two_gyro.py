@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from alignment.angles import C_nb_from_angles, Sequence
+from alignment.apart import PARTS
 from alignment.around import less_turned
 from alignment.arrays import Array
 from alignment.constant_errors import constant_covariance
-from alignment.doubts import drift_doubt, heading_doubt
+from alignment.doubts import apart_doubt, drift_doubt, heading_doubt
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, TooShort
 from alignment.estimate import AttitudeEstimate
@@ -24,6 +25,7 @@ from alignment.levelling import level
 from alignment.methods.inertial import LEAST_SPECTRUM, white_levels
 from alignment.methods.position_fit import ROUNDING, local_vectors
 from alignment.noise import (
+    apart_of,
     around_doubt,
     around_variance,
     drift_of,
@@ -41,6 +43,7 @@ from alignment.units import DEG, STANDARD_GRAVITY
 
 METHOD = "two-gyro"
 
+LARGEST_TURN = np.radians(10.0)  # rms about its line: a turn by a between two rests has a/4
 LARGEST_TILT = np.radians(10.0)  # mean tilt: near enough to level for two gyros to tell
 LARGEST_SWAY = np.radians(5.0)  # rms about the mean
 LEAST_SAMPLES = 32
@@ -373,7 +376,7 @@ def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
             quiet_density(readings.f_b, readings.interval) / T + drift_of(readings.f_b) ** 2,
         ]
     )
-    variances += ROUNDING**2 + rounding_variance(readings)
+    variances += ROUNDING**2 + rounding_variance(readings) + (apart_of(readings).off / PARTS) ** 2
     noise = np.diag(variances) + _between_axes(readings, options.priors) / T
     return noise + constant_covariance(means, options.priors)
 
@@ -403,9 +406,18 @@ def _check_sway(label: str, readings: ImuReadings, sway: Sway) -> None:
             f"{label}: sway too large: {np.degrees(sway.rms):.1f} deg rms, "
             f"{np.degrees(LARGEST_SWAY):.0f} are allowed"
         )
+    about = integral_variance(readings.w_ib_b @ up[:, None] / np.linalg.norm(up))
+    turned = float(np.sqrt(about[0])) * readings.interval
+    if turned > LARGEST_TURN:
+        raise AlignmentError(
+            f"{label}: heading turns by {np.degrees(turned):.1f} deg rms, "
+            f"{np.degrees(LARGEST_TURN):.0f} are allowed: no mean attitude"
+        )
 
 
 def _doubts(readings: ImuReadings, sway: Sway, latitude: float) -> tuple[str, ...]:
     bound = sway_bound(sway, latitude)
     flags = (f"published bound of a sample, sway's own rate left out: {bound / DEG:.2g} deg",)
-    return flags + drift_doubt(np.zeros(3), drift_of(readings.f_b))
+    return (
+        flags + drift_doubt(np.zeros(3), drift_of(readings.f_b)) + apart_doubt(apart_of(readings))
+    )

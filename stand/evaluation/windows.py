@@ -6,21 +6,25 @@ whatever a data sheet says.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import lru_cache
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
 
-from alignment import AttitudeEstimate, Dwell, Options, Priors, Site, Turn
+from alignment import AttitudeEstimate, Dwell, ImuReadings, Options, Priors, Site, Turn
 from alignment.arrays import Array
 from alignment.errors import NotAtRest
 from alignment.estimate import ANGLE_LIMIT, LATITUDE_LIMIT
 from alignment.noise import check_at_rest
+from alignment.readings import Grain
+from alignment.rounding import rounding_variance, steps_of
 from alignment.units import DEG
 from stand.errors import StandError
 from stand.evaluation.score import Refusal, answered, circular
 
+_LEFT = 1e-3  # of a step squared: a hundredth of what rounding does without noise
 SHORT = 0.02  # part of a window by which the last one may be short
 TAIL = 0.025  # of either end of a 95 % interval
 LIMITS = {
@@ -203,11 +207,26 @@ def _estimated(
 def _changing(
     method: str, together: Sequence[Sequence[Dwell]], site: Site, options: Options
 ) -> list[AttitudeEstimate]:
-    """The estimates without what is common to all windows; none where nothing stated is."""
+    """The estimates without what is common to all windows; none where nothing is.
+
+    That are the constant errors of a sheet, and what rounding leaves of a mean at rest.
+    """
     changing = options.priors.changing
-    if changing == options.priors:
+    if changing == options.priors and not any(map(_stuck, chain(*together))):
         return []
-    return _estimated(method, together, site, replace(options, priors=changing))[0]
+    smooth = [[replace(d, readings=_unrounded(d.readings)) for d in dwells] for dwells in together]
+    return _estimated(method, smooth, site, replace(options, priors=changing))[0]
+
+
+def _stuck(dwell: Dwell) -> bool:
+    """Whether noise leaves steps of the readings unblurred."""
+    window = dwell.window()
+    return bool(np.any(rounding_variance(window) > _LEFT * steps_of(window) ** 2))
+
+
+@lru_cache(maxsize=1)  # the windows of one record ask one after the other
+def _unrounded(readings: ImuReadings) -> ImuReadings:
+    return replace(readings, grains=(Grain(), Grain()))
 
 
 def _summed(

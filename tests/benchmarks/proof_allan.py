@@ -4,12 +4,17 @@ Every preset as it is shipped (bandwidth, rounding, bias instability), simulated
 analysed as `stand allan` does: how often the 95 % interval of N holds the data sheet's value, and
 what limit would make it so in 95 of 100. An interval holds the value if the curve is worse
 described with it by no more than `LIMIT`. No two units of the page share a seed. An hour of every
-unit takes hours: the default one alone has it.
+unit takes hours: the default one alone has it. Rows are kept in recordings/proof-allan, and not
+made again; remove that folder when the analysis or the units have changed.
 """
 
 import argparse
-from collections.abc import Sequence
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,14 +25,17 @@ from alignment.allan.fit import LIMIT, against
 from alignment.allan.terms import index, weight
 from stand.imu import load_imu
 from stand.imu.model import Triad
+from stand.simulation.cluster import engine_at
+from stand.simulation.parallel import campaign
+from stand.simulation.work import Engine
 
+ROOT = Path(__file__).parents[2]
 RATE_HZ = 200
 LEVEL = 0.95
 FAMILY = (
     0.05  # chance that any one row of the page is outside its bounds, if all intervals are right
 )
 INPUT = {"gyro": (4.8e-5, 5.5e-5, 0.0), "accel": (0.1, 9.81, -0.2)}  # rad/s, m/s^2: at rest
-# (rests, seconds each): what `six-position` leaves, and an hour
 # (rests, seconds each): what `six-position` leaves, a minute and an hour
 SHAPES = ((6, 60), (1, 60), (1, 3600))
 DEFAULT = "stim300"  # which has an hour
@@ -38,7 +46,7 @@ IMUS = (
     "adis16405", "adis16470", "adis16488", "bmi088", "hg1700", "hg4930", "hg9900", "icm42688p",
     "ln200s", "mpu9250", "primus200", "psins-inertial", "ring-laser", "stim300",
 )  # fmt: skip
-PAGE = Path(__file__).parents[2] / "docs" / "proof-allan.md"
+KEPT, PAGE = ROOT / "recordings" / "proof-allan", ROOT / "docs" / "proof-allan.md"
 HEAD = """# Coverage of the Allan analysis
 
 Units as shipped, at rest, at {rate} Hz: three axes of {seeds} units a row, of {hours} for an hour.
@@ -118,6 +126,11 @@ class Case:
         seeds = range(first, first + self.seeds)
         return coverage(self.imu, self.sensor, *SHAPES[self.shape], seeds)
 
+    @property
+    def path(self) -> Path:
+        """Where the row is kept."""
+        return KEPT / f"{self.imu}-{self.sensor}-{self.shape}-{self.seeds}.json"
+
 
 def cases(imus: Sequence[str], seeds: int) -> list[Case]:
     """The rows of the page."""
@@ -128,6 +141,28 @@ def cases(imus: Sequence[str], seeds: int) -> list[Case]:
         for sensor in INPUT
         for shape in range(len(SHAPES) if imu == DEFAULT else 2)
     ]
+
+
+def _ready(rows: Sequence[Case]) -> Callable[[int], Coverage]:
+    return lambda k: rows[k].run()
+
+
+def covered(
+    rows: Sequence[Case], workers: int | None = None, engine: Engine | None = None
+) -> Iterator[Coverage]:
+    """Every row in order: as kept, else made as `campaign` makes its runs, and kept."""
+    missing = [k for k, case in enumerate(rows) if not case.path.exists()]
+    with closing(campaign(partial(_ready, rows), missing, workers, engine=engine)) as made:
+        for case in rows:
+            if case.path.exists():
+                kept = json.loads(case.path.read_text(encoding="utf-8"))
+                yield Coverage(np.array(kept["values"]), np.array(kept["worse"]))
+                continue
+            found = next(made)
+            KEPT.mkdir(parents=True, exist_ok=True)
+            text = json.dumps({"values": found.values.tolist(), "worse": found.worse.tolist()})
+            case.path.write_text(text, encoding="utf-8")
+            yield found
 
 
 def row(case: Case, got: Coverage, chance: float) -> str:
@@ -153,12 +188,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=40, choices=range(1, SHAPE_STRIDE + 1))
     parser.add_argument("--only", nargs="*", default=[], metavar="IMU")
+    parser.add_argument("--workers", type=int, help="processes; as many as there are cores")
+    parser.add_argument("--scheduler", help="of a Dask cluster, or local")
     asked = parser.parse_args()
+    engine = None if asked.scheduler is None else engine_at(asked.scheduler)
     every = cases(asked.only or IMUS, asked.seeds)
     lines: list[str] = []
     found: list[Coverage] = []
-    for case in every:
-        found.append(case.run())
+    for case, one in zip(every, covered(every, asked.workers, engine), strict=True):
+        found.append(one)
         lines.append(row(case, found[-1], FAMILY / len(every)))
         print(lines[-1], flush=True)
     if not asked.only:
@@ -166,4 +204,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.path.insert(0, str(ROOT / "tests"))  # other processes know this module by that name
+    from benchmarks import proof_allan
+
+    proof_allan.main()

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
+from alignment.errors import AlignmentError
 from alignment.methods.fine import fine
 from alignment.methods.inertial import block_of, inertial, laid, own_parts
+from alignment.methods.triad import triad
 from alignment.methods.two_gyro import two_gyro
 from alignment.noise import drift_of
 from alignment.strapdown import carry
@@ -106,3 +108,51 @@ def test_a_bias_that_hides_half_of_the_earth_makes_heading_half_as_sure(method):
         w = r.w_ib_b - np.array([part * W * cos(LAT), 0.0, 0.0])
         sigmas.append(yaw_of(method, ImuReadings(r.t, w, r.f_b))[1])
     assert sigmas[1] / sigmas[0] == pytest.approx(2.0, rel=0.1)  # as finely as noise is told
+
+
+SLAM = radians(0.05) * 0.1  # rad: 0.05 deg/s for 0.1 s, which the base did not turn by
+
+
+@pytest.mark.parametrize("method", [triad, two_gyro, inertial, fine])
+def test_a_slam_that_the_base_did_not_follow_is_counted(method):
+    """By hand: the mean rate about east is off by ``SLAM/T``, heading by ``SLAM/(T W cos lat)``:
+    0.363 deg. To the match of velocity curves a slam at x of the record is a bend, whose order 2
+    is ``30 x^2 (1-x)^2`` of that of a constant: 1.9 in mid-record, next to nothing at its ends."""
+    by_hand = SLAM / (SPAN * W * cos(LAT))
+    assert by_hand == pytest.approx(radians(0.363), rel=0.002)
+    for at in (11.0, 150.5, 290.0):
+        r = readings(3)
+        w = r.w_ib_b.copy()
+        w[round(at * HZ), 2] += SLAM * HZ
+        off, sigma = yaw_of(method, ImuReadings(r.t, w, r.f_b))
+        bend = 30 * (at / SPAN) ** 2 * (1 - at / SPAN) ** 2
+        made = {inertial: bend, fine: np.hypot(bend, 1.0)}.get(method, 1.0)
+        assert 0.9 * made * by_hand < sigma < (1.5 * made + 0.3) * by_hand, at
+        assert abs(off) < 2 * sigma, at
+
+
+@pytest.mark.parametrize("method", [triad, two_gyro, fine])
+def test_gyros_that_settle_early_are_counted(method):
+    """0.2 deg/h with 10 s: by hand the mean holds ``0.2 x 10/300``, heading 0.04 deg of it; the
+    first sixteenth, 18.75 s, has 0.85 of that."""
+    by_hand = radians(0.2) / 3600 * 10.0 / SPAN / (W * cos(LAT))
+    r = readings(4, arw=ARW / 4)
+    w = r.w_ib_b.copy()
+    w[:, 2] += radians(0.2) / 3600 * np.exp(-r.t / 10.0)
+    off, sigma = yaw_of(method, ImuReadings(r.t, w, r.f_b))
+    assert 0.8 * by_hand < sigma < 2.2 * by_hand
+    assert abs(off) < 2 * sigma
+
+
+@pytest.mark.parametrize(("turn", "told"), [(90.0, "22.5"), (36.0, "")])
+def test_a_turn_between_two_rests_has_no_mean_attitude(turn, told):
+    """By hand: a step by a amid a record is ``a sqrt(1/4 - 3/16) = a/4`` rms about its line."""
+    r = readings(5)
+    w = r.w_ib_b.copy()
+    w[round(SPAN * HZ) // 2, 1] += radians(turn) * HZ
+    dwell = Dwell("p", 0.0, SPAN, ImuReadings(r.t, w, r.f_b))
+    if not told:
+        assert two_gyro([dwell], HERE, Options())
+        return
+    with pytest.raises(AlignmentError, match=f"heading turns by {told} deg rms, 10 are allowed"):
+        two_gyro([dwell], HERE, Options())

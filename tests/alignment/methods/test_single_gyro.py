@@ -314,3 +314,36 @@ def test_white_noise_floor_of_one_position(latitude, gyros):
     low, high = sqrt(runs) / np.sqrt(chi2.ppf([0.975, 0.025], runs))
     assert ratio * high > 1.00
     assert ratio * low < 1.10
+
+
+# --- which gyro -----------------------------------------------------------------------------------
+
+
+def chosen(hidden, sheet=False, noise=None):
+    """Heading of a unit with X1 44 deg east of north, biases hiding a part of the level rate."""
+    C = headed(44.0)
+    means = readings_of(C, radians(48.5))
+    level = W * cos(radians(48.5)) * np.array([cos(radians(44)), 0.0, sin(radians(44))])
+    means[:3] -= hidden * level * np.sign(means[:3] * level)
+    noise = np.random.default_rng(1) if noise is None else noise
+    dwell = rest(means, 60.0, (noise, np.repeat([3e-5, 1e-4], 3)))
+    (found,) = single_gyro([dwell], HERE, Options(priors=Priors(gyro_bias=1e-9 * sheet)))
+    assert found.C_nb is not None
+    assert found.covariance is not None
+    north, east, _ = found.C_nb.as_matrix()[:, 0]  # angles are silent where sigma is above 30 deg
+    return np.arctan2(east, north), np.sqrt(found.covariance[2, 2])
+
+
+def test_two_gyros_that_contradict_each_other_are_as_likely_to_be_chosen():
+    """Half of the level rate is hidden: one gyro's azimuth is acos(0.36) or 69 deg, the other's
+    acos(0.35) from east: 48 deg apart, 24 to either side for whom noise chooses. A unit with no
+    biases has what noise makes: 3e-5 sqrt(1/600) over W cos lat sin 44: 2.1 deg."""
+    _, whole = chosen(0.0)
+    assert 1.4 < degrees(whole) < 3.2
+    _, stated = chosen(0.5, sheet=True)
+    assert degrees(stated) < 6  # a sheet tells the biases
+    rng = np.random.default_rng(2)
+    found, sigmas = np.array([chosen(0.5, noise=rng) for _ in range(20)]).T
+    assert 20 < degrees(np.sqrt(np.mean(sigmas**2))) < 34
+    ratio = found.var(ddof=1) / np.mean(sigmas**2)
+    assert 0.4 < ratio < 1.7  # chi-square of 19 degrees of freedom, 95 %

@@ -135,6 +135,26 @@ def test_what_is_common_to_all_windows_is_not_compared():
     assert windows_table(rows).rows[2][7] == "± 0.003"
 
 
+def test_what_rounding_leaves_is_common_to_all_windows():
+    """Noise of 0.1 steps of 0.01 m/s^2: the mean of a level accelerometer may be off by 3 mm/s^2
+    (step/sqrt(12)), 0.3 mrad, in all windows alike, whose scatter of nothing contradicts no sigma.
+    With noise of a step none of it is left, and all of the sigma changes."""
+    sigmas = []
+    for noise in (0.001, 0.01):
+        t, w, f, _ = STILL.readings(240.0, 10)
+        w, f = white(ARW, noise / sqrt(10))(np.random.default_rng(5), w, f, 10)
+        dwell = dwell_of(t, w, np.round(f / 0.01) * 0.01)
+        rows, _ = scatters([dwell], HERE, Options(), ["triad"], [60.0])
+        sigmas.append(next(row for row in rows if row.quantity == "pitch"))
+    stuck, blurred = sigmas
+    assert stuck.sigma == pytest.approx(0.01 / sqrt(12) / G, rel=0.1)
+    assert stuck.changing < 0.1 * stuck.sigma
+    assert COMMON in stuck.remark
+    assert CAREFUL not in stuck.remark
+    assert blurred.changing is None
+    assert blurred.sigma == pytest.approx(0.01 / sqrt(600) / G, rel=0.6)
+
+
 def test_an_answer_that_hangs_on_constant_errors_is_no_unit_better_than_its_sheet():
     """A filter weighs its start by biases of 2 mm/s^2 and axes 1 mrad off: without these it gives
     another tilt, so what of its 1 mrad of sigma changes from window to window is not known."""
