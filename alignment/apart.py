@@ -44,7 +44,7 @@ def apart(means: Array) -> tuple[int, Array]:
     about = means - means.mean(axis=0)
     off = about * m / (m - 1)
     own = (m - 1) / m * off**2
-    left = np.sum(about**2, axis=0) - own + _NONE
+    left = np.maximum(np.sum(about**2, axis=0) - own, 0.0) + _NONE  # 0 but for rounding
     told = np.mean(np.log1p(own / left), axis=1)
     k = int(np.argmax(told))
     return k, off[k] if told[k] > _CHANCE else np.zeros_like(off[k])

@@ -29,6 +29,7 @@ UNKNOWN_GRAVITY = 0.03  # m/s^2: 9.78 to 9.83 over the Earth
 ROUNDING = np.repeat([1e-10, 1e-10], 3)
 SEEN = 0.5  # part of its prior that a bias must come down to
 MISFIT = 1e-3  # probability of chi-square above which positions contradict one another
+_TOLD = 1e-14  # of a reading's variance: some fifty roundings
 _ITERATIONS = 60
 _LEVEL = 1e-6  # of chi-square: rounding may raise a cost so much
 _SHORTEST = 1e-4  # part of a step below which there is no way down
@@ -713,10 +714,10 @@ def _linearised(state: _State, problem: _Problem, whole: bool = False) -> _Syste
     left = (y - predicted) / sigma + (A[..., t:] @ u[:, t:, None])[..., 0]
     residual = left + (A[..., :t] @ u[:, :t, None])[..., 0]
     S = problem.correlated + A[..., t:] @ np.swapaxes(A[..., t:], -1, -2)
-    L = np.linalg.cholesky(S)
+    L = _rooted(S)
     left = np.linalg.solve(L, left[..., None])[..., 0]
     if t:
-        L = np.linalg.cholesky(S + A[..., :t] @ np.swapaxes(A[..., :t], -1, -2))
+        L = _rooted(S + A[..., :t] @ np.swapaxes(A[..., :t], -1, -2))
     p = problem.count
     solved = np.linalg.solve(L, np.concatenate([J, residual[..., None], A], axis=-1))
     return _System(
@@ -725,6 +726,16 @@ def _linearised(state: _State, problem: _Problem, whole: bool = False) -> _Syste
         innovation=solved[..., p],
         left=left,
     )
+
+
+def _rooted(S: Array) -> Array:
+    """L of ``L L^T = S``, of readings no surer than double numbers tell what errors make of them.
+
+    Constants by 1e-3 of g are 1e8 times `ROUNDING`: of their squares less one another noise is lost
+    by rounding. So each reading has a ten millionth of all its errors as noise of its own.
+    """
+    own = np.einsum("...ii->...i", S)
+    return np.linalg.cholesky(S + _TOLD * own[..., None] * np.eye(S.shape[-1]))
 
 
 def _cost(system: _System, state: _State, problem: _Problem) -> Array:

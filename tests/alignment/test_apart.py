@@ -45,6 +45,17 @@ def test_chance_makes_one_in_a_thousand(walk):
     assert sum(bool(apart(one)[1].any()) for one in means) <= 12
 
 
+def test_all_parts_alike_but_one():
+    """What is left of the squares is nothing but rounding, of either sign."""
+    rng = np.random.default_rng(0)
+    for at, size in zip(rng.integers(PARTS, size=300), 10 ** rng.uniform(-8, 2, 300), strict=True):
+        means = np.tile(rng.normal(size=3), (PARTS, 1))
+        means[at] += size
+        k, off = apart(means)
+        assert k == at
+        np.testing.assert_allclose(off, size, rtol=1e-6)
+
+
 def test_a_ramp_is_none():
     assert not apart(np.arange(16.0)[:, None] * np.ones(3))[1].any()
 

@@ -475,3 +475,15 @@ def test_sets_fitted_together_are_what_each_is_alone(priors):
             found, want = getattr(one, name), getattr(alone, name)
             np.testing.assert_allclose(found, want, rtol=1e-7, atol=1e-9 * np.max(np.abs(want)))
         assert float(one.margin) == pytest.approx(float(alone.margin), rel=1e-7)
+
+
+def test_noiseless_readings_of_a_unit_with_large_errors():
+    """Scale of 1 % is 1e9 times 1e-10 m/s^2: of squares of that double numbers tell nothing."""
+    rng = np.random.default_rng(2)
+    turns = turn(rng.normal(size=(12, 3)))
+    priors = Priors(gyro_bias=1e-4, accel_bias=0.05, accel_scale=0.01, gyro_scale=0.01, turn=1e-3)
+    y = unit_readings((LEVEL @ turns)[None], 0.8, priors, rng)[0]
+    relative = np.swapaxes(turns[:1], -1, -2) @ turns
+    fit = fit_positions(y, np.zeros((12, 6)), relative, 0.8, G, priors)
+    assert np.all(np.isfinite(fit.covariance))
+    assert np.all(np.linalg.eigvalsh(fit.covariance[0]) > 0)
