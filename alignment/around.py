@@ -37,6 +37,20 @@ def by_direction(errors: Array) -> float:
     return _rms(np.arctan2(b, 1 + a))
 
 
+def by_size(found: Array, errors: Array, about: float) -> float:
+    """Root mean square [rad] about `about` of the direction of a rate whose size, one, is known.
+
+    `found` (2,): what is felt along and across; `errors` (2, 2): their covariance. Where one
+    component tells all, two directions fit: an error that lies along an axis hides the other.
+    """
+    off = np.linspace(-np.pi, np.pi, 2**12, endpoint=False)
+    angle = about + off
+    left = np.stack([np.cos(angle), np.sin(angle)]) - np.asarray(found)[:, None]
+    misfit = np.sum(left * np.linalg.solve(errors, left), axis=0)
+    weights = np.exp((misfit.min() - misfit) / 2)
+    return float(np.sqrt(np.sum(weights * off**2) / np.sum(weights)))
+
+
 def by_length(sigma: float) -> float:
     """Mean square of ``|(1 + a, b)| - 1``, a and b normal of `sigma`, over that of a.
 

@@ -118,7 +118,9 @@ def matrices(q: Array) -> Array:
     return C
 
 
-def carry(readings: ImuReadings, block: float, offset: Array | None = None) -> Carried:
+def carry(
+    readings: ImuReadings, block: float, offset: Array | None = None, scale: Array | None = None
+) -> Carried:
     """Attitude and velocity in i, summed over blocks of about `block` seconds.
 
     Parameters
@@ -128,6 +130,8 @@ def carry(readings: ImuReadings, block: float, offset: Array | None = None) -> C
         [s]; an even number of samples, at least two. The first block takes what is left over.
     offset : (3,) or None
         Gyro bias to take from the rates [rad/s].
+    scale : (3,) or None
+        Scale factor errors that multiply what is left.
 
     Raises
     ------
@@ -152,7 +156,8 @@ def carry(readings: ImuReadings, block: float, offset: Array | None = None) -> C
     )
     step = max(1, _CHUNK // per)
     for first in range(0, m, step):
-        _carry_blocks(readings, start_t, edges, slice(first, min(first + step, m)), offset, out)
+        blocks = slice(first, min(first + step, m))
+        _carry_blocks(readings, start_t, edges, blocks, (offset, scale), out)
         release(readings.t, readings.w_ib_b, readings.f_b)
     return out
 
@@ -205,7 +210,7 @@ def _carry_blocks(
     start_t: float,
     edges: np.ndarray,
     blocks: slice,
-    offset: Array | None,
+    wrong: tuple[Array | None, Array | None],
     out: Carried,
 ) -> None:
     """Fill `blocks` of `out`, whose edge before them is already known."""
@@ -213,7 +218,9 @@ def _carry_blocks(
     count = blocks.stop - blocks.start
     before = start_t if part.start == 0 else readings.t[part.start - 1]
     h = np.diff(readings.t[part], prepend=before)[:, None]
+    offset, scale = wrong
     w = readings.w_ib_b[part] if offset is None else readings.w_ib_b[part] - offset
+    w = w if scale is None else w / (1 + scale)
     d, f, h = (_padded(x, count, blocks, edges) for x in (w * h, readings.f_b[part] * h, h))
     first, second = d[:, 0], d[:, 1]
     run = prefix_product(quaternions(rotation_vectors(first, second)))

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment.around import by_direction, less_turned, whole_circle
+from alignment.around import by_direction, by_size, less_turned, whole_circle
 from alignment.arrays import Array, set_owned
 from alignment.constant_errors import BY_AXIS, in_one_attitude
 from alignment.cross import cross_matrix
@@ -70,9 +70,12 @@ _CAREFUL = 32  # updates by roots of the covariance: the first take a metre to a
 _CHUNK = 2048  # updates whose matrices are held at once
 _HUNDREDTH = 100.0  # a noisy regressor is to tell no more than one of this of a prior's variance
 _CONSISTENT = 5.0  # standard errors by which the innovations' mean square may exceed one
+_HIDDEN = 0.1  # rad of the match's heading: below, no second heading can fit
+_ANY_SIZE = 10.0  # of the Earth's level rate, in parts of it: as good as unknown
 _SHOWN = 0.5  # rad: a track begins when heading is known to this
 
 _SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multiply
+_SIZE, _NORTH, _FOREVER = "size", np.diag([1.0, 0.0, 0.0]), 1e12  # s
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
 _ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
@@ -142,7 +145,8 @@ class Model:
     """What does not change from pass to pass.
 
     `names`: the constants that are states, whose walks are `walks` (k,) [per root second];
-    `drifts`: the processes that are, after them, each of a sensor, along three axes.
+    `drifts`: the processes that are, after them, each of a sensor, along three axes; `_SIZE` is
+    one of no sensor: what the Earth's level rate is found to be larger by.
     """
 
     readings: ImuReadings
@@ -186,11 +190,21 @@ class Model:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reference:
-    """What the filter runs on the errors of: gyros less `offset` carried, and where i stands."""
+    """What the filter runs on the errors of: gyros less `offset`, of `scale` errors, carried, and
+    where i stands.
+
+    Of quick turns a scale factor error makes an angle whose square, times gravity, is felt.
+    """
 
     carried: Carried
     C_ni: Rotation
     offset: Array
+    scale: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def removed(self) -> tuple[tuple[str, Array], ...]:
+        """Constants that the reference is rid of."""
+        return ("gyro_bias", self.offset), ("gyro_scale", self.scale)
 
 
 class Steps(NamedTuple):
@@ -296,10 +310,11 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
     Leading errors: heading ``ARW/(W cos lat sqrt T)``, and ``b_E/(W cos lat)`` until a turn tells
     the bias; tilt b/g; an accelerometer's drift as for `inertial`. First order about the
     reference, which is corrected while the correction exceeds 0.01 rad, by passes of five updates
-    in one. A heading whose sigma is above 30 deg need not settle: tilt does about any. Updates are
-    0.1 s apart, in a record beyond 1.8 h as far as makes 65 536 of them. Where the innovations
-    contradict their sigmas the noise of the updates is raised to all of the displacement that is
-    not drift, and that is flagged.
+    in one. A heading whose sigma is above 30 deg need not settle: tilt does about any; but where a
+    table turns, errors of scale turn with it, and it must. Updates are 0.1 s apart, in a record
+    beyond 1.8 h as far as makes 65 536 of them. Where the innovations contradict their sigmas the
+    noise of the updates is raised to all of the displacement that is not drift, and that is
+    flagged.
     """
     return [_fine(dwell, site, options) for dwell in dwells]
 
@@ -348,14 +363,52 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
             f"{dwell.label}: rounding leaves no covariance: priors and noise are too far apart for "
             "this filter in so long a stretch"
         )
-    if not _is_settled(model, reference, run):
+    astray = dwell.turn is not None and abs(run.x[-1, 2]) >= _SETTLED
+    if astray or not _is_settled(model, reference, run):
         raise AlignmentError(
             f"{dwell.label}: the linearisation did not settle: heading is not determined, and a "
             "filter about a wrong one knows no tilt either"
         )
+    if _turns(carried) and coarse[2, 2] > _HIDDEN**2:
+        run = _round(run, _by_size(model, reference, run, variance))
     added = rest_covariance(carried, matched, rest) + _in_the_mean(rest, carried, matched, site)
     more = added, left_of_the_turn(carried, matched, priors)
     return _answer(model, reference, run, more, flags)
+
+
+def _turns(carried: Carried) -> bool:
+    """Whether the stretch turns or rocks."""
+    _, _, _, w = carried.q.T
+    return float(2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0))) >= _ROCKED
+
+
+def _by_size(model: Model, reference: _Reference, run: _Pass, variance: float) -> float:
+    """Heading's root mean square error [rad] on the whole circle, of a stretch that turns.
+
+    The filter knows heading by the Earth's level rate near one direction. A scale factor error of
+    a steady turn, or a bias along its axis, may be as large as that rate and hide its part along a
+    level axis: the part across is the same of a heading on the axis' other side. So one more coarse
+    pass takes the rate's size for unknown, and both parts are laid on the circle that it is on.
+    """
+    rate = model.site.horizontal_rate()
+    size = (_SIZE, GaussMarkov(_ANY_SIZE * rate, _FOREVER))
+    apart = _COARSE * model.update
+    coarse = _about(model, _at_end(reference), reference, apart)
+    wider = replace(model, drifts=(*model.drifts, size))
+    free = _filter(wider, coarse, variance * model.update / apart)
+    own, x = -3, free.x[-1]  # north's, of the last three
+    both = free.heading[own] / rate
+    errors = np.array([[free.variances[-1, own] / rate**2, both], [both, free.heading[2]]])
+    return by_size(np.array([1 + x[own] / rate, x[2]]), errors, float(run.x[-1, 2]))
+
+
+def _round(run: _Pass, heading: float) -> _Pass:
+    """The pass with heading's sigma grown to `heading` [rad], if it is less, and what goes with
+    it: of tilt as much as the filter holds to turn with heading."""
+    own = run.attitude[:, :, 2]
+    part = own / own[:, 2:]
+    more = np.maximum(heading**2 - own[:, 2], 0.0)[:, None, None]
+    return replace(run, attitude=run.attitude + more * part[:, :, None] * part[:, None, :])
 
 
 def _in_the_mean(rest: Rest, carried: Carried, matched: Match, site: Site) -> Array:
@@ -398,8 +451,7 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     Rocking tells how the triads lie to one another, and how gravity's share changes in b; but not
     a case that is turned as a whole, which is tilted in full.
     """
-    _, _, _, w = carried.q.T
-    if 2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0)) < _ROCKED:
+    if not _turns(carried):
         return in_one_attitude(priors, site.gravity)
     own = {name: getattr(priors, name) for name in _ASTRAY}
     folded = in_one_attitude(replace(priors, **dict.fromkeys(_ASTRAY, 0.0)), site.gravity)
@@ -491,13 +543,13 @@ def _settle(
 def _found(model: Model, reference: _Reference, variance: float) -> tuple[_Reference, bool]:
     """The reference that passes of fewer updates settle about, and whether they do."""
     apart = _COARSE * model.update
-    coarse, aim = _about(model, _at_end(reference), reference.offset, apart), _Aim()
+    coarse, aim = _about(model, _at_end(reference), reference, apart), _Aim()
     for _ in range(_PASSES):
         run = _filter(model, coarse, variance * model.update / apart)
         if _is_settled(model, coarse, run):
             return _corrected(model, coarse, run, model.update, aim), True
         coarse = _corrected(model, coarse, run, apart, aim)
-    return _about(model, _at_end(coarse), coarse.offset, model.update), False
+    return _about(model, _at_end(coarse), coarse, model.update), False
 
 
 def _is_settled(model: Model, reference: _Reference, run: _Pass) -> bool:
@@ -543,12 +595,12 @@ class _Aim:
 def _corrected(
     model: Model, reference: _Reference, run: _Pass, span: float, aim: _Aim
 ) -> _Reference:
-    """The reference with the attitude and the gyro bias that the filter found."""
+    """The reference with the attitude, gyro bias and scale that the filter found."""
     left = run.left
-    offset = reference.offset + _constant(model, left, "gyro_bias")
+    offset, scale = (now + _constant(model, left, name) for name, now in reference.removed)
     turn = left[:3] * np.array([1.0, 1.0, aim.part(float(left[2]))])
     C_nb = Rotation.from_rotvec(-turn) * _at_end(reference)
-    return _about(model, C_nb, offset, span)
+    return _about(model, C_nb, replace(reference, offset=offset, scale=scale), span)
 
 
 def _at_end(reference: _Reference) -> Rotation:
@@ -556,10 +608,10 @@ def _at_end(reference: _Reference) -> Rotation:
     return reference.C_ni * Rotation.from_quat(reference.carried.q[-1])
 
 
-def _about(model: Model, C_nb: Rotation, offset: Array, span: float) -> _Reference:
-    """The reference whose attitude at the end is ``C_nb``, by blocks of `span` seconds."""
-    carried = carry(model.readings, span, offset)
-    return _Reference(carried, C_nb * Rotation.from_quat(carried.q[-1]).inv(), offset)
+def _about(model: Model, C_nb: Rotation, less: _Reference, span: float) -> _Reference:
+    """The reference rid of what `less` is, by blocks of `span` seconds; at the end ``C_nb``."""
+    carried = carry(model.readings, span, less.offset, less.scale)
+    return replace(less, carried=carried, C_ni=C_nb * Rotation.from_quat(carried.q[-1]).inv())
 
 
 def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
@@ -571,8 +623,9 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     z = np.concatenate([np.zeros((1, 3)), np.cumsum(carried.p, axis=0)]) @ C_ni.T - p
     state = np.zeros((size, size + 1))
     state[:, :-1] = np.diag(model.start)
-    if "gyro_bias" in names:  # the reference has some of it taken out already
-        state[columns_of(names.index("gyro_bias")), -1] = -reference.offset
+    for name, now in reference.removed:  # the reference has some of it taken out already
+        if name in names:
+            state[columns_of(names.index(name)), -1] = -now
     out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
     careful = min(_CAREFUL, m)
     edges = [0, *range(careful, m, _CHUNK), m]
@@ -742,6 +795,9 @@ def error_matrices(
             driven = driven @ BY_AXIS[kind](felt, felt)
         _drive(F[:, :9, column], sensor, driven, push, spans)
     for k, (sensor, _) in enumerate(model.drifts, start=len(model.names)):
+        if sensor == _SIZE:
+            _drive(F[:, :9, columns_of(k)], "gyro", spans * _NORTH, push, spans)
+            continue
         _drive(F[:, :9, columns_of(k)], sensor, drive(carried, C_ni, steps), push, spans)
     Q = _walks(model, carried, C_ni, push, steps)
     up = gravity / np.linalg.norm(gravity, axis=1, keepdims=True)
@@ -811,8 +867,9 @@ def _answer(
     told = slice(_ERRORS, _ERRORS + 3 * count)
     covariance = R @ run.attitude @ R.transpose(0, 2, 1) + more[0]
     constants = run.x[:, told].reshape(m, count, 3).copy()
-    if "gyro_bias" in model.names:
-        constants[:, model.names.index("gyro_bias")] += reference.offset
+    for name, now in reference.removed:
+        if name in model.names:
+            constants[:, model.names.index(name)] += now
     return Filtered(
         carried.t,
         to_n * at_end * Rotation.from_quat(carried.q),
