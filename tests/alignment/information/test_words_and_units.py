@@ -10,6 +10,7 @@ from alignment import Priors, Site
 from alignment.information import InstrumentErrors, Setting, Stretch, TriadErrors
 from alignment.information.model import parameters
 from alignment.information.turns import double_sigma, turn_pays
+from alignment.information.words import _situation
 
 MADE = InstrumentErrors(TriadErrors(), TriadErrors())
 REST = Stretch("rest", 0.0, 60.0, Rotation.identity())
@@ -95,3 +96,22 @@ def test_the_length_of_a_turns_axis_does_not_matter():
 def test_two_gyros_and_an_allan_deviation_by_hand():
     """1e-8 rad/s at 60 deg: over sqrt(2) 7.292115e-5 / 2."""
     assert double_sigma(1e-8, radians(60)) == pytest.approx(1.9393736e-4, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rates", "said"),
+    [
+        ((0.5,), "turning one way"),
+        ((-0.5, -0.2), "turning one way"),
+        ((0.5, -0.5), "turning both ways"),
+        ((0.0, 0.0, 0.5, -0.2), "at rest in 2 positions and turning both ways"),
+        ((0.0,), "at rest in 1 position"),
+    ],
+)
+def test_where_readings_tell_nothing_is_said(rates, said):
+    angles = np.radians([0.0, 90.0, 0.0, 0.0])[: len(rates), None]
+    poses = Rotation.from_rotvec(angles * np.eye(3)[0])
+    stretches = [
+        Stretch("s", 0.0, 60.0, pose, rate=rate) for pose, rate in zip(poses, rates, strict=True)
+    ]
+    assert _situation(stretches, poses, one_place=False) == said

@@ -5,6 +5,7 @@ does so by exp(-t / 30 s). Small turns are written by hand: gyros feel their rat
 gravity's share of their angle.
 """
 
+from dataclasses import replace
 from math import cos, radians, sin
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError
 from alignment.methods.fine import fine
-from alignment.methods.inertial import block_of, inertial, laid, own_parts
+from alignment.methods.inertial import block_of, inertial, laid, own_parts, quieter
 from alignment.methods.triad import triad
 from alignment.methods.two_gyro import two_gyro
 from alignment.noise import drift_of
@@ -46,6 +47,26 @@ def parts_of(r):
     carried = carry(r, block_of(r))
     matched, noise, _ = laid(r, carried, HERE, Priors())
     return own_parts(carried, matched, noise, drift_of(r.w_ib_b))
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+def test_noise_of_one_sensor_that_a_spectrum_made_too_large(sensor):
+    """Eighteen velocities tell a variance to a third: within a factor of 2 of the truth is 3 sigma.
+
+    Where the other's is a thousand times less, what the curve holds is all this one's.
+    """
+    told = {"gyro": ("gyro", 3e-6), "accel": ("accel", 1e-3)}[sensor]
+    rng, n = np.random.default_rng(4), round(SPAN * HZ)
+    r = readings(1, arw=0.0)
+    own = told[1] * np.sqrt(HZ) * rng.normal(size=(n, 3))
+    w, f = (r.w_ib_b + own, r.f_b) if sensor == "gyro" else (r.w_ib_b, r.f_b + own)
+    r = ImuReadings(r.t, w, f)
+    carried = carry(r, block_of(r))
+    matched, noise, _ = laid(r, carried, HERE, Priors())
+    true = replace(noise, gyro=np.full(3, 1e-9), accel=np.full(3, VRW), jitter=0.0)
+    true = replace(true, **{sensor: np.full(3, told[1])})
+    found = quieter(replace(true, **{sensor: 30 * getattr(true, sensor)}), carried, matched)
+    np.testing.assert_allclose(np.log2(getattr(found, sensor) / told[1]), 0.0, atol=1.0)
 
 
 def yaw_of(method, r):

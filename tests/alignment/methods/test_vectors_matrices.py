@@ -23,6 +23,7 @@ from alignment.methods.vectors.channel import (
     carried,
     steps,
 )
+from alignment.methods.vectors.observing import _isotropic
 from alignment.navigation import integrals
 from alignment.readings import Fixes
 
@@ -187,3 +188,19 @@ def test_satellite_drifts_keep_their_size_and_fade():
     np.testing.assert_allclose(after.P[VEL_DRIFT, VEL_DRIFT], 0.09 * np.eye(3), rtol=1e-12)
     np.testing.assert_allclose(after.r_drift, 0.5134171 * start.r_drift, rtol=1e-6)
     np.testing.assert_allclose(after.v_drift, 0.5134171 * start.v_drift, rtol=1e-6)
+
+
+def test_noise_of_fixes_and_of_a_walk_by_hand():
+    """Of a walk of 2 m/s/sqrt(s) at 1 and 2 s: velocity ``min``, place ``a^2 (3b - a)/6``, mixed
+    ``b a - a^2/2`` with a the earlier; and white noise of each fix."""
+    fixes = Fixes(np.array([1.0, 2.0]), *np.zeros((2, 2, 3)), 3.0, 0.5)
+    found = _isotropic(np.array([1.0, 2.0]), fixes, 2.0).reshape(2, 2, 2, 2)
+    velocity, place, mixed = (
+        [[1, 1], [1, 2]],
+        [[1 / 3, 5 / 6], [5 / 6, 8 / 3]],
+        [[0.5, 1.5], [0.5, 2]],
+    )
+    np.testing.assert_allclose(found[:, 0, :, 0], 4 * np.array(velocity) + 0.25 * np.eye(2))
+    np.testing.assert_allclose(found[:, 1, :, 1], 4 * np.array(place) + 9 * np.eye(2))
+    np.testing.assert_allclose(found[:, 0, :, 1], 4 * np.array(mixed))
+    np.testing.assert_allclose(found[:, 1, :, 0], 4 * np.array(mixed).T)
