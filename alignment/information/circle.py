@@ -44,9 +44,8 @@ def circle_information(known: Information, site: Site) -> Array:
 
     Of what `known` has its stretches tell when tilts, biases and all else are found beside it.
     """
-    along = [_by_north_rate(known, k, site) for k in range(len(known.stretches))]
     # a turn about down by eta takes the rate of b to the west
-    sought = np.stack([np.concatenate(along), -known.J[:, 2]], axis=1)
+    sought = np.stack([by_north_rate(known, site), -known.J[:, 2]], axis=1)
     prior = known.prior
     others = np.flatnonzero((prior > 0) & (np.arange(len(prior)) != 2))
     R = np.sum(known.noises, axis=0)[np.ix_(known.used, known.used)]
@@ -61,6 +60,20 @@ def circle_information(known: Information, site: Site) -> Array:
     A = A / np.where(size > 0, size, 1.0)
     left = y - A @ np.linalg.lstsq(A, y, rcond=None)[0]
     return np.asarray(left.T @ left)
+
+
+def by_north_rate(known: Information, site: Site) -> Array:
+    """Coefficients (m,) of all stretches by the horizontal Earth rate alone."""
+    every = range(len(known.stretches))
+    return np.concatenate([_by_north_rate(known, k, site) for k in every])
+
+
+def curvature(sigma: float) -> float:
+    """Mean square of what a circle leaves its tangent by, ``1 - cos h``: h normal of `sigma` [rad].
+
+    ``3/2 - 2 exp(-sigma^2/2) + exp(-2 sigma^2)/2``: ``3 sigma^4/4`` of small ones, 3/2 all round.
+    """
+    return float(1.5 - 2 * np.exp(-(sigma**2) / 2) + np.exp(-2 * sigma**2) / 2)
 
 
 def _by_north_rate(known: Information, k: int, site: Site) -> Array:

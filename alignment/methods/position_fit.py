@@ -851,6 +851,18 @@ def mean_drift(priors: Priors, spans: Ordered[Span]) -> Array:
     return np.asarray(np.einsum("i,sij,j->s", by_time, _drifts(priors, spans), by_time))
 
 
+def steady_drift(priors: Priors, span: Span) -> Array:
+    """Variances (2,) of how far biases drift from end to end of a position, as its halves show it.
+
+    Twice what their means differ by: of a ramp all it rises by, of a random walk 4/3 of its
+    variance, for the slope that fits best has 6/5 of it.
+    """
+    half = span.length / 2
+    halves = [Span(span.start, half), Span(span.start + half, half)]
+    apart = np.array([-2.0, 2.0])
+    return np.asarray(np.einsum("i,sij,j->s", apart, _drifts(priors, halves), apart))
+
+
 def _by_time(spans: Ordered[Span]) -> Array:
     """Parts (n,) of the whole time."""
     weights = np.array([span.length for span in spans])

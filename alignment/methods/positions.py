@@ -32,8 +32,9 @@ from alignment.methods.position_fit import (
     pooled_variances,
     predicted_covariance,
     rounding_covariance,
+    steady_drift,
 )
-from alignment.noise import check_at_rest, gap_doubt, mean_and_variance
+from alignment.noise import check_at_rest, gap_doubt, mean_and_unstated
 from alignment.options import Options, Priors
 from alignment.readings import Dwell
 from alignment.rounding import blur_of, rounding_variance, shared_rounding, steps_of
@@ -87,7 +88,7 @@ def two_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     one another (chi-square once in a thousand) all sigmas grow by `PositionFit.growth`.
     """
     dwells = _in_time(dwells)
-    summaries = _summaries(dwells)
+    summaries = _summaries(dwells, options.priors)
     pairs = [slice(k, k + 2) for k in range(len(dwells) - 1)]
     pairs = [own for own in pairs if _widest_turn(dwells[own]) >= LEAST_TURN]
     if not pairs:
@@ -129,7 +130,7 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
     if len(dwells) < 2:
         raise AlignmentError(f"too little turn: {len(dwells)} dwells, at least 2 are needed")
     dwells = _in_time(dwells)
-    summaries = _summaries(dwells)
+    summaries = _summaries(dwells, options.priors)
     if _widest_turn(dwells) < LEAST_TURN:
         raise AlignmentError("too little turn: no two dwells are 30 deg or more apart")
     return _estimates(MULTI_POSITION, [(dwells, summaries)], site, options)[0]
@@ -150,11 +151,17 @@ def _in_time(dwells: Ordered[Dwell]) -> list[Dwell]:
     return found
 
 
-def _summaries(dwells: Ordered[Dwell]) -> list[tuple[Array, Array]]:
+def _summaries(dwells: Ordered[Dwell], priors: Priors) -> list[tuple[Array, Array]]:
+    """Means (6,) and their variances (6,) but for stated drifts, which are told beside them.
+
+    One noise is pooled of all positions: what a long one drifts by would count for short ones too.
+    """
     for dwell in dwells:
         check_at_rest(dwell)
         _nominal_of(dwell)
-    return [mean_and_variance(dwell.window()) for dwell in dwells]
+    stated = [np.repeat(steady_drift(priors, span), 3) for span in _times_of(dwells)]
+    told = zip(dwells, stated, strict=True)
+    return [mean_and_unstated(dwell.window(), own) for dwell, own in told]
 
 
 def _rounding(
@@ -271,13 +278,13 @@ def _answers(
     options: Options,
 ) -> list[AttitudeEstimate]:
     """Of every position; `told`: variances of its means, and turns."""
-    times = _times_of(dwells)
     t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
     growth = _growth(fit)
+    times = _times_of(dwells)
     bias_sigmas = _switched_on(growth * fit.bias_covariance.diagonal(), fit, options.priors, times)
     shared = _doubts(fit)
     if options.verdicts:
-        given = *local_vectors(site), float(sum(span.length for span in times))
+        given = *local_vectors(site), float(sum(span.length for span in _times_of(dwells)))
         shared += _verdict(fit, *told, given, options.priors)
     return [
         AttitudeEstimate(

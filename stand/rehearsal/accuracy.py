@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from alignment import ESTIMATORS, Method
+from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.gains import Answer, Gains
 from alignment.information import Information, InstrumentErrors, Stretch
@@ -122,18 +123,26 @@ def _by_gains(
         later = answer.window == "fresh" and not method.carries_nominal
         found += withheld(told, ("pitch", "roll"), coarse_tilt(scene) if later else lean)
         if answer is answers[0]:
-            of_heading = withheld(response.biases(name), *_with_heading(response, parts, why_not))
+            of_heading = withheld(
+                response.biases(name), *_with_heading(response, parts, why_not, scene.site)
+            )
             found += withheld(of_heading, [b for b in answer.biases if b.startswith("accel")], lean)
     return found, [_observed(name, known(answers[0]))] if observe else []
 
 
-def _with_heading(response: Response, parts: Parts, why: str) -> tuple[list[str], str]:
+def _with_heading(response: Response, parts: Parts, why: str, site: Site) -> tuple[list[str], str]:
     """The biases that go with a heading of which there is no number, and why there is none."""
     sigma = float(np.sqrt(sum(parts.values(), np.zeros((3, 3)))[2, 2]))
     if not why and sigma >= DETERMINED:
         why = f"it goes with heading, whose sigma of {sigma / DEG:.3g} deg is beyond first order"
     biases = response.answer.biases if why else ()
-    return [name for name in biases if response.share_of_heading(name) > FOLLOWS], why
+    follows = [
+        name
+        for name in biases
+        if response.share_of_heading(name) > FOLLOWS
+        or response.share_of_circle(name, sigma, site) > FOLLOWS
+    ]
+    return follows, why
 
 
 def _known(answer: Answer, stretches: Sequence[Stretch], scene: Scene) -> Information:

@@ -8,8 +8,10 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray
+from alignment.earth import Site
 from alignment.gains import Answer
 from alignment.information import InstrumentErrors, Setting, Stretch, information
+from alignment.information.circle import by_north_rate, curvature
 from alignment.information.model import NODES, coefficient_weights, sensor_inputs
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.following import left_off
@@ -174,8 +176,24 @@ class Response:
         stated = np.where(np.isfinite(prior), prior, 0.0)
         return np.asarray(self.answer.window_gain[:2] @ self.errors.J * stated)
 
+    def share_of_circle(self, label: str, sigma: float, site: Site) -> float:
+        """Part (0 to 1) of a bias's variance that first order leaves out of a heading's error.
+
+        A heading off by h, of `sigma` [rad], leaves ``1 - cos h`` of the horizontal Earth rate to
+        the north in the readings: a bias to the fit, which knows the size of that rate.
+        """
+        round_ = float(self.answer.biases[label] @ by_north_rate(self.true, site)) ** 2
+        round_ *= curvature(sigma)
+        P = self._of_heading_and(label)[1, 1]
+        return round_ / (round_ + P) if round_ else 0.0
+
     def share_of_heading(self, label: str) -> float:
         """Part (0 to 1) of a bias's variance that goes with the error of heading."""
+        P = self._of_heading_and(label)
+        return float(P[0, 1] ** 2 / (P[0, 0] * P[1, 1])) if P.diagonal().all() else 0.0
+
+    def _of_heading_and(self, label: str) -> Array:
+        """Covariance (2, 2) of the errors of heading and of a bias."""
         own, gain = self.answer.own, self.answer.biases[label]
         labels = [p.label for p in self.true.parameters]
         C = self.answer.stretches[own].C_pb.as_matrix()
@@ -185,8 +203,7 @@ class Response:
             np.stack([self.true.attitude_rows(own)[2], np.eye(len(labels))[labels.index(label)]]),
             np.stack([judged[2], np.zeros_like(judged[2])]),
         )
-        P = sum(parts.values(), np.zeros((2, 2)))
-        return float(P[0, 1] ** 2 / (P[0, 0] * P[1, 1])) if P.diagonal().all() else 0.0
+        return np.asarray(sum(parts.values(), np.zeros((2, 2))))
 
     def biases(self, method: str) -> Iterator[Prediction]:
         """Sigmas of the biases that are told."""

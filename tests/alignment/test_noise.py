@@ -13,6 +13,7 @@ from alignment.noise import (
     block_means,
     check_at_rest,
     drift_of,
+    mean_and_unstated,
     mean_and_variance,
     mean_variance,
 )
@@ -104,6 +105,17 @@ def test_a_drift_beyond_doubt_counts_as_itself():
     assert variance[0] == pytest.approx(64, rel=0.2)
     # Exact: a ramp without noise, in samples that are means of its parts.
     np.testing.assert_allclose(drift_of(ramp), [8, 0, 2], rtol=0.003)
+
+
+def test_a_stated_drift_is_not_counted_twice():
+    """8 from end to end: within three times 2.7, beyond three times 2.6; each axis by its own."""
+    t, w, f = np.arange(1, 401) / 10, np.zeros((400, 3)), np.zeros((400, 3))
+    f += np.linspace(-0.5, 0.5, 400)[:, None] * [8.0, -8.0, 0.0]
+    readings = ImuReadings(t, w, f)
+    stated = np.array([0.0, 0.0, 0.0, 2.7**2, 2.6**2, 2.7**2])
+    (means, all_), (same, left) = mean_and_variance(readings), mean_and_unstated(readings, stated)
+    np.testing.assert_array_equal(same, means)
+    np.testing.assert_allclose(all_ - left, [0, 0, 0, 64, 0, 0], rtol=0.006, atol=1e-12)
 
 
 def test_noise_is_seldom_taken_for_a_drift():

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.earth import Site
 from alignment.information import InstrumentErrors, Stretch, TriadErrors, information
-from alignment.information.circle import NO_RIVAL, circle_information, rival
+from alignment.information.circle import NO_RIVAL, circle_information, curvature, rival
 from alignment.methods.position_fit import fit_positions
 from alignment.methods.position_gains import known_to
 from alignment.options import Options, Priors
@@ -114,3 +114,10 @@ def test_fits_err_as_the_circle_says(axis, degrees, least, most):
     assert least < found.ratio < most
     # 600 squares, of heavy tails in the first case: 3 standard errors of sqrt(kurtosis/600)/2
     assert np.sqrt(np.mean(turns**2)) / sigma == pytest.approx(found.ratio, rel=0.15)
+
+
+def test_what_a_circle_leaves_its_tangent_by_hand():
+    """``E (1 - cos h)^2``: 3/4 sigma^4 of small headings, 3/2 all round, 0.354606 at 1 rad."""
+    assert curvature(1.0) == pytest.approx(0.354606, rel=1e-5)
+    assert curvature(0.01) == pytest.approx(0.75e-8, rel=1e-3)
+    assert curvature(100.0) == pytest.approx(1.5, rel=1e-12)

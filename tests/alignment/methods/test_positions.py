@@ -10,6 +10,7 @@ from scipy.stats import chi2, norm
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, NotAtRest, PoleError
+from alignment.information.drift import Span
 from alignment.information.turns import double_sigma, time_needed, turn_pays
 from alignment.methods.position_fit import (
     drift_covariance,
@@ -17,6 +18,7 @@ from alignment.methods.position_fit import (
     fit_positions,
     pooled_variances,
     predicted_covariance,
+    steady_drift,
 )
 from alignment.methods.positions import half_turn_means, multi_position, two_position
 from alignment.methods.triad import triad_attitude
@@ -708,3 +710,12 @@ def test_walk_and_ramp_between_positions_by_hand():
     assert apart @ ramp[1] @ apart == pytest.approx((2.0 * 100.0) ** 2, rel=1e-12)
     assert not walk[1].any()
     assert not ramp[0].any()
+
+
+def test_steady_drift_by_hand():
+    """From end to end of T: r T of a ramp, K sqrt(4 T/3) of a walk, whenever it begins."""
+    span = Span(500.0, 90.0)
+    ramp = steady_drift(Priors(gyro_ramp=2.0), span)
+    walk = steady_drift(Priors(accel_random_walk=3.0), span)
+    np.testing.assert_allclose(ramp, [(2.0 * 90.0) ** 2, 0.0], rtol=1e-9)
+    np.testing.assert_allclose(walk, [0.0, 9.0 * 4 * 90.0 / 3], rtol=1e-9)
