@@ -23,8 +23,9 @@ from alignment.methods.vectors.channel import (
     carried,
     steps,
 )
+from alignment.methods.vectors.method import answer
 from alignment.methods.vectors.observing import _isotropic
-from alignment.navigation import integrals
+from alignment.navigation import gravitation, integrals
 from alignment.readings import Fixes
 
 # --- the observing form
@@ -144,6 +145,23 @@ def drifting(position=0.0, velocity=0.0):
     return SimpleNamespace(position_drift=position, velocity_drift=velocity, drift_time=3.0)
 
 
+def test_a_fast_vehicle_falls_as_gravitation_changes_on_its_way():
+    """Outward at 1 km/s for 4 s: gravitation falls by 2/r of itself per metre, to first order.
+
+    ``dg/dt = 2 g v/r`` moves it by ``T^3/6`` of that, 33 mm; the rest is 0.02 of it at most.
+    """
+    outward = replace(at_rest(), v=np.array([1000.0, 0.0, 0.0]))
+    r0 = outward.r[0]
+    g = gravitation(outward.r, 0.0)
+    found = propagated([0.0, 4.0], outward, drifting(), Priors())
+    pushed = outward.C @ np.array([2.0, -9.0, 4.0])
+    steady = outward.r + 4 * outward.v + 8 * (g + pushed)
+    moved = found.r - steady
+    by_hand = -2 * g[0] * 1000 / r0 * 4**3 / 6
+    assert by_hand == pytest.approx(0.0325, rel=0.02)
+    assert moved[0] == pytest.approx(by_hand, rel=0.05)
+
+
 @pytest.mark.parametrize("name", ["gyro_walk", "accel_walk", "gyro_bias", "accel_bias"])
 def test_a_long_stretch_is_its_short_ones(name):
     priors = replace(Priors(), **{name: 1e-3})
@@ -204,3 +222,26 @@ def test_noise_of_fixes_and_of_a_walk_by_hand():
     np.testing.assert_allclose(found[:, 1, :, 1], 4 * np.array(place) + 9 * np.eye(2))
     np.testing.assert_allclose(found[:, 0, :, 1], 4 * np.array(mixed))
     np.testing.assert_allclose(found[:, 1, :, 0], 4 * np.array(mixed).T)
+
+
+@pytest.mark.parametrize(
+    ("corrected", "told"),
+    [
+        ([True, True, True, True], ("d",)),
+        ([True, True, False, False], ("b", "d")),
+        ([True, False, False, False], ("a", "d")),
+        ([False, False, False, False], ("d",)),
+    ],
+)
+def test_a_solution_tells_what_is_doubted_at_its_last_correction_and_now(corrected, told):
+    matching = SimpleNamespace(
+        t=np.arange(4.0),
+        corrected=np.array(corrected),
+        doubts=["a", "b", "c", "d"],
+        C_nb=Rotation.from_rotvec(0.1 * np.ones((4, 3))),
+        covariance=np.tile(1e-6 * np.eye(3), (4, 1, 1)),
+        rule=VectorOptions().rule,
+    )
+    found = answer("observing", "drive", matching, PRIORS)
+    assert found.flags == told
+    assert (found.C_nb is None) == (not any(corrected))
