@@ -247,7 +247,7 @@ def around_doubt(dwell: Dwell) -> tuple[str, ...]:
     return flags + apart_doubt(one) * bool(one.share(dwell.t_from, dwell.t_to))
 
 
-@lru_cache(maxsize=1)  # the windows of one record ask one after the other
+@once  # for all windows of one record
 def _shown_at_rest(readings: ImuReadings) -> tuple[Array, Apart]:
     """Drifts (6,) from end to end and what lies apart; zeros of a record that moves."""
     try:
