@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from alignment.angles import Sequence, SequenceRule, angles_from_C_nb
-from alignment.parts import PART, release
+from alignment.parts import PART, equal, release
 from alignment.units import ARC_SECOND, DEG
 from stand.errors import StandError, unknown
 from stand.folder import file_beside, refuse_files, write_file
@@ -121,7 +121,7 @@ def columns_of(log: Log) -> Columns:
         truth = file.truth()
         joints = file.joints() if SCHEDULE in log.imu.metadata else None
     held = [r.t, r.w_ib_b, r.f_b]
-    if np.array_equal(truth.t_ns, log.imu.t_ns):
+    if equal(truth.t_ns, log.imu.t_ns):
         made |= _six([f"true_{name}" for name in READINGS], truth.w_ib_b, truth.f_b)
         made |= {f"q_nb_{axis}": _attitude(truth.q_wb, k) for k, axis in enumerate("xyzw")}
         held += [truth.q_wb, truth.w_ib_b, truth.f_b]
@@ -149,7 +149,7 @@ def _attitude(q_wb: NDArray[Any], k: int) -> Rows:
 
 def _angle(joints: JointLog, name: str, log: Log) -> Rows:
     """Of an encoder, at the stamps of the readings."""
-    if np.array_equal(joints.t_ns, log.imu.t_ns):
+    if equal(joints.t_ns, log.imu.t_ns):
         column = joints.angles[:, joints.names.index(name)]
         return lambda rows: column[rows]
     encoders = Encoders(joints, epoch_of(log.imu.metadata), counted=True)

@@ -122,3 +122,16 @@ def test_what_is_mapped_is_taken_as_it_is_and_given_back():
     assert resident_kb() - before > 40_000
     parts.release(array)
     assert resident_kb() - before < 1_000
+
+
+def test_few_rows_and_equal_rows_of_a_file_are_those_of_an_array(tmp_path):
+    values = np.arange(5000.0 * 2).reshape(5000, 2)
+    values.tofile(tmp_path / "values")
+    mapped = np.memmap(tmp_path / "values", float, "r", shape=values.shape)
+    rows = np.arange(0, 5000, 2)  # more than are taken at once
+    np.testing.assert_array_equal(parts.taken(mapped, rows), values[rows])
+    other = values.copy()
+    assert parts.equal(mapped, other)
+    other[-1, 1] += 1.0
+    assert not parts.equal(mapped, other)
+    assert not parts.equal(mapped, values[:-1])
