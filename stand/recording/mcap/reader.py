@@ -13,7 +13,7 @@ from mcap.records import Attachment
 from numpy.typing import NDArray
 
 from alignment.arrays import Array, IntArray, owned
-from alignment.parts import parts, release
+from alignment.parts import in_parts, parts, release
 from stand.errors import StandError, located, unknown
 from stand.recording.growing import Growing
 from stand.recording.log_form import LogForm
@@ -341,7 +341,8 @@ class LogFile:
                 return batch
 
             columns = self._columns(topic, decode, ("t_ns", "angles", "rates"), ("t_ns", "angles"))
-        if not np.isfinite(columns["rates"]).all():  # many drivers have none, or leave them NaN
+        # many drivers have none, or leave them NaN
+        if not all(np.isfinite(part).all() for part in in_parts(columns["rates"])):
             columns["rates"] = None
         return JointLog(path=self.path, topic=topic, names=names[0], **columns)
 
