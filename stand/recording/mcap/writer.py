@@ -161,24 +161,22 @@ class McapWriter:
         if len(truth) == 0:
             return
         self._check_times(truth, imu)
-        for rows in _whole_seconds(truth.t_ns):
-            self._write_chunk(truth.part(rows), imu.part(rows))
-
-    def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """A metadata record now: what the file says of what has been written so far."""
-        self._container.metadata(name, values)
-
-    def _write_chunk(self, truth: TruthBlock, imu: ImuBlock) -> None:
         stamps = self._epoch_ns + truth.t_ns
         parts = [
             Part(_IMU, stamps, self._imu_messages(stamps, imu)),
             Part(_TRUTH, stamps, _truth_messages(stamps, truth)),
             *self._joint_parts(stamps, truth),
             *_saturated_parts(stamps, imu),
-            *self._log_parts(until_ns=int(truth.t_ns[-1])),
         ]
-        self._container.chunk(parts)
-        self._last_ns = int(truth.t_ns[-1])
+        for rows in _whole_seconds(truth.t_ns):
+            last_ns = int(truth.t_ns[rows.stop - 1])
+            own = [_between(part, stamps[rows]) for part in parts]
+            self._container.chunk([*own, *self._log_parts(until_ns=last_ns)])
+            self._last_ns = last_ns
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """A metadata record now: what the file says of what has been written so far."""
+        self._container.metadata(name, values)
 
     def log(self, t_ns: int, level: int, text: str) -> None:
         """Note a text for /rosout; it is written with the block that reaches `t_ns`.
@@ -299,6 +297,12 @@ class McapWriter:
             )
             for t_ns, level, text in due
         ]
+
+
+def _between(part: Part, stamps: IntArray) -> Part:
+    """Those of its messages from the first to the last of these times."""
+    rows = slice(*np.searchsorted(part.log_time, [stamps[0], stamps[-1] + 1]))
+    return Part(part.topic, part.log_time[rows], part.payload[rows])
 
 
 def _saturated_parts(stamps: IntArray, imu: ImuBlock) -> list[Part]:
