@@ -10,7 +10,7 @@ from rocking import Angle, G
 from scipy.spatial.transform import Rotation
 from test_inertial import STILL, site
 
-from alignment import ImuReadings, Priors
+from alignment import ImuReadings, Options, Priors
 from alignment.errors import NotAtRest
 from alignment.information.drift import GaussMarkov
 from alignment.methods.fine import (
@@ -38,6 +38,7 @@ from alignment.methods.inertial import (
     wander_doubt,
     wander_values,
 )
+from alignment.methods.rocking_gains import inertial_functional
 from alignment.strapdown import carry
 
 NONE = np.zeros(3)
@@ -356,6 +357,23 @@ def test_a_sway_is_in_the_covariance_by_its_ends(laid_out):
     # of each order twice the sway, and a square micrometre
     want = np.kron(np.eye(3), 2 * sway + 1e-12 * np.eye(3))
     np.testing.assert_allclose(wander, want, rtol=1e-9, atol=1e-24)
+
+
+def test_a_prediction_has_the_sway_by_the_same_ends():
+    """2 mm toward north and 1 mm toward east, at 0.5 and 0.7 Hz, as perfect sensors feel them."""
+    ways = (Angle(amplitude=2e-3, frequency=0.5), Angle(amplitude=1e-3, frequency=0.7))
+    t, w, f, _ = replace(STILL, sway=(*ways, Angle())).readings(T, 20.0, 100.0)
+    readings, where = ImuReadings(t, w, f), site(STILL)
+    carried = carry(readings, block_of(readings))
+    matched = match(carried, where)
+    # blocks of 0.1 s show 1 % less of them, ends of the record some per cent more or less
+    sway = sway_covariance(carried, matched)
+    np.testing.assert_allclose(sway, np.diag([2e-6, 0.5e-6, 0]), atol=0.05 * 2e-6)
+    found = inertial_functional(readings, where, Options()).motion
+    want = at_the_ends(carried, matched, where, sway.diagonal())
+    size = np.sqrt(want.diagonal())
+    # what both axes share in this record, and second order
+    np.testing.assert_allclose(found / np.outer(size, size), want / np.outer(size, size), atol=0.05)
 
 
 @pytest.mark.parametrize(("sigmas", "counted"), [(4.95, False), (5.05, True)])
