@@ -191,6 +191,14 @@ def test_whole_turns_are_counted_where_a_step_ends():
     assert turns[2] == {"outer": pytest.approx(1.0)}
 
 
+@pytest.mark.parametrize(("short_deg", "counted"), [(3.4e-7, True), (3.8e-7, False)])
+def test_a_turn_that_rounding_leaves_short_is_whole(short_deg, counted):
+    """A billionth of a turn is 3.6e-7 deg; either way round."""
+    for one in (360, -360):
+        scene = planned(to("one", outer=one * (1 - short_deg / 360)))
+        assert ("outer" in feasibility(scene)[0].turns) == counted
+
+
 def test_stretches_are_set_against_what_they_must_outlast():
     """Three samples at 20 Hz are 0.15 s; two turns at 90 deg/s are steady for 8 s, from 1 s on."""
     rocks = '[[step]]\nkind = "sine"\nlabel = "s"\nduration_s = 4\nfade_s = 4\n'
