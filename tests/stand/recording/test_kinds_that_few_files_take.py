@@ -238,6 +238,25 @@ def test_a_look_at_messages(tmp_path):
     ]
 
 
+def test_a_look_at_several_topics(recorded):
+    """The first of them is named, in the file's order; what the truth says is one too."""
+    seen = inspect(recorded.folder / "run.mcap")
+    assert seen.form.startswith("messages of ")
+    assert seen.form.endswith(" topics")
+    imus = [n for n, kind in zip(seen.names, seen.guesses, strict=True) if kind.endswith("/Imu")]
+    assert imus == ["/imu/data", "/imu/truth"]
+    assert seen.command == f"stand align {recorded.folder / 'run.mcap'} --topic /imu/data"
+
+
+def test_axes_of_messages(tmp_path):
+    """X1 is the log's x, Y1 its -z, Z1 its y."""
+    path = mcap(tmp_path / "a.mcap", stamps(4), *at_rest(4))
+    plain, turned = read_imu(path), read_imu(path, form=LogForm(axes="x,-z,y"))
+    for one, other in ((plain.w_ib_b, turned.w_ib_b), (plain.f_b, turned.f_b)):
+        np.testing.assert_array_equal(other, one[:, [0, 2, 1]] * [1, -1, 1])
+    np.testing.assert_array_equal(turned.t_ns, plain.t_ns)
+
+
 def test_a_look_into_what_is_compressed(tmp_path):
     text = tmp_path / "a log.csv"
     text.write_text(HEAD + ROWS, encoding="utf-8")
