@@ -7,7 +7,7 @@ from math import inf, nan, pi, radians
 import h5py
 import numpy as np
 import pytest
-from written_logs import at_rest, mcap, stamps
+from written_logs import at_rest, mcap, ros1_bag, stamps
 
 import stand
 from stand.errors import StandError
@@ -371,3 +371,62 @@ def test_weeks_of_gps_by_hand():
         array_ns("x", [texts], ("t",), "ms")
     days = np.array(["1970-01-02"], "datetime64[D]")
     assert array_ns("x", [days], ("t",), "s").tolist() == [86_400 * 10**9]
+
+
+# --- rates that were meant, progress, and one topic of two encodings
+
+
+@pytest.mark.parametrize(
+    ("seen", "said"), [(9.951, 10.0), (10.049, 10.0), (9.9496, 9.9496), (10.051, 10.051)]
+)
+def test_a_rate_within_half_a_percent_of_two_digits_was_meant(tmp_path, seen, said):
+    """Ten seconds of rest, twenty of a turn about Y1."""
+    t = np.arange(1, 601) / 20
+    w = np.zeros((600, 3))
+    w[200:, 1] = radians(seen)
+    f = np.tile([0.0, 9.80665, 0.0], (600, 1))
+    path = tmp_path / "a.csv"
+    rows = "".join(",".join(f"{x:.12g}" for x in row) + "\n" for row in np.c_[t, w, f])
+    path.write_text(HEAD + rows, encoding="utf-8")
+    text = stretches_of(stand.read(path)).toml()
+    assert f"rate_deg_s = {said}   # seen: {seen:.5g}" in text
+
+
+def test_progress_of_a_bag_is_a_part_of_it(tmp_path):
+    told: list[float] = []
+    path = ros1_bag(tmp_path / "a.bag", stamps(), *at_rest())
+    read_imu(path, progress=told.append)
+    assert told
+    assert told == sorted(told)
+    assert 0 < told[-1] <= 1
+
+
+def test_one_topic_is_of_one_encoding(tmp_path):
+    from mcap.writer import Writer
+
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="test")
+        for name, encoding, kind in (
+            ("sensor_msgs/Imu", "ros1", "ros1msg"),
+            ("sensor_msgs/msg/Imu", "cdr", "ros2msg"),
+        ):
+            schema = writer.register_schema(name, kind, b"")
+            writer.register_channel("/imu/raw", encoding, schema)
+        writer.finish()
+    with pytest.raises(StandError, match="messages in 'cdr' and in 'ros1': must be of one enc"):
+        read_imu(path)
+
+
+def test_a_file_of_a_footer_alone_has_no_topics(tmp_path):
+    """Magic, footer of 29 bytes, magic: whole, and one byte less is cut off."""
+    footer = b"\x02" + (20).to_bytes(8, "little") + bytes(20)
+    magic = b"\x89MCAP0\r\n"
+    path = tmp_path / "a.mcap"
+    path.write_bytes(magic + footer + magic)
+    with pytest.raises(StandError, match="it has: no topics"):
+        read_imu(path)
+    path.write_bytes(magic + footer[:-1] + magic)
+    with pytest.raises(StandError, match="cut off before its end"):
+        read_imu(path)

@@ -89,6 +89,19 @@ def test_travel_may_be_longer_one_way(speed, after):
     assert found.first_violation == begun
 
 
+def test_a_rehearsal_knows_torques_where_the_class_states_motors():
+    scene = moved("outer", 0, 0, 10 / 2)
+    with_motors = margin(scene, "torque")
+    assert with_motors.axis == "outer"
+    # the outer frame's inertia times its acceleration and viscous friction: some per cent of it
+    assert 0 < with_motors.ratio < 1
+    assert scene.torque is not None
+    assert None not in scene.table.motors
+    without = replace(scene.settings.table, motors=(None,) * 6)
+    bare = prepared(replace(scene.settings, table=without))
+    assert bare.torque is None
+
+
 def test_a_torque_breaks_its_limit_when_it_does():
     scene = moved("outer", 0, 0, 10 / 2)
     allowed = scene.table.torque[JOINTS.index("outer")]
