@@ -265,6 +265,32 @@ def test_noise_of_an_interval_is_that_of_its_samples():
         np.testing.assert_allclose(found / scale, want / scale, atol=2e-3)
 
 
+def test_place_and_attitude_share_what_an_angle_walk_does_to_both():
+    """Of attitude ``w(t)``, velocity ``f w`` summed and place summed again: f over T = 0.1 s is D,
+    and w, D w/2 and D w T/6 (its mean over the interval) covary as 1, 1/2, 1/6 and 1/3, 1/8, 1/20.
+    """
+    T, level = 0.1, 1e-5
+    t, w, f, C = LEVEL.readings(0.4, 2000.0, 100.0)
+    readings = ImuReadings(t, w, f)
+    base = carry(readings, T)
+    C_ni = C @ Rotation.from_quat(base.q[-1]).as_matrix().T
+    push = np.diff(gravity_velocity(base.t, site(LEVEL))[0], axis=0)
+    held = model(Priors(), noise=Noise(np.full(3, level), NONE), readings=readings)
+    steps, _ = error_matrices(held, base, C_ni, push, slice(0, len(base.t)))
+    q = level**2 * T
+    by_turn = -np.array([np.cross(push[0], e) for e in np.eye(3)]).T
+    assert np.abs(by_turn).max() == pytest.approx(9.81 * T, rel=1e-3)
+    walked = {
+        (0, 0): np.eye(3), (3, 0): by_turn / 2, (6, 0): by_turn * T / 6,
+        (3, 3): by_turn @ by_turn.T / 3, (6, 3): by_turn @ by_turn.T * T / 8,
+        (6, 6): by_turn @ by_turn.T * T**2 / 20,
+    }  # fmt: skip
+    for (row, column), part in walked.items():
+        found = steps.Q[0][row : row + 3, column : column + 3] / q
+        # steps of 0.5 ms beside 100 ms
+        np.testing.assert_allclose(found, part, rtol=0, atol=2e-3 * np.abs(part).max())
+
+
 # --- what a record at rest shows beside noise -----------------------------------------------------
 
 
