@@ -20,7 +20,7 @@ from alignment.doubts import heading_doubt
 from alignment.earth import Site, normal_gravity
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate
-from alignment.information.drift import Span
+from alignment.information.drift import Span, switched_on
 from alignment.methods.position_fit import (
     ROUNDING,
     PositionFit,
@@ -28,7 +28,6 @@ from alignment.methods.position_fit import (
     equal_spans,
     fit_positions,
     local_vectors,
-    mean_drift,
     pooled_variances,
     predicted_covariance,
     rounding_covariance,
@@ -48,7 +47,6 @@ ANOMALY = 5e-4  # m/s^2: of gravity about its WGS 84 value, where nobody measure
 
 OVERLAP = 1.5  # samples by which dwells may share readings: stamps of either end are rounded
 LEAST_TURN = np.radians(30.0)  # below it biases hardly change sides
-LEAST = 0.1  # of a bias's variance, drift and all, is that of switching on
 AMBIGUOUS = 12.0  # margin of chi-square: odds of 400 to 1
 
 
@@ -238,7 +236,7 @@ def _estimates(
     if latitude is not None:
         site.horizontal_rate()  # refuses at a pole
     anomaly = ANOMALY if site.local_gravity is None else 0.0
-    priors = with_products(options.priors)
+    priors = switched_on(with_products(options.priors))
     told = [_told_of(dwells, summaries, site, priors) for dwells, summaries in sets]
     means, variances, relative, drift = (np.array(parts) for parts in zip(*told, strict=True))
     fits = fit_positions(means, variances, relative, latitude, gravity, priors, anomaly, drift)
@@ -280,8 +278,7 @@ def _answers(
     """Of every position; `told`: variances of its means, and turns."""
     t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
     growth = _growth(fit)
-    times = _times_of(dwells)
-    bias_sigmas = _switched_on(growth * fit.bias_covariance.diagonal(), fit, options.priors, times)
+    bias_sigmas = np.sqrt(growth * fit.bias_covariance.diagonal())
     shared = _doubts(fit)
     if options.verdicts:
         given = *local_vectors(site), float(sum(span.length for span in _times_of(dwells)))
@@ -308,18 +305,6 @@ def _answers(
         )
         for k, dwell in enumerate(dwells)
     ]
-
-
-def _switched_on(found: Array, fit: PositionFit, priors: Priors, times: Ordered[Span]) -> Array:
-    """Standard deviations (6,) of the biases that were switched on, from variances `found` (6,).
-
-    Found is the mean over the positions; by how much it has drifted since, D, no position tells.
-    Of a part K of a bias that the readings tell, K of the drift is in it, and 1 - K of that in the
-    prior is not: ``found + (K^2 - (1 - K)^2) D``.
-    """
-    kept = np.minimum(fit.bias_covariance.diagonal() / fit.bias_prior**2, 1.0)
-    drifted = np.repeat(mean_drift(priors, times), 3)
-    return np.sqrt(np.maximum(found + (1 - 2 * kept) * drifted, LEAST * found))
 
 
 def _growth(fit: PositionFit) -> float:
