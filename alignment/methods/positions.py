@@ -188,18 +188,30 @@ def _told_apart(
     """Readings (n, 6) at the told attitudes, and variances (6, n, n) of how any two differ.
 
     By where the base stands, the seat and the unit's constants but its biases, which are common to
-    them; by each one's placement, and drift.
+    them; by each one's placement, and drift. Heading is sought: of the horizontal Earth rate no
+    more is told than its size, half its square to north and half to east, or what rounding hides
+    would lie along the told heading, and the fit would find that.
     """
     p = priors
     C_bn = [_nominal_of(dwell).inv().as_matrix() for dwell in dwells]
+    down = np.array([0.0, 0.0, 1.0])
+    vertical = down * (down @ site.w_ie_n)
+    round_ = np.linalg.norm(site.w_ie_n - vertical) / np.sqrt(2) * np.eye(3)[:, :2]
     base = np.diag([p.nominal, p.nominal, p.azimuth])
-    felt = np.array([np.concatenate([C @ site.w_ie_n, C @ site.f_n]) for C in C_bn])
+    felt = np.array([np.concatenate([C @ vertical, C @ site.f_n]) for C in C_bn])
     turned = np.concatenate([cross_matrix(felt[:, :3]), cross_matrix(felt[:, 3:])], axis=1)
     leaned = [
-        np.concatenate([C @ cross_matrix(v) @ base for v in (site.w_ie_n, site.f_n)]) for C in C_bn
+        np.concatenate([C @ cross_matrix(v) @ base for v in (vertical, site.f_n)]) for C in C_bn
     ]
+    headed = [np.concatenate([C @ round_, np.zeros((3, 2))]) for C in C_bn]
     shared = np.concatenate(
-        [np.array(leaned), p.seat * turned, constant_columns(felt[:, :3], felt[:, 3:], p)], axis=2
+        [
+            np.array(leaned),
+            np.array(headed),
+            p.seat * turned,
+            constant_columns(felt[:, :3], felt[:, 3:], p),
+        ],
+        axis=2,
     )
     placed = p.turn**2 * np.sum(turned**2, axis=2).T
     doubts = np.sum((shared[:, None] - shared) ** 2, axis=3).transpose(2, 0, 1)
