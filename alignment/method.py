@@ -55,7 +55,9 @@ class Method:
         What it is; the paper it is from, by its letter in `alignment.sources`; what a reader of
         its numbers must know.
     estimate : callable
-        From the stretches it is for, a site and options.
+        From the stretches it is for, a site and options; refuses all of them where it refuses one.
+    alone : bool
+        It answers each stretch by itself, as if it were asked of that one only.
     takes : str
         Which stretches it is for: those at 'rest', those 'turning' at a constant rate, 'any' (a
         base that rocks), or those with satellite 'fixes'.
@@ -109,6 +111,7 @@ class Method:
     source: str
     note: str
     estimate: Estimate
+    alone: bool = False
     takes: Takes = "rest"
     gains: Gains | None = None
     functional: Callable[[ImuReadings, Site, Options], Functional] | None = None

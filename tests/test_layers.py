@@ -45,6 +45,7 @@ STOREYS = (
         "folder",
         "samples",
         "room",
+        "threads",
         "table",
         "procedure",
         "imu",
