@@ -23,6 +23,7 @@ from stand.samples import Sampling
 
 LAG = sqrt(2) / (2 * pi)  # s, times 1 / bandwidth [Hz]: by how much slow signals come late
 _G = (-1 + 1j) / 2  # r / l, whatever the bandwidth
+_FORGOTTEN = 64.0  # exp(-64) is 1.6e-28
 _SERIES = 20  # terms of the phi functions below |l| = 1: 1 / 20! is 4e-19
 _ROUNDS = 40  # of the noise's gain: each takes its errors to 0.19 at most (0.4306 squared)
 
@@ -49,6 +50,15 @@ def noise_variance(bandwidth: float, rate_hz: float, sampling: Sampling = Sampli
 
 def _pole(bandwidth: float, rate_hz: float) -> complex:
     return complex(2 * pi * bandwidth / rate_hz * (-1 + 1j) / sqrt(2))
+
+
+def remembered(bandwidth: float, rate_hz: float) -> int:
+    """Samples after which nothing is left of what the filter was fed before, to the last bit.
+
+    What it remembers falls by ``exp(-w0 dt/sqrt2)`` from sample to sample: to 1e-28 of what was
+    changed, which no sum with a noise above it shows. Of a sample itself it keeps three.
+    """
+    return ceil(-_FORGOTTEN / _pole(bandwidth, rate_hz).real) + 3 if np.isfinite(bandwidth) else 0
 
 
 class LowPass:

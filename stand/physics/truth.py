@@ -408,7 +408,7 @@ class Truth:
     def _part(self, motion: Motion, edges: Array, kind: int, sampling: Sampling) -> Samples:
         """Samples of one kind."""
         if kind == _REST:
-            one, n = self._at(motion, edges[-1:], still=True), len(edges) - 1
+            one, n = self.held(motion, edges[-1:]), len(edges) - 1
             columns = (getattr(one, field.name) for field in fields(Samples))
             return Samples(*(_repeated(column, n) for column in columns))
         if kind == _ALONE:
@@ -417,11 +417,17 @@ class Truth:
             return self._instants_between(motion, edges)
         return self.means(motion, edges)
 
-    def _at(self, motion: Motion, t: Array, still: bool = False) -> Samples:
-        """At times (n,), evaluated there; as if it stood `still`."""
-        q, v, a = motion.joints(t)
-        if still:
-            v = a = np.zeros_like(q)
+    def held(self, motion: Motion, t: Array) -> Samples:
+        """Samples, a row for each of the times (n,) [s], at which the motion stands still."""
+        q = motion.joints(t)[0]
+        still = np.zeros_like(q)
+        return self._sampled(q, still, still)
+
+    def _at(self, motion: Motion, t: Array) -> Samples:
+        """At times (n,), evaluated there."""
+        return self._sampled(*motion.joints(t))
+
+    def _sampled(self, q: Array, v: Array, a: Array) -> Samples:
         at = self.instants(q, v, a)
         return Samples(
             at.w_ib_b,

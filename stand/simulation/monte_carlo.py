@@ -3,30 +3,33 @@
 What is the same in every run (plan, checks, truth of a table without errors) is worked out once.
 Of ideal motion the truth is evaluated only where a method will look: between the stretches the
 unit goes on reporting, so that its noise, drifts and roundings take their course, but it is fed
-zeros there. With a low-pass filter, which remembers what it was fed, nothing is left out, nor where
-a method follows the moves; nor with a clock that is wrong or a simulated servo, whose runs are
-those of `stand.simulation.simulation`.
+zeros there, but for so long before a stretch as a low-pass filter remembers. All rests are
+evaluated at once, and the unit reports several stretches at once where they are short: of a rest
+of minutes most of the time was that of calls. Nothing is left out where a method follows the moves;
+nor with a clock that is wrong or a simulated servo, whose runs are those of
+`stand.simulation.simulation`.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment import Dwell
-from alignment.arrays import Array
+from alignment.arrays import Array, IntArray
 from alignment.quaternions import turned_evenly
 from stand.imu import Imu
+from stand.imu.filter import remembered
 from stand.imu.model import UnitErrors, draw
 from stand.motion.plan import Plan, PlannedStep
 from stand.motion.polynomial import MotionKind
 from stand.physics.geometry import data_of, with_errors
 from stand.physics.mjcf import load_model
-from stand.physics.truth import Truth, sample_count, stamps_ns
+from stand.physics.truth import Samples, Truth, rest_of, sample_count, stamps_ns
 from stand.procedure.steps import SwayBehind, SwayStep, VibrationBehind, VibrationStep
-from stand.samples import Sensed, TruthBlock
+from stand.samples import ImuBlock, Sampling, Sensed, TruthBlock
 from stand.simulation.collector import NS, DwellCollector, TrueAttitudes, ticks_of
 from stand.simulation.settings import Settings, follows_moves, table_errors_of, temperature_of
 from stand.simulation.simulation import Block, Simulation, begins_of
@@ -36,6 +39,7 @@ from stand.table.kinematics import C_NW
 RANDOM = (SwayStep, SwayBehind, VibrationStep, VibrationBehind)
 CHUNK = 20_000  # samples: bounds the memory of a run, and costs no speed
 KEPT = 400_000  # samples of truth that are kept for the next run, 300 bytes each
+AT_ONCE = 4096  # samples that the unit reports in one call: beyond it copies cost more than calls
 
 Readings = tuple[list[Dwell], TrueAttitudes]
 
@@ -45,6 +49,16 @@ class _Sensing(NamedTuple):
 
     truth: TruthBlock
     sensed: Sensed
+
+
+class _Span(NamedTuple):
+    """Samples [first, last), and whether the table stands still over all of them."""
+
+    first: int
+    last: int
+    step: PlannedStep | None
+    still: bool
+    fed: bool  # with zeros
 
 
 class Trials:
@@ -64,9 +78,9 @@ class Trials:
         self._drawn = any(isinstance(part, RANDOM) for part in (*entry.step, *entry.background))
         self._whole = settings.motion is MotionKind.SERVO or not first.imu.spec.clock.perfect
         self._spec = settings.unit
-        self._filtered = bool(
-            np.isfinite([self._spec.gyro.bandwidth, self._spec.accel.bandwidth]).any()
-        )
+        bandwidth = min(self._spec.gyro.bandwidth, self._spec.accel.bandwidth)
+        self._memory = remembered(bandwidth, settings.rate_hz)
+        self._spans: list[_Span] = []  # of `plan`, once they were asked for
         self._moves = follows_moves(settings)
         self._model = load_model(settings.table.model)
         self._data = data_of(self._model)  # to work out each run's table in
@@ -80,7 +94,7 @@ class Trials:
 
     def keep_moves(self) -> None:
         """From now on the moves between the stretches too: a method is asked that follows them."""
-        self._moves = True
+        self._moves, self._spans = True, []
 
     def readings(self, seed: int) -> Readings:
         """The stretches of a run, and the true ``C_nb`` of each: at its end (encoder angle 0)."""
@@ -128,8 +142,8 @@ class Trials:
         planned = self._first.replanned(settings.seed) if self._drawn else self.plan
         imu = self._imu(settings)
         collector = self._collector(planned)
-        for felt in self._of(settings, planned):
-            collector.add(felt.truth, imu.report(felt.sensed))
+        for truth, readings in _reported(imu, self._of(settings, planned)):
+            collector.add(truth, readings)
         return collector.finish()
 
     def _imu(self, settings: Settings) -> Imu:
@@ -150,18 +164,52 @@ class Trials:
         yield from self._felt
 
     def _evaluated(self, settings: Settings, planned: Plan, total: int) -> Iterator[_Sensing]:
-        truth = self._truth_of(settings)
-        for first, last, step in spans(planned.stretches, settings.rate_hz, total):
-            if step is None and not (self._filtered or self._moves):
-                yield _nothing(first, last, settings.rate_hz)
-            elif step is None or step.turning is None:
-                yield self._at_rest(truth, planned, settings, first, last)
+        truth, rate_hz = self._truth_of(settings), settings.rate_hz
+        every = self._spans_of(planned, rate_hz, total)
+        rests = iter(_held(truth, planned, [span for span in every if span.still], rate_hz))
+        for span in every:
+            if span.fed:
+                yield self._nothing(span)
+            elif span.still:
+                yield self._at_rest(span, next(rests))
+            elif span.step is None or span.step.turning is None:
+                yield self._at_rest(span, self._moved(truth, planned, span))
             else:
                 yield _Sensing(
                     *truth.block_and_sensed(
-                        planned.motion, settings.rate_hz, settings.sampling, first, last
+                        planned.motion, rate_hz, settings.sampling, span.first, span.last
                     )
                 )
+
+    def _spans_of(self, planned: Plan, rate_hz: int, total: int) -> list[_Span]:
+        """Of the plan that all runs have they are found once."""
+        if self._spans and planned is self.plan:
+            return self._spans
+        found = []
+        for first, last, step in spans(planned.stretches, rate_hz, total):
+            begin = first
+            if step is None and not self._followed:
+                begin = max(first, last - self._memory)
+                if first < begin:
+                    found.append(_Span(first, begin, None, still=False, fed=True))
+            if begin < last:
+                turning = step is not None and step.turning is not None
+                edges = np.arange(begin, last + 1) / rate_hz
+                still = not turning and bool(rest_of(planned.motion, edges).all())
+                found.append(_Span(begin, last, step, still=still, fed=False))
+        if planned is self.plan:
+            self._spans = found
+        return found
+
+    @property
+    def _followed(self) -> bool:
+        """Whether moves are asked for, or a filtered unit sums up roundings of all it was fed."""
+        return self._moves or (self._memory > 0 and self._spec.increments)
+
+    def _moved(self, truth: Truth, planned: Plan, span: _Span) -> Samples:
+        rate_hz = self.settings.rate_hz
+        edges = np.arange(span.first, span.last + 1) / rate_hz
+        return truth.over(planned.motion, edges, self.settings.sampling, rate_hz)
 
     def _truth_of(self, settings: Settings) -> Truth:
         if self._truth is None or not self._same:
@@ -175,14 +223,9 @@ class Trials:
                 self._truth.change(turned, errors)
         return self._truth
 
-    def _at_rest(
-        self, truth: Truth, planned: Plan, settings: Settings, first: int, last: int
-    ) -> _Sensing:
+    def _at_rest(self, span: _Span, over: Samples) -> _Sensing:
         """Without the joints, which only a turn is asked for."""
-        ticks = np.arange(first, last + 1)
-        rate_hz = settings.rate_hz
-        over = truth.over(planned.motion, ticks / rate_hz, settings.sampling, rate_hz)
-        stamps, six = stamps_ns(ticks[1:], settings.rate_hz), _zeros(last - first, 6)
+        stamps, six = self._stamps(span), _zeros(span.last - span.first, 6)
         block = TruthBlock(
             t_ns=stamps,
             w_ib_b=over.w_ib_b,
@@ -191,18 +234,63 @@ class Trials:
             joints=six,
             joint_rates=six,
         )
-        return _Sensing(block, over.sensed(stamps, settings.sampling))
+        return _Sensing(block, over.sensed(stamps, self.settings.sampling))
+
+    def _nothing(self, span: _Span) -> _Sensing:
+        """Samples that no method uses."""
+        n, stamps = span.last - span.first, self._stamps(span)
+        three, six = _zeros(n, 3), _zeros(n, 6)
+        truth = TruthBlock(
+            t_ns=stamps, w_ib_b=three, f_b=three, q_wb=_zeros(n, 4), joints=six, joint_rates=six
+        )
+        ends = three if self.settings.sampling is Sampling.MEAN else None
+        return _Sensing(truth, Sensed(stamps, three, three, w_end=ends, f_end=ends))
+
+    def _stamps(self, span: _Span) -> IntArray:
+        return stamps_ns(np.arange(span.first + 1, span.last + 1), self.settings.rate_hz)
 
 
-def _nothing(first: int, last: int, rate_hz: int) -> _Sensing:
-    """Samples that no method uses."""
-    n = last - first
-    stamps = stamps_ns(np.arange(first + 1, last + 1), rate_hz)
-    three, six = _zeros(n, 3), _zeros(n, 6)
-    truth = TruthBlock(
-        t_ns=stamps, w_ib_b=three, f_b=three, q_wb=_zeros(n, 4), joints=six, joint_rates=six
-    )
-    return _Sensing(truth, Sensed(stamps, three, three))
+def _held(truth: Truth, planned: Plan, spans: Sequence[_Span], rate_hz: int) -> Iterator[Samples]:
+    """The samples of rests, all evaluated at once."""
+    if not spans:
+        return
+    every = truth.held(planned.motion, np.array([span.last for span in spans]) / rate_hz)
+    names = [field.name for field in fields(Samples)]
+    for name in names:
+        getattr(every, name).flags.writeable = False  # one row stands for many, without copies
+    for k, span in enumerate(spans):
+        n = span.last - span.first
+        rows = (getattr(every, name)[k] for name in names)
+        yield Samples(*(np.broadcast_to(row, (n, len(row))) for row in rows))
+
+
+def _reported(imu: Imu, every: Iterable[_Sensing]) -> Iterator[tuple[TruthBlock, ImuBlock]]:
+    """What the unit makes of it, several blocks at once where they are short."""
+    waiting: list[_Sensing] = []
+    for one in every:
+        if sum(len(w.truth) for w in waiting) + len(one.truth) > AT_ONCE:
+            yield from _together(imu, waiting)
+            waiting = []
+        waiting.append(one)
+    yield from _together(imu, waiting)
+
+
+def _together(imu: Imu, waiting: Sequence[_Sensing]) -> Iterator[tuple[TruthBlock, ImuBlock]]:
+    if len(waiting) == 1:
+        yield waiting[0].truth, imu.report(waiting[0].sensed)
+    elif waiting:
+        parts = [one.sensed for one in waiting]
+        readings = imu.report(_joined(parts))
+        begin = 0
+        for one in waiting:
+            end = begin + len(one.truth)
+            yield one.truth, readings.part(slice(begin, end))
+            begin = end
+
+
+def _joined(parts: Sequence[Sensed]) -> Sensed:
+    names = [field.name for field in fields(Sensed) if getattr(parts[0], field.name) is not None]
+    return Sensed(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
 
 
 def _zeros(n: int, k: int) -> Array:

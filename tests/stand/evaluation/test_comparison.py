@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, replace
 from itertools import pairwise
-from math import nan, pi, radians, sqrt
+from math import inf, nan, pi, radians, sqrt
 
 import numpy as np
 import pytest
@@ -32,6 +32,7 @@ from stand.evaluation.statistics import (
     worth,
 )
 from stand.imu import ImuSpec, load_imu
+from stand.imu.filter import remembered
 from stand.imu.model import TERMS
 from stand.motion.polynomial import MotionKind
 from stand.procedure.procedure import load_procedure
@@ -257,11 +258,22 @@ def test_a_sway_drawn_beyond_the_table_is_refused(tmp_path):
         assert str(refused.value) == str(whole.value)
 
 
-def test_a_filter_remembers_the_moves(tmp_path):
+@pytest.mark.parametrize("bandwidth", [1.0, 20.0])
+@pytest.mark.parametrize("text", [HALF_TURN, TURNING, SHORT_REST + ROCKING])
+def test_a_filter_remembers_the_moves(tmp_path, bandwidth, text):
+    """All of them, or the last second: of 20 Hz 18 samples of 20 Hz, exp(-64) of 9.8 m/s^2."""
     unit = load_imu("ring-laser")
-    slow = replace(unit, gyro=replace(unit.gyro, bandwidth=1.0))
-    made = settings_of(procedure_of(tmp_path, HALF_TURN), slow)
-    equal_readings(Trials(made), made)
+    gyro, accel = (replace(t, bandwidth=bandwidth) for t in (unit.gyro, unit.accel))
+    made = settings_of(procedure_of(tmp_path, text), replace(unit, gyro=gyro, accel=accel))
+    trials = Trials(made)
+    for seed in (0, 1):
+        equal_readings(trials, replace(made, seed=seed))
+
+
+def test_what_is_left_out_before_a_stretch_is_forgotten():
+    """A filter of 20 Hz at 20 Hz falls by exp(-4.44) in a sample: 15 samples to exp(-64), and 3."""
+    assert remembered(20.0, 20) == 18
+    assert remembered(inf, 20) == 0
 
 
 @pytest.mark.slow
