@@ -782,6 +782,8 @@ def lag_covariance(carried: Carried, C_ni: Array, priors: Priors, site: Site) ->
 
     The same motion a time `lag` before is as good a record: all is as then, turned on by the rate.
     """
+    if not priors.lag:
+        return np.zeros((len(carried.t), 3, 3))
     rates = carried.dtheta / carried.spans[:, None]
     C_nb = C_ni @ matrices(carried.q)
     w_ib_n = C_nb @ np.concatenate([rates[:1], rates])[:, :, None]
