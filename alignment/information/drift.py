@@ -6,17 +6,20 @@ sine of them. Closed forms: nothing is sampled.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import sqrt
 
 import numpy as np
 
 from alignment.arrays import Array
+from alignment.options import Priors
 
 DECADES = (1.0, 10.0, 100.0, 1000.0, 10000.0)  # s: correlation times that make up an instability
 LASTING = 60.0  # s: correlation beyond it makes a bias of a dwell, and priors of biases hold it
 LEVEL = 0.76475  # least Allan deviation, between 10 and 1000 s, of a unit process on each of them
+
+LEAST = 0.01  # part of a bias that is left to switching on: none at all is for what nobody states
 
 _TO_REAL = np.array([[1, 0, 0], [0, 1, 1], [0, -1j, 1j]])  # of integrals with k = 0, 1, -1
 
@@ -45,6 +48,16 @@ def turn_on(bias: float, plateau: float) -> float:
     """What of a bias's prior is constant: without what of its instability outlasts a minute."""
     slow = sum(one.sigma**2 for one in flicker(plateau) if one.time > LASTING)
     return sqrt(max(bias**2 - slow, 0.0))
+
+
+def switched_on(priors: Priors) -> Priors:
+    """The priors of one who counts drifts from time 0 on: of biases as they were then."""
+    p = priors
+    return replace(
+        p,
+        gyro_bias=max(turn_on(p.gyro_bias, p.gyro_instability), LEAST * p.gyro_bias),
+        accel_bias=max(turn_on(p.accel_bias, p.accel_instability), LEAST * p.accel_bias),
+    )
 
 
 def sum_covariance(gain: Array, span: float, processes: Sequence[GaussMarkov]) -> Array:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from alignment.arrays import Array
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError
+from alignment.information.drift import switched_on
 from alignment.methods.position_fit import (
     drift_covariance,
     equal_spans,
@@ -89,6 +90,7 @@ def turn_pays(
     assert gravity is not None
     axis = np.asarray(axis_b, dtype=float)
     axis = axis / np.linalg.norm(axis)
+    priors = switched_on(priors)
     density = np.repeat([priors.gyro_walk, priors.accel_walk], 3) ** 2
     density[:3] = np.where(np.asarray(gyros, dtype=bool), density[:3], _ABSENT * seconds)
 

@@ -55,8 +55,8 @@ class PositionFit:
         Of gyros [rad/s] and accelerometers [m/s^2].
     cross : (..., n, 3, 6)
         Covariance of attitude errors and biases.
-    bias_prior : (6,)
-        Standard deviations before the fit.
+    bias_prior, bias_reach : (6,), (..., 6)
+        Standard deviations before the fit, and of one that is told the Earth's rate and gravity.
     latitude, latitude_sigma : (...) rad, or None where it was given
     chi2, freedom : (...)
         Sum of squared residuals and priors over their variances; its expectation.
@@ -74,6 +74,7 @@ class PositionFit:
     bias_covariance: Array
     cross: Array
     bias_prior: Array
+    bias_reach: Array
     latitude: Array | None
     latitude_sigma: Array | None
     chi2: Array
@@ -115,8 +116,11 @@ class PositionFit:
 
     @property
     def unseen(self) -> Array:
-        """Which biases (..., 6) stayed near their prior: the turns do not show them."""
-        return np.sqrt(np.einsum("...ii->...i", self.bias_covariance)) > SEEN * self.bias_prior
+        """Which biases (..., 6) stayed near their prior, though noise and drift would let them be
+        known: the turns do not show them."""
+        found = np.einsum("...ii->...i", self.bias_covariance)
+        least = self.bias_reach**2
+        return found > least + SEEN**2 * (self.bias_prior**2 - least)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -274,8 +278,8 @@ def fit_positions(
     gravity_sigma : float
         Of a gravity that is given [m/s^2].
     drift : (..., 2, n, n), (..., 6, n, n) or None
-        Likewise: covariance of the means, by triad or by channel, of what differs from position to
-        position (`drift_covariance`, `rounding_covariance`).
+        Likewise: covariance of the means, by triad or by channel, of what is no constant bias
+        (`drift_covariance`, `rounding_covariance`).
 
     Raises
     ------
@@ -801,12 +805,22 @@ def _result(state: _State, system: _System, problem: _Problem) -> PositionFit:
         bias_covariance=P[:, 3:9, 3:9],
         cross=half[..., 3:9],
         bias_prior=problem.sigmas[:6],
+        bias_reach=np.broadcast_to(_reach(problem), (len(x), 6)),
         latitude=x[:, 9] if estimated else None,
         latitude_sigma=np.sqrt(P[:, 9, 9]) if estimated else None,
         chi2=_cost(system, state, problem),
         freedom=6 * n - 3 - _spent(P, problem),
         margin=np.full(len(x), np.inf),
     )
+
+
+def _reach(problem: _Problem) -> Array:
+    """Standard deviations (r, 6) of the biases by noise and drift alone, of r or one for all."""
+    every = np.arange(6 * problem.positions).reshape(-1, 6).T
+    own = problem.correlated[:, every[:, :, None], every[:, None, :]]  # (r, 6, n, n)
+    weights = 1 / problem.sigma[:, every][..., None]
+    told = np.swapaxes(weights, -1, -2) @ np.linalg.solve(own, weights)
+    return np.asarray((told[..., 0, 0] + 1 / problem.sigmas[:6] ** 2) ** -0.5)
 
 
 def _spent(P: Array, problem: _Problem) -> Array:
@@ -833,22 +847,12 @@ def _symmetric(P: Array) -> Array:
 
 
 def drift_covariance(priors: Priors, spans: Ordered[Span]) -> Array:
-    """Covariance (2, n, n) of means of gyro and accelerometer biases about their common mean.
+    """Covariance (2, n, n) of means of gyro and accelerometer biases about those switched on.
 
-    Instability, random walk and ramp over the time from one position to the next; no turn cancels
-    that. The mean over all positions, by their time, is the bias, which has its own prior.
+    Instability, random walk and ramp since time 0 of the spans; no turn cancels that. Biases have
+    the prior `switched_on` beside it, and early positions tell more of them than late ones do.
     """
-    n = len(spans)
-    if n == 1:
-        return np.zeros((2, n, n))
-    about = np.eye(n) - _by_time(spans)
-    return about @ _drifts(priors, spans) @ about.T
-
-
-def mean_drift(priors: Priors, spans: Ordered[Span]) -> Array:
-    """Variances (2,) of that common mean about the bias that was switched on."""
-    by_time = _by_time(spans)
-    return np.asarray(np.einsum("i,sij,j->s", by_time, _drifts(priors, spans), by_time))
+    return _drifts(priors, tuple(spans))
 
 
 def steady_drift(priors: Priors, span: Span) -> Array:
@@ -860,22 +864,11 @@ def steady_drift(priors: Priors, span: Span) -> Array:
     half = span.length / 2
     halves = [Span(span.start, half), Span(span.start + half, half)]
     apart = np.array([-2.0, 2.0])
-    return np.asarray(np.einsum("i,sij,j->s", apart, _drifts(priors, halves), apart))
-
-
-def _by_time(spans: Ordered[Span]) -> Array:
-    """Parts (n,) of the whole time."""
-    weights = np.array([span.length for span in spans])
-    return np.asarray(weights / weights.sum())
-
-
-def _drifts(priors: Priors, spans: Ordered[Span]) -> Array:
-    """Covariance (2, n, n) of means of gyro and accelerometer biases about the start's."""
-    return _drifts_of(priors, tuple(spans))
+    return np.asarray(np.einsum("i,sij,j->s", apart, drift_covariance(priors, halves), apart))
 
 
 @lru_cache(maxsize=64)  # every run of a procedure has the same times
-def _drifts_of(priors: Priors, spans: tuple[Span, ...]) -> Array:
+def _drifts(priors: Priors, spans: tuple[Span, ...]) -> Array:
     p, n = priors, len(spans)
     gyro = (p.gyro_instability, p.gyro_random_walk, p.gyro_ramp)
     sizes = np.array([gyro, (p.accel_instability, p.accel_random_walk, p.accel_ramp)])

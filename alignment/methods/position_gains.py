@@ -18,6 +18,7 @@ from alignment.errors import AlignmentError
 from alignment.gains import Answer
 from alignment.information import Information, Setting, Stretch, assumed, information
 from alignment.information.circle import circle_information
+from alignment.information.drift import switched_on
 from alignment.methods.position_fit import ROUNDING
 from alignment.methods.positions import ANOMALY, LEAST_TURN
 from alignment.options import Options
@@ -27,7 +28,7 @@ _NORTH = Rotation.identity()
 
 def known_to(stretches: Sequence[Stretch], site: Site, options: Options) -> Information:
     """What readings tell to a method that takes the unit for what its priors say."""
-    priors = with_products(options.priors)
+    priors = switched_on(with_products(options.priors))
     unit, setting = assumed(priors)
     anomaly = ANOMALY if site.local_gravity is None else 0.0
     setting = Setting(placement=setting.placement, mounting=priors.seat, gravity=anomaly)

@@ -20,7 +20,7 @@ from alignment.doubts import heading_doubt
 from alignment.earth import Site, normal_gravity
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate
-from alignment.information.drift import Span
+from alignment.information.drift import Span, switched_on
 from alignment.methods.position_fit import (
     ROUNDING,
     PositionFit,
@@ -28,7 +28,6 @@ from alignment.methods.position_fit import (
     equal_spans,
     fit_positions,
     local_vectors,
-    mean_drift,
     pooled_variances,
     predicted_covariance,
     rounding_covariance,
@@ -48,7 +47,6 @@ ANOMALY = 5e-4  # m/s^2: of gravity about its WGS 84 value, where nobody measure
 
 OVERLAP = 1.5  # samples by which dwells may share readings: stamps of either end are rounded
 LEAST_TURN = np.radians(30.0)  # below it biases hardly change sides
-LEAST = 0.1  # of a bias's variance, drift and all, is that of switching on
 AMBIGUOUS = 12.0  # margin of chi-square: odds of 400 to 1
 
 
@@ -190,18 +188,30 @@ def _told_apart(
     """Readings (n, 6) at the told attitudes, and variances (6, n, n) of how any two differ.
 
     By where the base stands, the seat and the unit's constants but its biases, which are common to
-    them; by each one's placement, and drift.
+    them; by each one's placement, and drift. Heading is sought: of the horizontal Earth rate no
+    more is told than its size, half its square to north and half to east, or what rounding hides
+    would lie along the told heading, and the fit would find that.
     """
     p = priors
     C_bn = [_nominal_of(dwell).inv().as_matrix() for dwell in dwells]
+    down = np.array([0.0, 0.0, 1.0])
+    vertical = down * (down @ site.w_ie_n)
+    round_ = np.linalg.norm(site.w_ie_n - vertical) / np.sqrt(2) * np.eye(3)[:, :2]
     base = np.diag([p.nominal, p.nominal, p.azimuth])
-    felt = np.array([np.concatenate([C @ site.w_ie_n, C @ site.f_n]) for C in C_bn])
+    felt = np.array([np.concatenate([C @ vertical, C @ site.f_n]) for C in C_bn])
     turned = np.concatenate([cross_matrix(felt[:, :3]), cross_matrix(felt[:, 3:])], axis=1)
     leaned = [
-        np.concatenate([C @ cross_matrix(v) @ base for v in (site.w_ie_n, site.f_n)]) for C in C_bn
+        np.concatenate([C @ cross_matrix(v) @ base for v in (vertical, site.f_n)]) for C in C_bn
     ]
+    headed = [np.concatenate([C @ round_, np.zeros((3, 2))]) for C in C_bn]
     shared = np.concatenate(
-        [np.array(leaned), p.seat * turned, constant_columns(felt[:, :3], felt[:, 3:], p)], axis=2
+        [
+            np.array(leaned),
+            np.array(headed),
+            p.seat * turned,
+            constant_columns(felt[:, :3], felt[:, 3:], p),
+        ],
+        axis=2,
     )
     placed = p.turn**2 * np.sum(turned**2, axis=2).T
     doubts = np.sum((shared[:, None] - shared) ** 2, axis=3).transpose(2, 0, 1)
@@ -238,7 +248,7 @@ def _estimates(
     if latitude is not None:
         site.horizontal_rate()  # refuses at a pole
     anomaly = ANOMALY if site.local_gravity is None else 0.0
-    priors = with_products(options.priors)
+    priors = switched_on(with_products(options.priors))
     told = [_told_of(dwells, summaries, site, priors) for dwells, summaries in sets]
     means, variances, relative, drift = (np.array(parts) for parts in zip(*told, strict=True))
     fits = fit_positions(means, variances, relative, latitude, gravity, priors, anomaly, drift)
@@ -280,8 +290,7 @@ def _answers(
     """Of every position; `told`: variances of its means, and turns."""
     t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
     growth = _growth(fit)
-    times = _times_of(dwells)
-    bias_sigmas = _switched_on(growth * fit.bias_covariance.diagonal(), fit, options.priors, times)
+    bias_sigmas = np.sqrt(growth * fit.bias_covariance.diagonal())
     shared = _doubts(fit)
     if options.verdicts:
         given = *local_vectors(site), float(sum(span.length for span in _times_of(dwells)))
@@ -308,18 +317,6 @@ def _answers(
         )
         for k, dwell in enumerate(dwells)
     ]
-
-
-def _switched_on(found: Array, fit: PositionFit, priors: Priors, times: Ordered[Span]) -> Array:
-    """Standard deviations (6,) of the biases that were switched on, from variances `found` (6,).
-
-    Found is the mean over the positions; by how much it has drifted since, D, no position tells.
-    Of a part K of a bias that the readings tell, K of the drift is in it, and 1 - K of that in the
-    prior is not: ``found + (K^2 - (1 - K)^2) D``.
-    """
-    kept = np.minimum(fit.bias_covariance.diagonal() / fit.bias_prior**2, 1.0)
-    drifted = np.repeat(mean_drift(priors, times), 3)
-    return np.sqrt(np.maximum(found + (1 - 2 * kept) * drifted, LEAST * found))
 
 
 def _growth(fit: PositionFit) -> float:

@@ -4,10 +4,12 @@ from math import exp, pi, sqrt
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.methods.inertial import inertial
 from alignment.methods.position_fit import rounding_covariance
+from alignment.methods.positions import multi_position
 from alignment.methods.triad import triad
 from alignment.methods.two_gyro import two_gyro
 from alignment.readings import Grain
@@ -150,3 +152,32 @@ def test_two_means_share_what_is_known_of_how_they_differ(apart, doubt):
     np.testing.assert_allclose(found, np.cov(off, bias=True), atol=0.03 * STEP**2 / 12)
     if apart == doubt == 0:
         np.testing.assert_allclose(found, STEP**2 / 12, rtol=4e-3)
+
+
+@pytest.mark.parametrize("heading", [0.0, 30.0])
+def test_positions_that_read_alike_tell_no_heading_whatever_was_told(heading):
+    """Four rests a quarter turn apart, gyros that stick to steps of 0.06 deg/s: nothing differs.
+
+    Opposite ones are known to differ by W cos lat sqrt(2) = s, so rounding hides about
+    ``q s sqrt(2/pi)`` of that variance: of two gyros sqrt(q s sqrt(2/pi)/8) is 8.6e-5 rad/s beside
+    a horizontal rate of 4.83e-5. What is told of the heading was found again to 1 deg, or turned
+    round.
+    """
+    step, lat = np.radians(0.06), np.radians(48.5)
+    dwells = []
+    for k in range(4):
+        readings = rest([0.0, G, 0.0], noise=1e-3, seed=k, step=1e-9)
+        t = readings.t + 100.0 * k
+        w = np.tile([7 * step, -5 * step, -8 * step], (len(t), 1))
+        w[0, k % 3] += step  # one sample: 1.7e-6 rad/s of the mean
+        r = ImuReadings(t, w, readings.f_b, grains=(Grain(step, 1e-9), Grain()))
+        told = Rotation.from_euler("y", 90 * k - heading, degrees=True)
+        up = Rotation.from_matrix(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
+        dwells.append(Dwell(f"p{k}", 100.0 * k, 100.0 * k + 60, r, nominal=up * told))
+    priors = Priors(gyro_bias=0.01, accel_bias=0.1, gyro_walk=1e-7, nominal=1e-5, azimuth=1e-5)
+    found = multi_position(dwells, HERE, Options(priors=priors))[0]
+    q, s = step, W * np.cos(lat) * sqrt(2)
+    assert np.sqrt(found.covariance[2, 2]) * s / sqrt(2) == pytest.approx(
+        sqrt(q * s * sqrt(2 / pi) / 8), rel=0.3
+    )
+    assert found.undetermined

@@ -1,6 +1,5 @@
 """Where methods begin to refuse or to doubt, on both sides; means and densities by hand."""
 
-import sys
 from math import cos, radians, sin, sqrt
 from types import SimpleNamespace
 
@@ -12,7 +11,7 @@ from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, TooShort
 from alignment.methods.carousel import carousel_attitude, combined, lag_of
 from alignment.methods.harmonics import TurningVector
-from alignment.methods.positions import _doubts, _growth, _switched_on
+from alignment.methods.positions import _doubts, _growth
 from alignment.methods.single_gyro import gyro_latitude
 from alignment.methods.two_gyro import azimuth_of_sway, two_gyro, white_density
 
@@ -139,19 +138,6 @@ def test_a_lag_by_hand():
 
 
 # --- positions ------------------------------------------------------------------------------------
-
-
-def test_biases_as_they_were_switched_on_by_hand(monkeypatch):
-    """A drift of 8 since then: of a bias told to a quarter (1 - 2/4) 8 = 4 is added, of one told
-    wholly 8 is taken off, down to a tenth of what was found."""
-    # the package has the function under that name
-    module = sys.modules["alignment.methods.positions"]
-    monkeypatch.setattr(module, "mean_drift", lambda *_: np.array([8.0, 2.0]))
-    told = np.diag([0.25, 1.0, 5.0, 1.0, 4.0, 0.0])
-    fit = SimpleNamespace(bias_covariance=told, bias_prior=np.array([1, 1, 1, 2, 2, 2.0]))
-    found = _switched_on(np.array([5.0, 24.0, 7.0, 3.0, 3.0, 2.0]), fit, Priors(), [])
-    # 1, 1 and 1 of variances 1; 1/4, 1 and 0 of variances 4
-    np.testing.assert_allclose(found, np.sqrt([9.0, 16.0, 0.7, 4.0, 1.0, 4.0]), rtol=1e-12)
 
 
 def fitted(**changes) -> SimpleNamespace:

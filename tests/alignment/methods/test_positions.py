@@ -10,7 +10,8 @@ from scipy.stats import chi2, norm
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, NotAtRest, PoleError
-from alignment.information.drift import Span
+from alignment.information import Stretch
+from alignment.information.drift import Span, switched_on
 from alignment.information.turns import double_sigma, time_needed, turn_pays
 from alignment.methods.position_fit import (
     drift_covariance,
@@ -20,6 +21,7 @@ from alignment.methods.position_fit import (
     predicted_covariance,
     steady_drift,
 )
+from alignment.methods.position_gains import known_to
 from alignment.methods.positions import half_turn_means, multi_position, two_position
 from alignment.methods.triad import triad_attitude
 
@@ -691,13 +693,12 @@ def test_drift_between_positions_by_hand():
     by ``n ln n / (2 (n - 1) ln 2)`` of its Allan variance: 1 of two, 4/3 of four."""
     priors = Priors(gyro_instability=3.0, accel_instability=2.0)
     for n, ratio in ((2, 1.0), (4, 4 / 3)):
-        D = drift_covariance(priors, equal_spans(n, 100.0 * n))
+        # about the common mean: what all positions share is a bias
+        apart = np.eye(n) - 1 / n
+        D = apart @ drift_covariance(priors, equal_spans(n, 100.0 * n)) @ apart
         scatter = np.trace(D, axis1=1, axis2=2) / (n - 1)
         # five processes a decade apart keep their plateau within some per cent
         np.testing.assert_allclose(scatter, [9 * ratio, 4 * ratio], rtol=0.08)
-        # about the common mean: what all positions share is the bias
-        assert np.abs(D.sum(axis=1)).max() < 1e-12
-    assert not drift_covariance(priors, equal_spans(1, 100.0)).any()
 
 
 def test_walk_and_ramp_between_positions_by_hand():
@@ -710,6 +711,98 @@ def test_walk_and_ramp_between_positions_by_hand():
     assert apart @ ramp[1] @ apart == pytest.approx((2.0 * 100.0) ** 2, rel=1e-12)
     assert not walk[1].any()
     assert not ramp[0].any()
+    # beside the bias that was switched on: K^2 T/3, then K^2 (T + T/3); r T/2, then 3 r T/2
+    np.testing.assert_allclose(walk[0], [[300.0, 450.0], [450.0, 1200.0]], rtol=1e-12)
+    np.testing.assert_allclose(ramp[1], [[1e4, 3e4], [3e4, 9e4]], rtol=1e-12)
+
+
+def test_the_bias_that_was_switched_on_is_found_by_hand():
+    """A ramp r known to s/10 per second; means at 10 and 30 s, each of noise s, along the vertical.
+
+    Weights w and 1 - w leave ``s^2 (w^2 + (1 - w)^2 + (3 - 2 w)^2)`` of the bias at 0 s: least at
+    w = 7/6, with 11/6 s^2. Their mean, w = 1/2, would leave 9/2.
+    """
+    s = 1e-5
+    drift = drift_covariance(Priors(accel_ramp=s / 10), [Span(0.0, 20.0), Span(20.0, 20.0)])
+    lat, relative = HERE.latitude, TURNS["half turn"]
+    y = readings_of(LEVEL @ relative, lat)
+    y[:, 4] += [6e-3, 12e-3]
+    variances = np.tile(np.repeat([1e-14, s**2], 3), (2, 1))
+    fit = fit_positions(y, variances, relative, lat, G, Priors(), drift=drift)
+    assert fit.biases[4] == pytest.approx(7 / 6 * 6e-3 - 12e-3 / 6, rel=1e-3)
+    assert fit.bias_covariance[4, 4] == pytest.approx(11 / 6 * s**2, rel=1e-3)
+
+
+def test_a_drift_that_hides_a_bias_is_no_fault_of_the_turns():
+    """Of a bias of 1 deg/h that has drifted by as much since, half a variance can be told: it is.
+
+    Along the vertical gravity is all of 9.8 m/s^2, of which nothing is known: that is the turn's.
+    """
+    drift = np.zeros((6, 2, 2))
+    drift[:3], lat = DEG_H**2, HERE.latitude
+    relative, priors = TURNS["half turn"], Priors(gyro_bias=DEG_H, accel_bias=0.1 * MILLI_G)
+    variances = np.tile(np.repeat([1e-12, 1e-6], 3) ** 2, (2, 1))
+    fit = fit_positions(
+        readings_of(LEVEL @ relative, lat), variances, relative, lat, None, priors, drift=drift
+    )
+    sigmas = np.sqrt(np.diag(fit.bias_covariance))
+    np.testing.assert_allclose(sigmas[:3], DEG_H * sqrt(0.5), rtol=1e-3)
+    np.testing.assert_array_equal(fit.unseen, [False, False, False, False, True, False])
+
+
+def test_what_is_left_to_switching_on_by_hand():
+    """Flicker of plateau 1: five processes of 1/0.76475, three of which outlast a minute."""
+    told = switched_on(Priors(gyro_bias=3.0, gyro_instability=1.0, accel_bias=2.0))
+    assert told.gyro_bias == pytest.approx(sqrt(9 - 3 / 0.76475**2), rel=1e-12)
+    assert told.accel_bias == 2.0
+    # all of it drifts: one that is stated stays so, one that nobody knows too
+    told = switched_on(Priors(gyro_bias=1.0, gyro_instability=1.0, accel_instability=1.0))
+    assert (told.gyro_bias, told.accel_bias) == (0.01, 0.0)
+
+
+@pytest.mark.parametrize("instability", [0.0, 0.3])
+def test_biases_are_known_as_well_as_they_are_predicted_to_be(instability):
+    """Drifts for hours: the fit's sigmas beside those of `alignment.information`, by other code."""
+    priors = Priors(
+        gyro_bias=DEG_H,
+        gyro_walk=0.1 * DEG_RT_H,
+        gyro_instability=instability * DEG_H,
+        gyro_random_walk=0.3 * DEG_H / 60,
+        gyro_ramp=0.3 * DEG_H / 3600,
+        accel_bias=0.2 * MILLI_G,
+        accel_walk=5e-4,
+        accel_instability=instability * 0.05 * MILLI_G,
+        accel_random_walk=0.02 * MILLI_G / 60,
+        accel_ramp=0.02 * MILLI_G / 3600,
+    )
+    relative = np.concatenate([TURNS["four"], about([1, 0, 0], 90, 180)])
+    spans = [Span(start, T) for start, T in zip(np.cumsum([50.0, *[1500.0] * 5]), [5, *[900] * 5])]  # noqa: B905
+    rests = [
+        Stretch(f"{k}", s.start, s.length, Rotation.from_matrix(TILTED @ R))
+        for k, (s, R) in enumerate(zip(spans, relative, strict=True))
+    ]
+    site = Site(HERE.latitude, local_gravity=G)
+    known = known_to(rests, site, Options(priors=priors))
+    told, lengths = switched_on(priors), np.array([s.length for s in spans])
+    density = np.repeat([priors.gyro_walk, priors.accel_walk], 3) ** 2
+    fit = fit_positions(
+        readings_of(TILTED @ relative, HERE.latitude),
+        density / lengths[:, None],
+        relative,
+        HERE.latitude,
+        G,
+        told,
+        drift=drift_covariance(told, spans),
+    )
+    labels = [f"{s} bias {a}" for s in ("gyro", "accelerometer") for a in ("X1", "Y1", "Z1")]
+    expected = [known.sigma(label) for label in labels]
+    np.testing.assert_allclose(np.sqrt(np.diag(fit.bias_covariance)), expected, rtol=1e-4)
+    for k in range(6):
+        np.testing.assert_allclose(
+            np.diag(fit.covariance[k]),
+            np.diag(known.covariance(known.attitude_rows(k))),
+            rtol=1e-4,
+        )
 
 
 def test_steady_drift_by_hand():

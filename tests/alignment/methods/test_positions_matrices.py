@@ -275,7 +275,7 @@ def test_g_sensitivity_does_not_cancel_in_a_tilted_turn():
 def fit_of(chi_square, freedom):
     one = np.zeros((1, 3, 3))
     return PositionFit(
-        one, one, np.zeros(6), np.eye(6), np.zeros((1, 3, 6)), np.ones(6), None, None,
+        one, one, np.zeros(6), np.eye(6), np.zeros((1, 3, 6)), np.ones(6), np.ones(6), None, None,
         np.array(chi_square), np.array(freedom), np.array(np.inf),
     )  # fmt: skip
 

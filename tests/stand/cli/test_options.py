@@ -245,6 +245,68 @@ def test_a_proposal_is_for_what_was_said(here, monkeypatch):
     }  # fmt: skip
 
 
+CALIBRATED = {
+    "hand_held": False, "imu": None, "table": None, "trust_table": False, "free": [],
+    "gravity_m_s2": None, "gravity_sigma_m_s2": None, "latitude_deg": None, "height_m": None,
+    "shortest_s": 1.0, "as_published": False, "axes": "", "serial": "",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("said", "field", "value"),
+    [
+        (("--hand-held",), "hand_held", True),
+        (("--imu", "hg9900"), "imu", "hg9900"),
+        (("--table", "precision"), "table", "precision"),
+        (("--trust-table",), "trust_table", True),
+        (("--free", "k2, k3"), "free", ["k2", "k3"]),
+        (("--gravity", 9.8), "gravity_m_s2", 9.8),
+        (("--gravity-sigma", 1e-5), "gravity_sigma_m_s2", 1e-5),
+        (("--latitude", 40), "latitude_deg", 40),
+        (("--height", 300), "height_m", 300),
+        (("--shortest", 2), "shortest_s", 2),
+        (("--hand-held", "--as-published"), "as_published", True),
+        (("--axes", "x,-z,y"), "axes", "x,-z,y"),
+        (("--serial", "S7"), "serial", "S7"),
+    ],
+)
+def test_a_calibration_is_asked_for_what_was_said(here, monkeypatch, said, field, value):
+    def read(path, **given):
+        assert path == Path("log.csv")
+        assert (given["form"].axes or "") == (value if field == "axes" else "")
+
+    monkeypatch.setattr("stand.api.read", read)
+    _, given = handed(here, monkeypatch, "stand.api.calibrate", "calibrate", "log.csv", *said)
+    also = {"hand_held": True} if "--hand-held" in said else {}
+    assert given == CALIBRATED | also | {field: value}
+
+
+def test_a_log_is_read_as_was_said(here, monkeypatch):
+    said = ("--from", 1, "--to", 2, "--topic", "/a", "--turn-joint", "j")
+    said += ("--turn-axis", "0,0.6,0.8")
+    said += ("--start-attitude", "1,2,3", "--start-sigma", 4, "--fix-sigma", "5,6")
+    said += ("--stretches", "s.toml", "--method", "vectors")
+    (path,), given = handed(here, monkeypatch, "stand.api.read", "align", "log.csv", *said)
+    del given["form"], given["progress"]
+    assert path == Path("log.csv")
+    assert {k: v if isinstance(v, bool) else str(v) for k, v in given.items()} == {
+        "topic": "/a", "t_from_s": "1.0", "t_to_s": "2.0", "turn_joint": "j",
+        "turn_axis": "(0.0, 0.6, 0.8)", "moving": True, "start_attitude_deg": "(1.0, 2.0, 3.0)",
+        "start_sigma_deg": "4.0", "fix_sigma": "(5.0, 6.0)", "stretches": "s.toml",
+    }  # fmt: skip
+    said = ("--topic", "/a", "--stretches", "s.toml")
+    _, given = handed(here, monkeypatch, "stand.api.read", "calibrate", "log.csv", *said)
+    assert (given["topic"], str(given["stretches"])) == ("/a", "s.toml")
+
+
+def test_a_drive_is_made_as_was_said(here, monkeypatch):
+    said = ("--imu", "hg9900", "--rate", 50, "--seed", 7, "--out", "d", "--force")
+    names, given = handed(here, monkeypatch, "stand.drive", "drive", "weaving", *said)
+    del given["progress"]
+    assert names == ("weaving", "hg9900")
+    assert given == {"rate_hz": 50, "seed": 7, "out": Path("d"), "force": True}
+
+
 def test_a_picture_is_drawn_as_was_said(here, monkeypatch):
     recorded(here, *IDEAL)
     said = ("--camera", "side", "--method", "triad", "--size", "320x180", "--joints", "a=outer")
@@ -259,13 +321,54 @@ def test_a_picture_is_drawn_as_was_said(here, monkeypatch):
     }  # fmt: skip
 
 
+def test_a_film_is_drawn_as_was_said(here, monkeypatch):
+    recorded(here, *IDEAL)
+    said = ("--camera", "side", "--method", "triad", "--size", "320x180", "--joints", "a=outer")
+    said += ("--from", 1, "--to", 2, "--speed", 4, "--force")
+    (_, out), given = handed(
+        here, monkeypatch, "stand.report.film.write_film",
+        "film", "run", "--out", "x.mp4", *said,
+    )  # fmt: skip
+    del given["progress"]
+    assert out == Path("x.mp4")
+    assert given == {
+        "t_from": 1, "t_to": 2, "speed": 4, "camera": "side", "size": (320, 180),
+        "method": "triad", "joints": "a=outer", "force": True,
+    }  # fmt: skip
+
+
+def test_an_allan_analysis_is_of_what_was_said(here, monkeypatch):
+    said = ("--imu", "hg9900", "--terms", "N, K", "--topic", "/a", "--from", 1, "--to", 2)
+    _, given = handed(here, monkeypatch, "stand.api.allan", "allan", "log.csv", *said)
+    del given["form"], given["progress"]
+    assert list(given.pop("terms")) == ["N", "K"]
+    assert given == {"imu": "hg9900", "topic": "/a", "t_from_s": 1, "t_to_s": 2}
+
+
+def test_runs_are_compared_as_was_said(here, monkeypatch):
+    said = ("--runs", 7, "--keep", "k", "--scheduler", "local", "--rate", 50, "--seed", 5)
+    said += ("--without", "white-noise,range", "--true-table", "--methods", "triad,rk4")
+    (made, runs), given = handed(here, monkeypatch, "stand.compare", "compare", "rest.toml", *said)
+    del given["progress"]
+    assert (runs, given) == (7, {"keep": Path("k"), "scheduler": "local"})
+    assert (made.rate_hz, made.seed, made.true_table) == (50, 5, True)
+    assert (set(made.without), made.methods) == ({"white-noise", "range"}, ("triad", "rk4"))
+
+
+def test_a_campaign_is_made_as_was_said(here, monkeypatch):
+    said = ("--out", "c", "--resume", "--workers", 3, "--scheduler", "local")
+    names, given = handed(here, monkeypatch, "stand.campaign", "campaign", "sweep.toml", *said)
+    assert names == ("sweep.toml", Path("c"))
+    assert given == {"resume": True, "workers": 3, "scheduler": "local"}
+
+
 def test_a_rehearsal_s_runs_are_made_as_was_said(here, monkeypatch):
     said = ("--verify", 7, "--keep", "k", "--scheduler", "local", "--propose", "--seed", 5)
-    said += ("--motion", "servo", "--revision", "C", "--terms", "N,B")
+    said += ("--motion", "servo", "--revision", "C", "--terms", "N,B", "--rate", 50)
     (made,), given = handed(here, monkeypatch, "stand.rehearse", "rehearse", "rest.toml", *said)
     del given["progress"]
     assert given == {"verify": 7, "keep": Path("k"), "scheduler": "local", "propose": True}
-    assert (made.seed, made.motion.value, made.revision) == (5, "servo", "C")
+    assert (made.seed, made.motion.value, made.revision, made.rate_hz) == (5, "servo", "C", 50)
     assert tuple(made.allan_terms) == ("N", "B")
 
 

@@ -504,6 +504,7 @@ def test_a_stretch_of_samples_by_hand(tmp_path):
     assert found.timed["/phase StateChange:state"] == [["dwell rest 1"], [""]]
     assert found.at("/phase", "sim_time").tolist() == [10 * S, 11 * S]
     names = {name for (name,) in found.screens["ViewBlueprint:display_name"]}
+    assert "Phase" in names
     assert "Specific force of the IMU [m/s²], -45 to 36" in names
     assert "Angular rate of the IMU [deg/s], -10 to 5" in names
     # 1 % before 10 s, 14 % of 2 s behind 12
@@ -526,6 +527,7 @@ def test_a_long_stretch_without_phases(tmp_path, monkeypatch):
         np.testing.assert_allclose(rows[:, 0], [9, -3, 0, 7])
         assert found.at(entity, "sim_time").tolist() == [S, 4 * S, 5 * S, 8 * S]
     assert "/phase sim_time" not in found.timed
+    assert ["Phase"] not in found.screens["ViewBlueprint:display_name"]
     assert found.screens["ContainerBlueprint:row_shares"] == [[1.0, 1.0]]
 
 
