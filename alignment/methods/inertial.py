@@ -192,11 +192,6 @@ def noise_of(readings: ImuReadings, priors: Priors) -> Noise:
     return Noise(gyro, accel)
 
 
-def is_stated(priors: Priors) -> bool:
-    """Whether a data sheet tells the noise, so that the readings are not asked."""
-    return priors.gyro_walk > 0 or priors.accel_walk > 0
-
-
 def rest_of(
     dwell: Dwell,
     readings: ImuReadings,
@@ -210,7 +205,7 @@ def rest_of(
     in the record around them: see `own_parts`.
     """
     nothing = Rest(*np.zeros((3, 3)), drift_around=np.zeros(6), part=1.0)
-    if is_stated(priors) or len(readings) < LEAST_SPECTRUM:
+    if not priors.noise_only or len(readings) < LEAST_SPECTRUM:
         return nothing
     try:
         check_rest(readings, "")
@@ -735,13 +730,14 @@ def covariances(
 def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors: Priors) -> Noise:
     """White noise by the priors, or as the readings show it in the band that matters."""
     noise = noise_of(readings, priors)
-    return noise if is_stated(priors) else quieter(noise, carried, matched)
+    stated = priors.gyro_walk > 0 or priors.accel_walk > 0
+    return noise if stated else quieter(noise, carried, matched)
 
 
 def left_of_the_turn(carried: Carried, matched: Match, priors: Priors) -> float:
     """Part of the Earth's level rate that gyros of unknown bias show, as order 2 of the level
     velocity tells; 1 with a data sheet."""
-    if is_stated(priors):
+    if not priors.noise_only:
         return 1.0
     basis = _smooth(carried)[:, 2] * np.sqrt(carried.spans)
     expected = basis @ matched.reference[:, :2]
@@ -786,6 +782,8 @@ def lag_covariance(carried: Carried, C_ni: Array, priors: Priors, site: Site) ->
 
     The same motion a time `lag` before is as good a record: all is as then, turned on by the rate.
     """
+    if not priors.lag:
+        return np.zeros((len(carried.t), 3, 3))
     rates = carried.dtheta / carried.spans[:, None]
     C_nb = C_ni @ matrices(carried.q)
     w_ib_n = C_nb @ np.concatenate([rates[:1], rates])[:, :, None]

@@ -372,7 +372,8 @@ def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
     means = np.concatenate([readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0)])
     variances = np.concatenate(
         [
-            rocking_rate_variance(readings.w_ib_b, readings.interval),
+            rocking_rate_variance(readings.w_ib_b, readings.interval)
+            + drift_of(readings.w_ib_b) ** 2,
             quiet_density(readings.f_b, readings.interval) / T + drift_of(readings.f_b) ** 2,
         ]
     )
@@ -419,5 +420,7 @@ def _doubts(readings: ImuReadings, sway: Sway, latitude: float) -> tuple[str, ..
     bound = sway_bound(sway, latitude)
     flags = (f"published bound of a sample, sway's own rate left out: {bound / DEG:.2g} deg",)
     return (
-        flags + drift_doubt(np.zeros(3), drift_of(readings.f_b)) + apart_doubt(apart_of(readings))
+        flags
+        + drift_doubt(drift_of(readings.w_ib_b), drift_of(readings.f_b))
+        + apart_doubt(apart_of(readings))
     )

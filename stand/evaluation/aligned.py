@@ -136,14 +136,13 @@ def align(
     doubts = _doubts(logs, methods, site, options)
     scores, refused = evaluate_each(dwells, truths, site, options, methods)
     refusals = [*(lost for log in logs for lost in log.lost), *refused]
-    if refusals and not scores:
+    rows: list[Scatter] = []
+    if windows_s:  # what is lost or moves in one of them silences no other
+        rows, left_out = scatters(dwells, site, options, methods, windows_s)
+        refusals = [*refusals, *left_out]
+    if refusals and not scores and not rows:
         named = f"{refusals[0].stretch}: " if refusals[0].stretch else ""
         raise StandError(f"{first.path}: {named}{refusals[0].reason}")
-    rows: list[Scatter] = []
-    if windows_s:
-        answered = [m for m in methods if any(s.estimate.method == m for s in scores)]
-        rows, left_out = scatters(dwells, site, options, answered, windows_s)
-        refusals = [*refusals, *left_out]
     return Alignment(
         logs=tuple(logs),
         site=site,

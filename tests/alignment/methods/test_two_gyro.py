@@ -529,3 +529,18 @@ def test_the_sway_comes_as_numbers():
     assert found.sway["beta"] == pytest.approx(np.mean(beta), rel=1e-12)
     assert found.sway["variance_gamma"] == pytest.approx(np.var(gamma, ddof=1), rel=1e-9)
     assert found.sway["bound"] == sway_bound(sway, LAT)
+
+
+def test_a_ramp_that_the_record_shows_is_counted():
+    """0.1 deg/h from end to end of ten minutes at rest, no data sheet: over ``W cos lat`` of
+    9.967 deg/h at 48.5 deg it is 0.01003 rad; the fit of the ramp is good to 2 %."""
+    rng, n, hour = np.random.default_rng(4), 6000, np.pi / 180 / 3600
+    t, lat = np.arange(1, n + 1) / 10, np.radians(48.5)
+    w = 7.292115e-5 * np.array([np.cos(lat), np.sin(lat), 0.0])  # X1 north, Y1 up
+    noise = 2e-4 * np.pi / 180 / 60 * np.sqrt(10) * rng.normal(size=(n, 3))
+    rates = w + noise + 0.1 * hour * t[:, None] / 600
+    forces = [0.0, 9.81, 0.0] + 1e-4 * rng.normal(size=(n, 3))
+    dwell = Dwell("rest", 0.0, 600.0, ImuReadings(t, rates, forces))
+    (found,) = two_gyro([dwell], Site(lat), Options())
+    assert np.sqrt(found.covariance[2, 2]) == pytest.approx(0.01003, rel=0.1)
+    assert any("gyros by 0.1 deg/h" in flag for flag in found.flags)

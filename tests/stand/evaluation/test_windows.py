@@ -9,6 +9,7 @@ import pytest
 from rocking import Angle, G, Motion
 from scipy.spatial.transform import Rotation
 
+import stand
 from alignment import Dwell, ImuReadings, Options, Priors, Site, Turn
 from alignment.methods.triad import triad
 from stand.errors import StandError
@@ -396,3 +397,20 @@ def test_the_ring_lasers_windows_scatter_as_they_say(method, seconds):
 
 
 DOWN = [[0, 0, 1.0], [-1, 0, 0], [0, -1, 0]]
+
+
+def test_a_gap_silences_the_window_that_it_is_in_and_no_other(tmp_path):
+    """A log that a method refuses as a whole, cut at the gap's sides: three of four are told."""
+    rng, t = np.random.default_rng(3), np.arange(1, 1201) / 10
+    w = [4e-5, 5e-5, -3e-5] + 1e-7 * rng.standard_normal((1200, 3))
+    f = [0.0, 9.81, 0.0] + 1e-4 * rng.standard_normal((1200, 3))
+    whole = (t < 70) | (t > 72)
+    path, names = tmp_path / "gap.csv", "t_s,gx_rad_s,gy_rad_s,gz_rad_s,ax_m_s2,ay_m_s2,az_m_s2"
+    table = np.column_stack([t, w, f])[whole]
+    np.savetxt(path, table, delimiter=",", header=names, comments="")
+    found = stand.align(path, method="inertial", latitude_deg=48.5, windows_s=(30,))
+    assert found.scores == ()
+    assert {(row.quantity, row.count) for row in found.windows} >= {("roll", 3), ("pitch", 3)}
+    assert all("gap of 2" in one.reason for one in found.refusals)
+    with pytest.raises(stand.StandError, match="gap of 2"):
+        stand.align(path, method="inertial", latitude_deg=48.5)
