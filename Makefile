@@ -17,7 +17,7 @@ lint: $(READY)
 	$(PY) -m pyright
 
 bench: $(READY)
-	$(PY) tests/benchmarks/bench.py $(ARGS)
+	OPENBLAS_NUM_THREADS=1 $(PY) tests/benchmarks/bench.py $(ARGS)
 
 peers: $(READY) $(PEERS)/.ready
 	$(PY) tests/benchmarks/peers.py $(PEERS)/bin/python

@@ -62,11 +62,13 @@ class Method:
         What it is; the paper it is from, by its letter in `alignment.sources`; what a reader of
         its numbers must know.
     estimate : callable
-        From the stretches it is for, a site and options.
+        From the stretches it is for, a site and options; refuses all of them where it refuses one.
     estimate_of_runs : callable or None
         As that, to the bit, of many runs of one procedure at once, where that is faster: of as
         many stretches each, at sites that differ in their gravity alone. Refusals take the place
         of answers; one that is of no run alone is raised.
+    alone : bool
+        It answers each stretch by itself, as if it were asked of that one only.
     takes : str
         Which stretches it is for: those at 'rest', those 'turning' at a constant rate, 'any' (a
         base that rocks), or those with satellite 'fixes'.
@@ -120,6 +122,7 @@ class Method:
     source: str
     note: str
     estimate: Estimate
+    alone: bool = False
     estimate_of_runs: EstimateOfRuns | None = None
     takes: Takes = "rest"
     gains: Gains | None = None

@@ -40,6 +40,9 @@ class Priors:
         about down: where its base stands.
     lever_arm : float
         Uncertainty of the instrument's place from the point that stays [m].
+    lag : float
+        By how much readings come later than their stamps [s], as a low-pass and a bus make them: an
+        attitude at the end of a motion is that of as long before.
     gyro_random_walk, accel_random_walk : float
         Of the bias [rad/s/sqrt(s)], [m/s^2/sqrt(s)].
     gyro_ramp, accel_ramp : float
@@ -72,6 +75,7 @@ class Priors:
     nominal: float = 0.0
     azimuth: float = 0.0
     lever_arm: float = 0.0
+    lag: float = 0.0
     gyro_random_walk: float = 0.0
     accel_random_walk: float = 0.0
     gyro_ramp: float = 0.0

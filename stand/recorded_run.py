@@ -136,17 +136,16 @@ class _Run:
             )
             text = json.dumps(result_json(result), indent=1, allow_nan=False)
             write_file(self.folder / "result.json", text + "\n")
-            refused = [r.method for r in refusals]
-            answered = [method for method in methods_of(self.settings) if method not in refused]
+            methods = methods_of(self.settings)
             site, options = self.settings.site, self.settings.options
-            found = method_innovations(answered, dwells, site, options)
+            found = method_innovations(methods, dwells, site, options)
             if found:
                 write_file(self.folder / "innovations.csv", innovations_csv(found))
             mcap.close(metadata=_settled(begins))
             with review.result() as rrd:
                 for event in sorted(self.events):
                     rrd.event(*event)
-                rrd.angles(self._curves(answered, dwells, attitudes, collector))
+                rrd.angles(self._curves(methods, dwells, attitudes, collector))
                 rrd.innovations(found)
                 rrd.documents(report_document(result), config_document(result))
                 rrd.close()
@@ -298,7 +297,7 @@ class _Run:
 
     def _curves(
         self,
-        answered: Sequence[str],
+        methods: Sequence[str],
         dwells: Sequence[Dwell],
         attitudes: Sequence[Rotation],
         collector: DwellCollector,
@@ -309,7 +308,7 @@ class _Run:
             return collector.true_at(label, t) or at_end[label]
 
         s = self.settings
-        return method_curves(answered, dwells, attitudes, true_at, s.site, s.options)
+        return method_curves(methods, dwells, attitudes, true_at, s.site, s.options)
 
 
 def _write_review(

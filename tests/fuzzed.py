@@ -146,6 +146,7 @@ def run(
     cases: int,
     folder: Path,
     seed: int = 0,
+    first: int = 0,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Counter[str]:
     """So many damaged logs of a kind; the first that is neither read nor refused is raised."""
@@ -161,7 +162,7 @@ def run(
         path.write_bytes(data)
         read(path)
     with limited():
-        for k in range(cases):
+        for k in range(first, first + cases):
             rng = np.random.default_rng([seed, k])
             try:
                 if logs:
@@ -178,7 +179,7 @@ def run(
                 kept = path.rename(folder / f"failed.{kind}")
                 told = repr(error)[:500]
                 raise AssertionError(f"{kind}, seed {seed}, case {k}: {kept}: {told}") from error
-            progress(k)
+            progress(k - first)
     more = _peak() - begin
     assert more < MEMORY, f"{kind}: {more / 1e6:.0f} MB"
     return found

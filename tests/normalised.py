@@ -16,12 +16,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from alignment import ESTIMATORS, AttitudeEstimate
+from alignment import AttitudeEstimate
 from alignment.against_truth import rotation_error
-from alignment.errors import AlignmentError
 from stand.errors import StandError
 from stand.evaluation.comparison import applicable
-from stand.evaluation.score import Truths, circular, suited
+from stand.evaluation.score import Truths, answered, circular
 from stand.imu import load_imu
 from stand.procedure.procedure import Procedure, table_of
 from stand.rehearsal.verify import first_seed
@@ -47,7 +46,7 @@ class Promise:
 
     `values` (m,), `freedoms` (m,): normalised squared errors and their degrees of freedom, one a
     run that gave a number; `sigma` [rad] their median heading sigma; `refused`: how many runs gave
-    none, and the first `reason`.
+    none, and the first `reason`. Without a `label`: of refusals of all stretches.
     """
 
     case: str
@@ -86,7 +85,7 @@ def settings_of(procedure: Procedure, imu: str, rate_hz: int | None = None) -> S
 
 
 class Run(NamedTuple):
-    """What one run came to, in plain values: (method, reason) of refusals; method, label,
+    """What one run came to, in plain values: method, label, reason of refusals; method, label,
     normalised squared error, its degrees of freedom and heading sigma [rad] of estimates."""
 
     refused: list[list[Any]]
@@ -136,19 +135,15 @@ def _trial(trials: Trials, methods: Sequence[str], seed: int) -> Run:
     try:
         dwells, attitudes = trials.readings(seed)
     except StandError as error:  # a sway drawn anew may be beyond the table
-        run.refused.append(["", str(error)])
+        run.refused.append(["", "", str(error)])
         return run
     truths = {
         d.label: Truths(C, mean=mean)
         for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
     }
     for method in methods:
-        try:
-            own = suited(method, dwells)
-            estimates = ESTIMATORS[method].estimate(own, made.site, made.options)
-        except AlignmentError as error:
-            run.refused.append([method, str(error)])
-            continue
+        estimates, refused = answered(method, dwells, made.site, made.options)
+        run.refused.extend([method, one.stretch, one.reason] for one in refused)
         for e in estimates:
             if e.C_nb is None or e.label not in truths or circular(e):
                 continue
@@ -186,11 +181,11 @@ class _Found:
     def __init__(self, case: str) -> None:
         self.case = case
         self._of: dict[tuple[str, str], list[tuple[float, int, float]]] = {}
-        self._refused: dict[str, list[str]] = {}
+        self._refused: dict[tuple[str, str], list[str]] = {}
 
     def add(self, run: Run) -> None:
-        for method, reason in run.refused:
-            self._refused.setdefault(method, []).append(reason)
+        for method, label, reason in run.refused:
+            self._refused.setdefault((method, label), []).append(reason)
         for method, label, *row in run.found:
             self._of.setdefault((method, label), []).append((row[0], row[1], row[2]))
 
@@ -198,7 +193,7 @@ class _Found:
         made = []
         for (method, label), rows in self._of.items():
             values, freedoms, sigmas = zip(*rows, strict=True)
-            why = self._refused.get(method, [])
+            why = self._refused.get((method, label), [])
             made.append(
                 Promise(
                     case=self.case,
@@ -211,10 +206,9 @@ class _Found:
                     reason=why[0] if why else "",
                 )
             )
-        silent = set(self._refused) - {method for method, _ in self._of}
-        for method in sorted(silent):
-            why = self._refused[method]
-            made.append(Promise(self.case, method, "", (), (), np.nan, len(why), why[0]))
+        for method, label in sorted(set(self._refused) - set(self._of)):
+            why = self._refused[method, label]
+            made.append(Promise(self.case, method, label, (), (), np.nan, len(why), why[0]))
         return made
 
 

@@ -365,6 +365,17 @@ def test_every_estimator_recovers_the_attitude_of_perfect_readings(name):
             assert (np.linalg.eigvalsh(e.covariance) >= -1e-20).all()
 
 
+@pytest.mark.parametrize("name", [n for n, m in ESTIMATORS.items() if m.alone])
+def test_what_a_method_answers_alone_it_answers_so_among_others(name):
+    ask, dwells = ESTIMATORS[name].estimate, stretches(name)
+
+    def told(estimates):
+        return [(e.label, e.window, e.C_nb.as_quat().tolist()) for e in given(estimates)]
+
+    apart = [e for d in dwells for e in ask([d], SITE, OPTIONS)]
+    assert told(ask(dwells, SITE, OPTIONS)) == told(apart)
+
+
 @METHODS
 def test_every_estimator_keeps_positions_apart(name):
     """The same dwells in another order give the same estimates, bit by bit."""

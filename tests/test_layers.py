@@ -45,6 +45,7 @@ STOREYS = (
         "folder",
         "samples",
         "room",
+        "threads",
         "table",
         "procedure",
         "imu",
@@ -274,6 +275,7 @@ def spoken(tree: ast.Module) -> set[str]:
     return {name for name in names(tree) if SPOKEN & set(name.lower().split("_"))}
 
 
+@pytest.mark.slow
 def test_public_names_are_nouns_of_the_field():
     assert set().union(*map(spoken, sources(ROOT).values())) == SPOKEN_STILL
 

@@ -38,6 +38,7 @@ from alignment.methods.inertial import (
     drive,
     gravity_doubt,
     gravity_velocity,
+    lag_covariance,
     laid,
     left_of_the_turn,
     rest_covariance,
@@ -308,7 +309,7 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
     Notes
     -----
     Leading errors: heading ``ARW/(W cos lat sqrt T)``, and ``b_E/(W cos lat)`` until a turn tells
-    the bias; tilt b/g; an accelerometer's drift as for `inertial`. First order about the
+    the bias; tilt b/g; lag and an accelerometer's drift as for `inertial`. First order about the
     reference, which is corrected while the correction exceeds 0.01 rad, by passes of five updates
     in one. A heading whose sigma is above 30 deg need not settle: tilt does about any; but where a
     table turns, errors of scale turn with it, and it must. Updates are 0.1 s apart, in a record
@@ -866,6 +867,7 @@ def _answer(
     m, count = len(carried.t), len(model.names)
     told = slice(_ERRORS, _ERRORS + 3 * count)
     covariance = R @ run.attitude @ R.transpose(0, 2, 1) + more[0]
+    covariance += lag_covariance(carried, reference.C_ni.as_matrix(), model.priors, model.site)
     constants = run.x[:, told].reshape(m, count, 3).copy()
     for name, now in reference.removed:
         if name in model.names:

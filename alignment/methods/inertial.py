@@ -608,8 +608,8 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     Leading errors: heading ``1.195 ARW/(W cos lat sqrt T)`` (velocity curves with their start
     unknown: sqrt(10/7) of the floor) and ``b_E/(W cos lat)``; tilt b/g. A drift d of
     accelerometers toward north over the record feigns a turn, ``d/(g W T cos lat)`` of heading
-    (10 ug in 600 s: 1.2'), by the prior of its instability. Sway of displacement r leaves some
-    ``60 r/(g T^2)`` over ``W T cos lat``, which is in the covariance. The residuals are sums of
+    (10 ug in 600 s: 1.2'), by the prior of its instability. A lag leaves that times the last rate,
+    sway of displacement r some ``60 r/(g T^2)`` over ``W T cos lat``. The residuals are sums of
     noise, so the covariance is not taken from their size but from the estimate's own
     sensitivity to each block's noise. Valid while the heading's sigma is below 8 deg.
     """
@@ -635,6 +635,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
         P, _ = covariances(part, matched, noise, priors, arm)
         P = P + rest_covariance(part, matched, rest)
+        P += lag_covariance(part, matched.C_ni.as_matrix(), priors, site)[-1]
         P *= less_turned(P, left_of_the_turn(part, matched, priors))
         found.append((C_nb, P))
     sequence = options.rule.sequence_at(found[-1][0])
@@ -674,6 +675,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance, wander = covariances(carried, matched, noise, priors, arm)
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     covariance = covariance + rest_covariance(carried, matched, rest)
+    covariance += lag_covariance(carried, matched.C_ni.as_matrix(), priors, site)[-1]
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
@@ -777,6 +779,18 @@ def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:
             J = (share * (part @ turned)).sum(axis=0) * one.off[axes]
             covariance = covariance + J @ J.T
     return covariance
+
+
+def lag_covariance(carried: Carried, C_ni: Array, priors: Priors, site: Site) -> Array:
+    """What readings that come late leave of the attitude's covariance at the edges (m + 1, 3, 3).
+
+    The same motion a time `lag` before is as good a record: all is as then, turned on by the rate.
+    """
+    rates = carried.dtheta / carried.spans[:, None]
+    C_nb = C_ni @ matrices(carried.q)
+    w_ib_n = C_nb @ np.concatenate([rates[:1], rates])[:, :, None]
+    late = priors.lag * (w_ib_n - site.w_ie_n[:, None])
+    return np.asarray(late * late.transpose(0, 2, 1))
 
 
 def _share(one: Apart, carried: Carried) -> Array:

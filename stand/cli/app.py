@@ -24,6 +24,7 @@ from stand.cli.run import drive, run
 from stand.cli.stretches import stretches
 from stand.cli.study import compare, export, rehearse
 from stand.physics import set_driver_aside
+from stand.threads import set_one_thread
 from stand.versions import VERSION
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ for name, command in COMMANDS.items():
 def main() -> None:
     """Entry point: known faults become one line and exit code 2."""
     set_driver_aside()
+    set_one_thread()
     _set_streams()
     signal.signal(signal.SIGTERM, _interrupt)
     sys.exit(guarded(lambda: app(standalone_mode=False)))

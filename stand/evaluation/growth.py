@@ -14,7 +14,7 @@ from alignment.estimate import AttitudeTrack
 from alignment.quaternions import turned_evenly
 from stand.errors import unknown
 from stand.evaluation.review_curves import curves, singular
-from stand.evaluation.score import Truths, circular, suited
+from stand.evaluation.score import Truths, answered, circular, of_each, suited
 from stand.recording.curves import AngleCurves
 from stand.recording.entrance import open_log
 from stand.recording.log import Log
@@ -65,7 +65,7 @@ def growing(log: Log, method: str | None = None) -> list[AngleCurves]:
 
 
 def tracked(log: Log, methods: Sequence[str]) -> list[AngleCurves]:
-    """Every track of the methods, which have all answered, against the truth of a recorded run.
+    """Every track of the methods against the truth of a recorded run.
 
     The truth is that of each time: a base that rocks is not where it will be in the end.
     """
@@ -74,8 +74,8 @@ def tracked(log: Log, methods: Sequence[str]) -> list[AngleCurves]:
         track
         for method in methods
         if (make := ESTIMATORS[method].tracks) is not None
-        for dwell in suited(method, log.dwells)
-        for track in make(dwell, log.site, log.options)
+        for _, made in of_each(make, method, log.dwells, log.site, log.options)
+        for track in made
     ]
     return _curves(
         log,
@@ -95,7 +95,9 @@ def _tracks(method: str, log: Log) -> list[AttitudeTrack]:
         points = max(LEAST_POINTS, POINTS // len(dwells))
         found = [_grown(method, dwells[: k + 1], log, points) for k in range(len(dwells))]
         return [track for track in found if track is not None]
-    tracks = [track for dwell in dwells for track in make(dwell, log.site, log.options)]
+    made = of_each(make, method, dwells, log.site, log.options)
+    made = made or [(dwells[0], make(dwells[0], log.site, log.options))]  # which says why not
+    tracks = [track for _, own in made for track in own]
     windows = ESTIMATORS[method].windows
     zero = {f"{method} {name}" for name, window in windows.items() if window.circular}
     return [track for track in tracks if track.method not in zero]
@@ -107,10 +109,7 @@ def _grown(method: str, dwells: Sequence[Dwell], log: Log, points: int) -> Attit
     found: list[tuple[float, AttitudeEstimate]] = []
     for t in np.linspace(last.t_from, last.t_to, points + 1)[1:]:
         so_far = [*dwells[:-1], replace(last, t_to=float(t))]
-        try:
-            estimates = ESTIMATORS[method].estimate(so_far, log.site, log.options)
-        except AlignmentError:
-            continue
+        estimates, _ = answered(method, so_far, log.site, log.options)
         own = [e for e in estimates if e.label == last.label and _whole(e)]
         found += [(float(t), e) for e in own[-1:]]
     if not found:

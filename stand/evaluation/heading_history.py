@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, against_truth
 from alignment.arrays import Array, set_owned
-from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeTrack, determined, heading_sigmas
-from stand.evaluation.score import circular, suited
+from stand.evaluation.score import answered, circular, of_each
 from stand.simulation.monte_carlo import Watched, watch
 from stand.simulation.settings import Settings
 
@@ -50,15 +49,13 @@ def histories(settings: Settings, methods: Sequence[str]) -> list[History]:
 
 
 def _of(method: str, run: Watched, settings: Settings) -> list[History]:
-    try:
-        dwells = suited(method, run.dwells)
-        tracks = ESTIMATORS[method].tracks
-        if tracks is None:
-            return list(_grown(method, dwells, run, settings))
-        told = [t for d in dwells for t in tracks(d, settings.site, settings.options)]
-        return [h for t in told if len((h := _tracked(method, t, run)).t)]
-    except AlignmentError:
-        return []
+    make = ESTIMATORS[method].tracks
+    if make is None:
+        dwells = list(filter(ESTIMATORS[method].suited, run.dwells))
+        return list(_grown(method, dwells, run, settings))
+    told = of_each(make, method, run.dwells, settings.site, settings.options)
+    every = [_tracked(method, track, run) for _, tracks in told for track in tracks]
+    return [history for history in every if len(history.t)]
 
 
 def _tracked(method: str, track: AttitudeTrack, run: Watched) -> History:
@@ -83,10 +80,7 @@ def _grown(
         points = []
         for t in np.linspace(dwell.t_from, dwell.t_to, POINTS + 1)[1:]:
             so_far = [*dwells[:k], replace(dwell, t_to=float(t))]
-            try:
-                found = ESTIMATORS[method].estimate(so_far, settings.site, settings.options)
-            except AlignmentError:
-                continue
+            found, _ = answered(method, so_far, settings.site, settings.options)
             e = _latest(found, dwell.label)
             if e is not None:
                 assert e.C_nb is not None

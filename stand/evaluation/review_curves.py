@@ -11,7 +11,7 @@ from alignment.angles import angles_from_C_nb, near_singular
 from alignment.arrays import Array
 from alignment.estimate import AttitudeTrack, angle_sigmas, determined
 from alignment.methods.fine import Innovations
-from stand.evaluation.score import suited
+from stand.evaluation.score import of_each
 from stand.recording.curves import AngleCurves, InnovationCurves
 
 TrueAt = Callable[[str, Array], Rotation]
@@ -26,14 +26,14 @@ def method_curves(
     site: Site,
     options: Options,
 ) -> list[AngleCurves]:
-    """Every track of the methods, which have all answered; `attitudes` are at the dwells' ends."""
+    """Every track that the methods have; `attitudes` are at the dwells' ends."""
     at_end = {d.label: C for d, C in zip(dwells, attitudes, strict=True)}
     return [
         curves(track, true_at(track.label, track.t))
         for method in methods
         if (make := ESTIMATORS[method].tracks) is not None
-        for dwell in suited(method, dwells)
-        for track in make(dwell, site, options)
+        for _, made in of_each(make, method, dwells, site, options)
+        for track in made
         if not singular(track, at_end[track.label])
     ]
 
@@ -41,12 +41,12 @@ def method_curves(
 def method_innovations(
     methods: Sequence[str], dwells: Sequence[Dwell], site: Site, options: Options
 ) -> list[InnovationCurves]:
-    """The innovations of the methods, which have all answered."""
+    """The innovations of the methods, of each stretch that they do not refuse."""
     return [
-        innovation_curves(method, dwell, make(dwell, site, options))
+        innovation_curves(method, dwell, found)
         for method in methods
         if (make := ESTIMATORS[method].innovations) is not None
-        for dwell in suited(method, dwells)
+        for dwell, found in of_each(make, method, dwells, site, options)
     ]
 
 

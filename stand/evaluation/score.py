@@ -1,8 +1,10 @@
 """Estimates set against what was true and what was nominal, and their JSON form."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import sqrt
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,6 +17,7 @@ from alignment.units import DEG, DEG_PER_HOUR, MILLI_G
 from stand.calibration.file import CalibrationRecord, record_to_json
 
 ANGLES = ("roll", "yaw", "pitch")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,31 +87,6 @@ def _heading_error(estimate: AttitudeEstimate, truth: Rotation | None) -> float 
     return None if np.isnan(error) else error
 
 
-def evaluate(
-    dwells: Sequence[Dwell],
-    truths: Sequence[Truths],
-    site: Site,
-    options: Options,
-    methods: Sequence[str],
-) -> list[Score]:
-    """Run the methods over the dwells and score every estimate.
-
-    A method gets the stretches it is for. An estimate belongs to the dwell of its label; one from
-    several dwells has no true attitude.
-
-    Raises
-    ------
-    AlignmentError
-        A method refuses, or there is no stretch that it is for.
-    """
-    known = _by_label(dwells, truths)
-    return [
-        score(estimate, known(estimate.label))
-        for method in methods
-        for estimate in ESTIMATORS[method].estimate(suited(method, dwells), site, options)
-    ]
-
-
 def suited(method: str, dwells: Sequence[Dwell]) -> list[Dwell]:
     """The stretches a method is for; `AlignmentError` where there is none."""
     found = [dwell for dwell in dwells if ESTIMATORS[method].suited(dwell)]
@@ -152,7 +130,12 @@ def evaluate_each(
     options: Options,
     methods: Sequence[str],
 ) -> tuple[list[Score], list[Refusal]]:
-    """As `evaluate`, but no refusal silences other methods, or what other stretches tell."""
+    """Run the methods over the dwells and score every estimate.
+
+    A method gets the stretches it is for; no refusal silences other methods, or what other
+    stretches tell. An estimate belongs to the dwell of its label; one from several dwells has no
+    true attitude.
+    """
     scores: list[Score] = []
     refusals = []
     known = _by_label(dwells, truths)
@@ -175,9 +158,12 @@ def answered(
 ) -> tuple[list[AttitudeEstimate], list[Refusal]]:
     """What a method makes of the stretches, and why it refuses some of them, or all.
 
-    A refusal that names a stretch ("X1 up: ...") is of that stretch: it is asked again without
-    it. Where that leaves no answer, the first reason is that of the method.
+    A method that answers each stretch by itself is asked so. Of another one a refusal that names a
+    stretch ("X1 up: ...") is of that stretch: it is asked again without it. Where that leaves no
+    answer, the first reason is that of the method.
     """
+    if ESTIMATORS[method].alone:
+        return _one_by_one(method, dwells, site, options)
     refused: list[Refusal] = []
     left = list(dwells)
     while True:
@@ -191,6 +177,38 @@ def answered(
             left = [d for d in left if d not in named[:1]]
             if not (named and left):
                 return [], [Refusal(method, refused[0].reason)]
+
+
+def _one_by_one(
+    method: str, dwells: Sequence[Dwell], site: Site, options: Options
+) -> tuple[list[AttitudeEstimate], list[Refusal]]:
+    try:
+        own = suited(method, dwells)
+    except AlignmentError as error:
+        return [], [Refusal(method, str(error))]
+    estimates: list[AttitudeEstimate] = []
+    refused: list[Refusal] = []
+    for dwell in own:
+        try:
+            estimates += ESTIMATORS[method].estimate([dwell], site, options)
+        except AlignmentError as error:
+            refused.append(Refusal(method, str(error), dwell.label))
+    return estimates, refused if estimates else [Refusal(method, refused[0].reason)]
+
+
+def of_each(
+    make: Callable[[Dwell, Site, Options], T],
+    method: str,
+    dwells: Sequence[Dwell],
+    site: Site,
+    options: Options,
+) -> list[tuple[Dwell, T]]:
+    """What `make` has of each stretch that the method is for and does not refuse."""
+    found = []
+    for dwell in filter(ESTIMATORS[method].suited, dwells):
+        with suppress(AlignmentError):
+            found.append((dwell, make(dwell, site, options)))
+    return found
 
 
 Answered = tuple[list[AttitudeEstimate], list[Refusal]]

@@ -16,6 +16,12 @@ def unit_of(imu: ImuSpec) -> InstrumentErrors:
     )
 
 
+def lag_of(imu: ImuSpec) -> float:
+    """By how much slow readings come late [s]: those of the later triad."""
+    bandwidth = min(imu.gyro.bandwidth, imu.accel.bandwidth)
+    return float(LAG / bandwidth + imu.clock.latency)
+
+
 def _triad(spec: TriadSpec, imu: ImuSpec) -> TriadErrors:
     height = spec.instability / plateau(imu.corners)
     return TriadErrors(

@@ -10,6 +10,7 @@ from alignment.fixed_order import norm
 from alignment.information.drift import LASTING
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
+from stand.imu.instrument import lag_of
 from stand.imu.processes import plateau
 from stand.table.joints import JOINTS
 from stand.table.table import Table
@@ -53,6 +54,7 @@ def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
         nominal=nominal,
         azimuth=azimuth,
         lever_arm=arm,
+        lag=lag_of(imu),
         gyro_axes=imu.gyro.axes,
         accel_axes=imu.accel.axes,
     )

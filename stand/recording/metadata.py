@@ -45,6 +45,7 @@ PRIOR_UNITS = {
     "nominal": "rad",
     "azimuth": "rad",
     "lever_arm": "m",
+    "lag": "s",
     "gyro_random_walk": "rad_s_rt_s",
     "accel_random_walk": "m_s2_rt_s",
     "gyro_ramp": "rad_s2",

@@ -31,7 +31,14 @@ from stand.rehearsal.refusals import (
 )
 from stand.rehearsal.response import ReadingErrors, Response, TableTurns
 from stand.rehearsal.result import Observability, Prediction
-from stand.rehearsal.rocking import FOLLOWS, over_time, readings_of, tilt_doubt, turned_by_heading
+from stand.rehearsal.rocking import (
+    FOLLOWS,
+    late,
+    over_time,
+    readings_of,
+    tilt_doubt,
+    turned_by_heading,
+)
 from stand.rehearsal.scene import Scene
 
 Predicted = tuple[list[Prediction], list[Observability]]
@@ -190,6 +197,8 @@ def _over_time(
         run = method.functional(readings, scene.site, scene.options)
         check_carried(step.label, over_time(run.checked_by or run, unit, scene))
         parts = over_time(run, unit, scene)
+        if not method.tells_mean:
+            parts["lag"] = late(run, scene)
         told = angles(name, "", step.label, run.C_nb, turned_by_heading(parts), str)
         found += withheld(told, ("pitch", "roll"), tilt_doubt(parts))
     if not observe:

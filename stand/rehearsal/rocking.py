@@ -15,6 +15,7 @@ from alignment.constant_errors import BY_AXIS
 from alignment.gains import Functional
 from alignment.information import InstrumentErrors
 from alignment.information.drift import sum_covariance
+from stand.imu.instrument import lag_of
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
 from stand.rehearsal.predictions import Parts, name_of
@@ -82,6 +83,12 @@ def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
             parts[name_of(f"{name} {field.replace('_', '-').replace('g2', 'g^2')}")] = J @ J.T
     parts["motion"] = run.motion
     return parts
+
+
+def late(run: Functional, scene: Scene) -> Array:
+    """Covariance about n by a lag: the attitude is that of as long before the end."""
+    turn = lag_of(scene.imu) * (run.C_nb.as_matrix() @ run.rate[-1] - scene.site.w_ie_n)
+    return np.outer(turn, turn)
 
 
 def turned_by_heading(parts: Parts) -> Parts:

@@ -126,7 +126,7 @@ def page(
         "refusals": refusal_lines(refusals),
         "tables": score_tables(scores, sheet),
         "angle_note": ANGLE_NOTE if scores else "",
-        "errors": _errors(log, {r.method for r in refusals}, total),
+        "errors": _errors(log, total),
         "servo": motion_table(recorded.records) if recorded.records else None,
         "timeline": timeline([_bar(k, s) for k, s in enumerate(steps, 1)], total)
         if steps
@@ -223,10 +223,9 @@ def _facts(run: Mapping[str, str], log: Log, total: float) -> list[tuple[str, st
     ]
 
 
-def _errors(log: Log, refused: set[str], total: float) -> list[Any]:
+def _errors(log: Log, total: float) -> list[Any]:
     """A figure per method that has tracks, where the truth is known."""
-    answered = [m for m in log.methods if m in ESTIMATORS and m not in refused]
-    tracks = tracked(log, answered) if log.simulated else []
+    tracks = tracked(log, [m for m in log.methods if m in ESTIMATORS]) if log.simulated else []
     names = dict.fromkeys(track.method for track in tracks)
     groups = [[t for t in tracks if t.method == name and len(t.t_ns)] for name in names]
     return [errors(own[0].method, k, own, total) for k, own in enumerate(filter(None, groups))]

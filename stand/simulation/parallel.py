@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 
 from stand.errors import StandError
 from stand.simulation.work import (
-    THREADS,
     Batch,
     Done,
     Engine,
@@ -27,6 +26,7 @@ from stand.simulation.work import (
     processes_for,
     recipe_of,
 )
+from stand.threads import VARIABLES
 
 __all__ = ["RunFailed", "campaign", "interrupts_noted", "pool"]
 
@@ -254,7 +254,7 @@ def _environment_of_processes() -> Iterator[None]:
 
     And the one of Python's that clears up behind a command that is killed says nothing of it.
     """
-    own = dict.fromkeys(THREADS, "1") | {"PYTHONWARNINGS": _QUIET}
+    own = dict.fromkeys(VARIABLES, "1") | {"PYTHONWARNINGS": _QUIET}
     unset = [name for name in own if name not in os.environ]
     os.environ.update({name: own[name] for name in unset})
     try:

@@ -27,8 +27,6 @@ LARGEST = 256  # runs in a batch, however short they are
 FIRST = 4  # of a case of which nothing is known yet
 TRIES = 2  # of a run alone, before it is named: its process may have been ended by somebody else
 MOST_LOST = 10  # runs that may end their process: with more it is not they that are wrong
-# of linear algebra: with a process per core, threads of its own would only wait for one another
-THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 Trial = Callable[[int], Any]
 

@@ -2,8 +2,8 @@
 
 ``make bench ARGS="truth servo"`` measures groups of more beside it, ``ARGS=all`` every one of them
 (a quarter of an hour): samples/s on the clock and ratios to a reference of the same run, each the
-best of several repeats, except whole runs, whose median is taken. Nothing here is asserted: a busy
-machine would fail it.
+best of several repeats, except whole runs, whose median is taken. Linear algebra has one thread,
+as in commands. Nothing here is asserted: a busy machine would fail it.
 """
 
 import os

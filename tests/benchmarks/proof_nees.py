@@ -43,8 +43,8 @@ HEAD = """# Every sigma a promise
 Squared errors over the covariances stated with them, per degree of freedom: 1 is honest, above it
 sigmas are too small, below too large. Range over the stretches of a procedure, and the bounds
 within which all numbers of the page lie together in 95 of 100 such pages. "Not determined": heading
-with a sigma above 30 deg, of which only the tilt is judged. "Refused": runs in which the method
-gave no number, and the first reason. Made by `tests/benchmarks/proof_nees.py{asked}`.{low}
+with a sigma above 30 deg, of which only the tilt is judged. "Refused": how often a stretch got no
+number, and the first reason. Made by `tests/benchmarks/proof_nees.py{asked}`.{low}
 
 {summary}
 
@@ -149,7 +149,9 @@ def told(found: Sequence[tuple[int, Sequence[Promise]]]) -> Iterator[str]:
 def _row(every: Sequence[Promise], runs: int, among: int) -> str:
     """One method's stretches in one case."""
     first, rows = every[0], [p for p in every if p.values]
-    refused = f"{first.refused} runs: {first.reason.replace('|', '/')}" if first.refused else ""
+    refusals = [p for p in every if p.refused]
+    count = sum(p.refused for p in refusals)
+    refused = f"{count} times: {refusals[0].reason.replace('|', '/')}" if refusals else ""
     if not rows:
         return f"| {first.case} | {first.method} | | | | refused | {runs} | {refused} |"
     means, sigmas = [p.mean for p in rows], [p.sigma for p in rows]

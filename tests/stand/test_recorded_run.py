@@ -19,7 +19,7 @@ from alignment.earth import Site
 from alignment.quaternions import prefix_product
 from stand.errors import StandError
 from stand.evaluation.run_result import RunResult
-from stand.evaluation.score import evaluate
+from stand.evaluation.score import evaluate_each
 from stand.imu import Imu, load_imu
 from stand.physics.mjcf import load_model
 from stand.physics.truth import Sampling, Truth
@@ -192,7 +192,8 @@ def test_the_review_holds_the_curves_of_both_methods(laser):
 
 def test_align_gives_what_the_run_gave(laser):
     log = load_log(laser.out / "run.mcap", None, None, None)
-    again = evaluate(log.dwells, log.truths, log.site, log.options, log.methods)
+    again, refused = evaluate_each(log.dwells, log.truths, log.site, log.options, log.methods)
+    assert refused == []
     assert len(again) == len(laser.scores) == 6 * 2 + 6 + 6 + 3
     for a, b in zip(again, laser.scores, strict=True):
         assert a.estimate.label == b.estimate.label

@@ -157,6 +157,7 @@ def test_of_a_run_that_cannot_be_planned_again_it_is_said(short, tmp_path, stand
     assert found.reason == f"({told['missing'][0]})"
 
 
+@pytest.mark.slow
 def test_of_a_drive_its_solutions_and_its_picture_come_back(tmp_path, stand_command):
     """A file that was closed: all that the whole drive says; of one that is cut: of its fixes."""
     command = ("drive", "weaving", "--rate", 20, "--out", tmp_path / "w")

@@ -8,6 +8,8 @@ so constant bytes are laid out once and only the varying fields are filled per m
 
 import struct
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,26 @@ _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _HEAD = len(_LITTLE_ENDIAN)
 _SERVICE_GPS, _COVARIANCE_DIAGONAL_KNOWN = 1, 2  # as sensor_msgs/msg/NavSatFix has them
 _STAMP = np.dtype([("sec", "<i4"), ("nanosec", "<u4")])
+_KEPT = 32  # layouts, of which a recording has some six: they are laid out once, not every second
+
+_Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Form:
+    """A finished layout: the bytes that all messages share, and the fields that vary."""
+
+    template: Bytes
+    fields: np.dtype[Any]
+
+    def rows(self, n: int, **values: ArrayLike) -> Bytes:
+        """`n` messages with their varying fields filled: (n, length)."""
+        rows = np.empty((n, len(self.template)), np.uint8)
+        rows[:] = self.template
+        messages = rows.view(self.fields)[:, 0]
+        for name, value in values.items():
+            messages[name] = value
+        return rows
 
 
 class _Layout:
@@ -54,10 +76,7 @@ class _Layout:
         self.varying(stamp, _STAMP, 4)
         self.string(frame_id)
 
-    def rows(self, n: int, **values: ArrayLike) -> Bytes:
-        """`n` messages with their varying fields filled: (n, length)."""
-        rows = np.empty((n, len(self.template)), np.uint8)
-        rows[:] = np.frombuffer(self.template, np.uint8)
+    def form(self) -> _Form:
         formats, offsets = zip(*self.fields.values(), strict=True)
         dtype = np.dtype(
             {
@@ -67,10 +86,7 @@ class _Layout:
                 "itemsize": len(self.template),
             }
         )
-        messages = rows.view(dtype)[:, 0]
-        for name, value in values.items():
-            messages[name] = value
-        return rows
+        return _Form(np.frombuffer(bytes(self.template), np.uint8), dtype)
 
 
 def _stamps(t_ns: IntArray) -> NDArray[Any]:
@@ -79,9 +95,30 @@ def _stamps(t_ns: IntArray) -> NDArray[Any]:
     return stamps
 
 
-def _diagonal(variances: ArrayLike) -> list[float]:
-    """The nine numbers of a diagonal covariance."""
-    return np.diag(np.broadcast_to(np.asarray(variances, float), 3)).ravel().tolist()
+def _variances(variances: ArrayLike) -> _Numbers:
+    """Three, of a number for all or of three."""
+    return tuple(np.broadcast_to(np.asarray(variances, float), 3).tolist())
+
+
+def _diagonal(variances: _Numbers) -> list[float]:
+    """All numbers of a diagonal covariance."""
+    return np.diag(variances).ravel().tolist()
+
+
+@lru_cache(_KEPT)
+def _imu_form(frame_id: str, turned: bool, rate_noise: _Numbers, force_noise: _Numbers) -> _Form:
+    layout = _Layout()
+    layout.header(frame_id)
+    if turned:
+        layout.varying("q", ("<f8", 4), 8)
+    else:
+        layout.constant("d", 0.0, 0.0, 0.0, 1.0)
+    layout.constant("d", 0.0 if turned else -1.0, *[0.0] * 8)
+    layout.varying("w", ("<f8", 3), 8)
+    layout.constant("d", *_diagonal(rate_noise))
+    layout.varying("f", ("<f8", 3), 8)
+    layout.constant("d", *_diagonal(force_noise))
+    return layout.form()
 
 
 def imu_messages(
@@ -112,19 +149,23 @@ def imu_messages(
     -------
     (n, length) uint8
     """
-    layout = _Layout()
-    layout.header(frame_id)
-    if q is None:
-        layout.constant("d", 0.0, 0.0, 0.0, 1.0)
-    else:
-        layout.varying("q", ("<f8", 4), 8)
-    layout.constant("d", -1.0 if q is None else 0.0, *[0.0] * 8)
-    layout.varying("w", ("<f8", 3), 8)
-    layout.constant("d", *_diagonal(rate_noise))
-    layout.varying("f", ("<f8", 3), 8)
-    layout.constant("d", *_diagonal(force_noise))
+    form = _imu_form(frame_id, q is not None, _variances(rate_noise), _variances(force_noise))
     orientation = {} if q is None else {"q": q}
-    return layout.rows(len(t_ns), stamp=_stamps(t_ns), w=w_ib_b, f=f_b, **orientation)
+    return form.rows(len(t_ns), stamp=_stamps(t_ns), w=w_ib_b, f=f_b, **orientation)
+
+
+@lru_cache(_KEPT)
+def _states_form(names: tuple[str, ...]) -> _Form:
+    layout = _Layout()
+    layout.header("")
+    layout.constant("I", len(names))
+    for name in names:
+        layout.string(name)
+    for field in ("angles", "rates"):
+        layout.constant("I", len(names))
+        layout.varying(field, ("<f8", len(names)), 8)
+    layout.constant("I", 0)
+    return layout.form()
 
 
 def joint_states(t_ns: IntArray, names: Sequence[str], angles: Array, rates: Array) -> Bytes:
@@ -138,16 +179,20 @@ def joint_states(t_ns: IntArray, names: Sequence[str], angles: Array, rates: Arr
     angles, rates : (n, k)
         [rad], [rad/s].
     """
+    form = _states_form(tuple(names))
+    return form.rows(len(t_ns), stamp=_stamps(t_ns), angles=angles, rates=rates)
+
+
+@lru_cache(_KEPT)
+def _transforms_form(frames: tuple[tuple[str, str], ...]) -> _Form:
     layout = _Layout()
-    layout.header("")
-    layout.constant("I", len(names))
-    for name in names:
-        layout.string(name)
-    for field in ("angles", "rates"):
-        layout.constant("I", len(names))
-        layout.varying(field, ("<f8", len(names)), 8)
-    layout.constant("I", 0)
-    return layout.rows(len(t_ns), stamp=_stamps(t_ns), angles=angles, rates=rates)
+    layout.constant("I", len(frames))
+    for i, (parent, child) in enumerate(frames):
+        layout.header(parent, stamp=f"stamp{i}")
+        layout.string(child)
+        layout.varying(f"translation{i}", ("<f8", 3), 8)
+        layout.varying(f"rotation{i}", ("<f8", 4), 8)
+    return layout.form()
 
 
 def transforms(
@@ -166,18 +211,24 @@ def transforms(
     rotations : (n, k, 4)
         Quaternion (x, y, z, w): takes components in the child to the parent.
     """
-    layout = _Layout()
-    layout.constant("I", len(frames))
-    values: dict[str, ArrayLike] = {}
-    for i, (parent, child) in enumerate(frames):
-        layout.header(parent, stamp=f"stamp{i}")
-        layout.string(child)
-        layout.varying(f"translation{i}", ("<f8", 3), 8)
-        layout.varying(f"rotation{i}", ("<f8", 4), 8)
-        values[f"stamp{i}"] = _stamps(t_ns)
+    stamps, values = _stamps(t_ns), {}
+    for i in range(len(frames)):
+        values[f"stamp{i}"] = stamps
         values[f"translation{i}"] = translations[:, i]
         values[f"rotation{i}"] = rotations[:, i]
-    return layout.rows(len(t_ns), **values)
+    return _transforms_form(tuple(frames)).rows(len(t_ns), **values)
+
+
+@lru_cache(_KEPT)
+def _fix_form(frame_id: str, variances: _Numbers) -> _Form:
+    layout = _Layout()
+    layout.header(frame_id)
+    layout.constant("b", 0)  # a fix
+    layout.constant("H", _SERVICE_GPS)
+    layout.varying("place", ("<f8", 3), 8)
+    layout.constant("d", *_diagonal(variances))
+    layout.constant("B", _COVARIANCE_DIAGONAL_KNOWN)
+    return layout.form()
 
 
 def fix_messages(t_ns: IntArray, place: Array, *, frame_id: str, variance: float) -> Bytes:
@@ -194,14 +245,18 @@ def fix_messages(t_ns: IntArray, place: Array, *, frame_id: str, variance: float
     variance : float
         Of each component [m^2].
     """
+    form = _fix_form(frame_id, _variances(variance))
+    return form.rows(len(t_ns), stamp=_stamps(t_ns), place=place / [DEG, DEG, 1.0])
+
+
+@lru_cache(_KEPT)
+def _velocity_form(frame_id: str, variances: _Numbers) -> _Form:
     layout = _Layout()
     layout.header(frame_id)
-    layout.constant("b", 0)  # a fix
-    layout.constant("H", _SERVICE_GPS)
-    layout.varying("place", ("<f8", 3), 8)
-    layout.constant("d", *_diagonal(variance))
-    layout.constant("B", _COVARIANCE_DIAGONAL_KNOWN)
-    return layout.rows(len(t_ns), stamp=_stamps(t_ns), place=place / [DEG, DEG, 1.0])
+    layout.varying("v", ("<f8", 3), 8)
+    layout.constant("d", *[0.0] * 3)
+    layout.constant("d", *_diagonal((*variances, *[-1.0] * 3)))
+    return layout.form()
 
 
 def velocity_messages(t_ns: IntArray, v: Array, *, frame_id: str, variance: float) -> Bytes:
@@ -217,12 +272,8 @@ def velocity_messages(t_ns: IntArray, v: Array, *, frame_id: str, variance: floa
     variance : float
         Of each component [(m/s)^2]; the angular rates are said to be unknown.
     """
-    layout = _Layout()
-    layout.header(frame_id)
-    layout.varying("v", ("<f8", 3), 8)
-    layout.constant("d", *[0.0] * 3)
-    layout.constant("d", *np.diag([variance] * 3 + [-1.0] * 3).ravel().tolist())
-    return layout.rows(len(t_ns), stamp=_stamps(t_ns), v=v)
+    form = _velocity_form(frame_id, _variances(variance))
+    return form.rows(len(t_ns), stamp=_stamps(t_ns), v=v)
 
 
 def string_message(text: str) -> Bytes:
@@ -236,7 +287,7 @@ def uint8_messages(values: IntArray) -> Bytes:
     """std_msgs/msg/UInt8 of each of `values` (n,): (n, length)."""
     layout = _Layout()
     layout.varying("data", "u1", 1)
-    return layout.rows(len(values), data=values)
+    return layout.form().rows(len(values), data=values)
 
 
 def log_message(t_ns: int, level: int, name: str, text: str) -> Bytes:

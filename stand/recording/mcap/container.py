@@ -392,7 +392,8 @@ def _starts(parts: Sequence[Part]) -> tuple[list[IntArray], int]:
 
 def _scatter(out: Bytes, starts: IntArray, rows: Bytes) -> None:
     """Put each row of bytes at its place in `out`."""
-    windows = np.lib.stride_tricks.sliding_window_view(out, rows.shape[1], writeable=True)
+    width = rows.shape[1]
+    windows = np.ndarray((len(out) - width + 1, width), np.uint8, out.data, strides=(1, 1))
     windows[starts] = rows
 
 

@@ -121,3 +121,26 @@ def test_what_a_circle_leaves_its_tangent_by_hand():
     assert curvature(1.0) == pytest.approx(0.354606, rel=1e-5)
     assert curvature(0.01) == pytest.approx(0.75e-8, rel=1e-3)
     assert curvature(100.0) == pytest.approx(1.5, rel=1e-12)
+
+
+class Changed:
+    """What readings tell, with some of it changed."""
+
+    def __init__(self, known, **changes):
+        self.known, self.changes = known, changes
+
+    def __getattr__(self, name):
+        return self.changes[name] if name in self.changes else getattr(self.known, name)
+
+
+def test_an_error_that_nobody_knows_and_nothing_shows_changes_nothing():
+    """A column of zeros is left out: no size to divide by."""
+    unit = InstrumentErrors(TriadErrors(noise=1e-7, bias=np.inf), TriadErrors(noise=1e-5))
+    known = information(rests(LEVEL, turned([0, 0, 1], 180)), Rotation.identity(), SITE, unit)
+    J, prior = known.J.copy(), known.prior.copy()
+    last = int(np.flatnonzero(np.isinf(prior))[-1])
+    J[:, last], prior[last] = 0.0, 0.0
+    found, gone = (
+        circle_information(Changed(known, J=J, prior=p), SITE) for p in (known.prior, prior)
+    )
+    np.testing.assert_allclose(found, gone, rtol=1e-9, atol=1e-9 * found.max())

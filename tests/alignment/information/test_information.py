@@ -27,6 +27,7 @@ from alignment.information.drift import (
     gauss_markov,
     ramp_coefficients,
     random_walk,
+    sum_covariance,
 )
 from alignment.methods.carousel import carousel_attitude
 from alignment.methods.harmonics import TurningVector
@@ -948,6 +949,16 @@ def test_condition_by_hand(latitude):
     assert found.condition == pytest.approx(ratio**2, rel=1e-5)
 
 
+def test_condition_is_of_the_largest_and_the_least():
+    """Accelerometers of three kinds: the tilts are seen to 1 and 2 parts, heading to W cos lat."""
+    site = Site(48.5 * DEG, local_gravity=9.81)
+    unit = InstrumentErrors(TriadErrors(ARW), TriadErrors((FINE, FINE, 4 * FINE)))
+    found = information(rests(0), headed(0), site, unit)
+    ratio = 9.81 / FINE / (W * cos(48.5 * DEG) / ARW)
+    assert found.rank == 3
+    assert found.condition == pytest.approx(ratio**2, rel=1e-4)
+
+
 def test_turns_about_the_vertical_show_no_vertical_scale():
     """Four positions, nothing known of accelerometer scale: Y1's is its bias; X1, Z1 feel nothing.
 
@@ -1054,3 +1065,22 @@ def test_refusals():
         found.sigma("bearing")
     with pytest.raises(AlignmentError, match="sensor that is not there"):
         found.contributions("heading", gain=np.ones(6))
+
+
+@pytest.mark.parametrize("m", [1, 2, 7, 8])
+def test_sums_of_means_of_a_process_are_its_double_sum(m):
+    """Two means of h seconds that are n apart covary by the double integral of exp(-|t - s|/T)."""
+    h, process = 3.0, GaussMarkov(2.0, 5.0)
+    rng = np.random.default_rng(m)
+    gain = rng.normal(size=(m, 2, 3)) * (-1.0) ** np.arange(m)[:, None, None]  # not of one sign
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    t, w = (nodes + 1) * h / 2, weights / 2
+
+    def shared(apart: int) -> float:
+        if apart == 0:  # 2 (a - 1 + exp(-a))/a^2, at a = 0.6
+            return 4.0 * 2 * (0.6 - 1 + np.exp(-0.6)) / 0.36
+        return 4.0 * float(w @ np.exp(-np.abs(t[:, None] - t - apart * h) / 5.0) @ w)
+
+    want = sum(shared(abs(i - j)) * gain[i] @ gain[j].T for i in range(m) for j in range(m))
+    found = sum_covariance(gain, h, [process])
+    np.testing.assert_allclose(found, want, rtol=1e-12, atol=1e-12 * np.abs(want).max())

@@ -212,6 +212,28 @@ def test_scale_factor_error_of_a_turn_is_in_the_covariance():
     assert (np.abs(error) < 2 * np.sqrt(run.covariance[-1].diagonal())).all()
 
 
+@pytest.mark.parametrize("method", [fine, inertial])
+def test_readings_that_come_late_tell_where_a_turn_stood(method):
+    """20 deg/s times a millisecond, about north: 3.491e-4 rad, by which a spin is found wrong."""
+    late, turning = 1e-3, Motion(roll=Angle(0.3, rate=radians(20.0)))
+    before = replace(turning, roll=Angle(0.3 - 3.491e-4, rate=radians(20.0)))
+    t, w, f, _ = before.readings(T, 10.0)
+    _, _, _, C = turning.readings(T, 10.0)
+    knows, not_told = (
+        method([dwell(t, w, f)], site(turning), Options(priors=replace(QUIET, lag=lag)))[0]
+        for lag in (late, 0.0)
+    )
+    error = errors(knows.C_nb.as_matrix()[None], C)[0]
+    assert error[0] == pytest.approx(-3.491e-4, rel=0.01)
+    more = knows.covariance[0, 0] - not_told.covariance[0, 0]
+    assert more == pytest.approx(3.491e-4**2, rel=1e-3)
+    # about the axis that turns, and no other
+    np.testing.assert_allclose(sigma(knows, 1), sigma(not_told, 1), rtol=1e-3)
+    resting, _ = one(STILL, T, 10.0, replace(QUIET, lag=late), method=method)
+    same, _ = one(STILL, T, 10.0, QUIET, method=method)
+    np.testing.assert_allclose(resting.covariance, same.covariance, rtol=1e-9)
+
+
 def test_unstated_vertical_bias_is_not_taken_for_sway():
     """Half a milli-g along the vertical, and no word of it: gravity's size is free."""
     stretch, C = exact(STILL, T, 10.0)

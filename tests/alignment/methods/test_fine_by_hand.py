@@ -10,7 +10,7 @@ from rocking import Angle, G
 from scipy.spatial.transform import Rotation
 from test_inertial import STILL, site
 
-from alignment import ImuReadings, Priors
+from alignment import ImuReadings, Options, Priors
 from alignment.errors import NotAtRest
 from alignment.information.drift import GaussMarkov
 from alignment.methods.fine import (
@@ -38,6 +38,7 @@ from alignment.methods.inertial import (
     wander_doubt,
     wander_values,
 )
+from alignment.methods.rocking_gains import inertial_functional
 from alignment.strapdown import carry
 
 NONE = np.zeros(3)
@@ -264,6 +265,32 @@ def test_noise_of_an_interval_is_that_of_its_samples():
         np.testing.assert_allclose(found / scale, want / scale, atol=2e-3)
 
 
+def test_place_and_attitude_share_what_an_angle_walk_does_to_both():
+    """Of attitude ``w(t)``, velocity ``f w`` summed and place summed again: f over T = 0.1 s is D,
+    and w, D w/2 and D w T/6 (its mean over the interval) covary as 1, 1/2, 1/6 and 1/3, 1/8, 1/20.
+    """
+    T, level = 0.1, 1e-5
+    t, w, f, C = LEVEL.readings(0.4, 2000.0, 100.0)
+    readings = ImuReadings(t, w, f)
+    base = carry(readings, T)
+    C_ni = C @ Rotation.from_quat(base.q[-1]).as_matrix().T
+    push = np.diff(gravity_velocity(base.t, site(LEVEL))[0], axis=0)
+    held = model(Priors(), noise=Noise(np.full(3, level), NONE), readings=readings)
+    steps, _ = error_matrices(held, base, C_ni, push, slice(0, len(base.t)))
+    q = level**2 * T
+    by_turn = -np.array([np.cross(push[0], e) for e in np.eye(3)]).T
+    assert np.abs(by_turn).max() == pytest.approx(9.81 * T, rel=1e-3)
+    walked = {
+        (0, 0): np.eye(3), (3, 0): by_turn / 2, (6, 0): by_turn * T / 6,
+        (3, 3): by_turn @ by_turn.T / 3, (6, 3): by_turn @ by_turn.T * T / 8,
+        (6, 6): by_turn @ by_turn.T * T**2 / 20,
+    }  # fmt: skip
+    for (row, column), part in walked.items():
+        found = steps.Q[0][row : row + 3, column : column + 3] / q
+        # steps of 0.5 ms beside 100 ms
+        np.testing.assert_allclose(found, part, rtol=0, atol=2e-3 * np.abs(part).max())
+
+
 # --- what a record at rest shows beside noise -----------------------------------------------------
 
 
@@ -356,6 +383,23 @@ def test_a_sway_is_in_the_covariance_by_its_ends(laid_out):
     # of each order twice the sway, and a square micrometre
     want = np.kron(np.eye(3), 2 * sway + 1e-12 * np.eye(3))
     np.testing.assert_allclose(wander, want, rtol=1e-9, atol=1e-24)
+
+
+def test_a_prediction_has_the_sway_by_the_same_ends():
+    """2 mm toward north and 1 mm toward east, at 0.5 and 0.7 Hz, as perfect sensors feel them."""
+    ways = (Angle(amplitude=2e-3, frequency=0.5), Angle(amplitude=1e-3, frequency=0.7))
+    t, w, f, _ = replace(STILL, sway=(*ways, Angle())).readings(T, 20.0, 100.0)
+    readings, where = ImuReadings(t, w, f), site(STILL)
+    carried = carry(readings, block_of(readings))
+    matched = match(carried, where)
+    # blocks of 0.1 s show 1 % less of them, ends of the record some per cent more or less
+    sway = sway_covariance(carried, matched)
+    np.testing.assert_allclose(sway, np.diag([2e-6, 0.5e-6, 0]), atol=0.05 * 2e-6)
+    found = inertial_functional(readings, where, Options()).motion
+    want = at_the_ends(carried, matched, where, sway.diagonal())
+    size = np.sqrt(want.diagonal())
+    # what both axes share in this record, and second order
+    np.testing.assert_allclose(found / np.outer(size, size), want / np.outer(size, size), atol=0.05)
 
 
 @pytest.mark.parametrize(("sigmas", "counted"), [(4.95, False), (5.05, True)])

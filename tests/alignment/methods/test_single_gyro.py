@@ -219,6 +219,16 @@ def test_refusals():
         single_gyro([rest(y + np.array([0, 20, 0, 0, 0, 0]) * DEG_H)], Site(None), Options())
 
 
+@pytest.mark.parametrize("north", [10.0, -4.0])
+def test_a_known_deflection_is_taken_out_of_the_latitude(north):
+    """Seen from the plumb line 48.5 deg are the geodetic latitude and its northern part."""
+    second = pi / 180 / 3600
+    site = Site(None, deflection=(north * second, 0.0))
+    (found,) = single_gyro([rest(readings_of(headed(75), radians(48.5)))], site, Options())
+    assert found.latitude is not None
+    assert (radians(48.5) - found.latitude) / second == pytest.approx(north, abs=1e-6)
+
+
 def test_a_rate_that_is_not_the_earths_is_flagged():
     y = readings_of(headed(90), HERE.latitude)
     (fine,) = single_gyro([rest(y + 2 * DEG_H * np.eye(6)[1])], HERE, Options())

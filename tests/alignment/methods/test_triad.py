@@ -249,6 +249,19 @@ def test_latitude_of_a_pair_by_hand():
         pair_latitude(np.array([-W, 0, 0]), up, np.array([1.2 * W, 0, 0]), down)
 
 
+def test_a_pair_turns_in_the_order_of_its_first_dwell():
+    """A steep X1 is told by the other order, whichever way up; a level one by the usual."""
+    for first, second, steep in ((X1_UP, X1_DOWN, True), (X1_DOWN, X1_UP, True)):
+        dwells = [rest(first, 48.5, label="a"), rest(second, 48.5, label="b", start=200.0)]
+        found = triad(dwells, NOWHERE, Options())[-1]
+        assert found.window == "pair"
+        assert (found.sequence is Sequence.YAW_ROLL_PITCH) is steep
+    over = LEVEL @ np.diag([1.0, -1.0, -1.0])
+    dwells = [rest(LEVEL, 48.5, label="a"), rest(over, 48.5, label="b", start=200.0)]
+    found = triad(dwells, NOWHERE, Options())[-1]
+    assert (found.window, found.sequence) == ("pair", Sequence.YAW_PITCH_ROLL)
+
+
 def test_opposed_successive_dwells_give_a_pair():
     bias = (DEG_H, 0, 0, 0, 0, 0)
     dwells = [

@@ -63,6 +63,7 @@ def here(stand_command, made, monkeypatch):
 def test_calibrated_and_applied(here, made):
     folder, unit, (w, f) = made
     sheet = ("--imu", "stim300", "--shortest", 2, "--topic", "log.csv", "--height", 100)
+    Path("c.json").write_text("mine", encoding="utf-8")  # which --force replaces
     told = here("calibrate", "log.csv", "--hand-held", *LOG, *HERE, *sheet[:4], "--serial", "S7",
                 "--out", "c.json", "--force").out  # fmt: skip
     assert "16 rests: rank 9 of 9" in told

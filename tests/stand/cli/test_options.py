@@ -120,6 +120,12 @@ def test_run_by_servos(here):
     assert outer != 10.0
 
 
+ORDERS = {
+    "regular": ["yaw-pitch-roll", "yaw-roll-pitch"],
+    "published": ["yaw-roll-pitch", "yaw-pitch-roll"],
+}
+
+
 def test_run_by_another_order_of_turns(here):
     """Y1 up, then X1 up: 'regular' is never singular; the published is the other way round."""
     steep = SHORT_MOVE.replace("joints_deg = { outer = 10 }", "attitude_deg = { pitch = 90 }")
@@ -128,10 +134,13 @@ def test_run_by_another_order_of_turns(here):
     for rule in ("regular", "published"):
         told, _ = recorded(here, *IDEAL, "--sequences", rule, procedure="steep.toml")
         found[rule] = [e["sequence"] for e in told["estimates"]]
-        aligned = here("align", "run", "--sequences", rule, "--json").json["estimates"]
-        assert [e["sequence"] for e in aligned] == found[rule]
-    regular = ["yaw-pitch-roll", "yaw-roll-pitch"]
-    assert found == {"regular": regular, "published": regular[::-1]}
+        aligned = {
+            own: [e["sequence"] for e in here("align", "run", *said, "--json").json["estimates"]]
+            for own, said in (("", ()), *((name, ("--sequences", name)) for name in ORDERS))
+        }
+        assert aligned[""] == found[rule]  # as it was recorded
+        assert aligned == {"": found[rule], **ORDERS}
+    assert found == ORDERS
 
 
 def test_run_draws_by_its_seed(here):
@@ -179,6 +188,85 @@ def test_allan_of_a_topic(here):
     recorded(here, "--imu", "stim300")
     told = here("allan", "run", "--topic", "/imu/dat", code=2).err
     assert "unknown sensor_msgs/msg/Imu topic '/imu/dat': did you mean /imu/data" in told
+
+
+def test_allan_of_a_part(here):
+    """Of a minute at 20 Hz, which begins with the first stamp: samples that begin from 10 s on, and
+    those that end by 40 s."""
+    n = 1200
+    w = 1e-5 * np.random.default_rng(1).standard_normal((n, 3))
+    f = np.array([0.0, 9.81, 0.0]) + 1e-3 * np.random.default_rng(2).standard_normal((n, 3))
+    w[:200] *= 3
+    w[800:] *= 5
+    t_ns = np.arange(1, n + 1) * 50_000_000
+    write_imu_log(Path("log.mcap"), t_ns=t_ns, w_ib_b=w, f_b=f, metadata={})
+
+    def shown(*said):
+        told = here("allan", "log.mcap", *said, "--json").json
+        curve = next(c for c in told["curves"] if (c["sensor"], c["axis"]) == ("gyro", "x"))
+        return next(v for k, v in curve.items() if k.startswith("deviation"))[0]
+
+    late, early = shown("--from", 10), shown("--to", 40)
+    # of one sample apart the Allan variance is the mean of half the squared steps
+    per_hour = np.degrees(1) * 3600 / np.sqrt(2)
+    for found, rows in ((late, w[201:]), (early, w[:801])):
+        by_hand = np.sqrt(np.mean(np.diff(rows[:, 0]) ** 2)) * per_hour
+        assert found == pytest.approx(by_hand, rel=1e-6)
+
+
+# --- what a command hands on
+
+
+class Said(Exception):
+    """What a command made of its options."""
+
+
+def handed(here, monkeypatch, target, *arguments):
+    """What the function at `target` is given by a command."""
+
+    def stop(*given, **named):
+        raise Said((given, named))
+
+    monkeypatch.setattr(target, stop)
+    with pytest.raises(Said) as caught:
+        here(*arguments)
+    return caught.value.args[0]
+
+
+def test_a_proposal_is_for_what_was_said(here, monkeypatch):
+    said = ("--heading", 1.5, "--imu", "hg9900", "--rate", 20, "--latitude", 40, "--height", 300)
+    said += ("--table", "laboratory", "--max-time", 900)
+    (requirement,), given = handed(here, monkeypatch, "stand.propose", "propose", *said)
+    assert requirement is None
+    del given["progress"]
+    assert given == {
+        "imu": "hg9900", "table": "laboratory", "heading_deg": 1.5, "max_time_s": 900,
+        "latitude_deg": 40, "height_m": 300, "rate_hz": 20,
+    }  # fmt: skip
+
+
+def test_a_picture_is_drawn_as_was_said(here, monkeypatch):
+    recorded(here, *IDEAL)
+    said = ("--camera", "side", "--method", "triad", "--size", "320x180", "--joints", "a=outer")
+    (log, at, out), given = handed(
+        here, monkeypatch, "stand.report.film.write_picture",
+        "picture", "run", "--at", 1.5, "--out", "x.png", "--force", *said,
+    )  # fmt: skip
+    assert (len(log.dwells), at, out) == (1, 1.5, Path("x.png"))
+    assert given == {
+        "camera": "side", "size": (320, 180), "method": "triad", "joints": "a=outer",
+        "force": True,
+    }  # fmt: skip
+
+
+def test_a_rehearsal_s_runs_are_made_as_was_said(here, monkeypatch):
+    said = ("--verify", 7, "--keep", "k", "--scheduler", "local", "--propose", "--seed", 5)
+    said += ("--motion", "servo", "--revision", "C", "--terms", "N,B")
+    (made,), given = handed(here, monkeypatch, "stand.rehearse", "rehearse", "rest.toml", *said)
+    del given["progress"]
+    assert given == {"verify": 7, "keep": Path("k"), "scheduler": "local", "propose": True}
+    assert (made.seed, made.motion.value, made.revision) == (5, "servo", "C")
+    assert tuple(made.allan_terms) == ("N", "B")
 
 
 # --- compare, export
@@ -245,10 +333,6 @@ def test_import_of_counts_after_a_header(here):
 
 
 # --- logs of others: the options that align, allan and import share
-
-
-class Said(Exception):
-    """What a command made of its options."""
 
 
 FORM = {

@@ -34,6 +34,8 @@ def test_a_heading_to_a_procedure_that_passes(here):
     assert 2 * 1.1 * heading["predicted"] <= 1.5
     assert heading["limited_by"] == "gyro white noise"
     assert Path("north.toml").read_text() == told["toml"]
+    assert "latitude_deg = 40" in told["toml"]
+    assert "height_m = 300" in told["toml"]
     again = ("rehearse", "north.toml", "--imu", "hg9900", "--rate", 20, "--table", "precision")
     assert here(*again).out.startswith("PASS")  # at the latitude that it was proposed for
     # nothing is lost, and nothing is replaced unless asked

@@ -14,6 +14,7 @@ from stand.columns import cell
 from stand.recording.curves import InnovationCurves, innovations_csv
 from stand.report.console import console, render
 from stand.report.tables import TableData
+from stand.threads import VARIABLES, set_one_thread
 
 UNITS = ("--columns", "t,gx,gy,gz,ax,ay,az", "--gyro-unit", "deg/s", "--accel-unit", "m/s^2")
 
@@ -181,3 +182,24 @@ def test_what_the_system_does_not_give(tmp_path, limit):
     assert done.returncode in (0, 2)
     assert out.exists() == (done.returncode == 0)
     assert done.returncode == 0 or done.stderr.count(b"\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("asked", "has"),
+    [({}, "1"), ({"OMP_NUM_THREADS": "3"}, None), ({"MKL_NUM_THREADS": "2"}, None)],
+)
+def test_linear_algebra_has_one_thread_where_nobody_asked_for_more(monkeypatch, asked, has):
+    monkeypatch.setattr(os, "environ", dict(asked))
+    set_one_thread()
+    assert os.environ.get("OPENBLAS_NUM_THREADS") == has
+    assert os.environ.get("OMP_NUM_THREADS") == asked.get("OMP_NUM_THREADS")  # our own threads'
+
+
+def test_a_command_has_one_thread_of_linear_algebra():
+    before = (
+        "import atexit, os, sys\n"
+        "seen = lambda: print(os.environ.get('OPENBLAS_NUM_THREADS'), file=sys.stderr)\n"
+        "atexit.register(seen)"
+    )
+    own = {name: value for name, value in os.environ.items() if name not in VARIABLES}
+    assert own_process("--version", before=before, env=own).stderr.split() == [b"1"]

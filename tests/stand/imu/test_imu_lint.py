@@ -11,6 +11,7 @@ from stand.imu import load_imu, without
 from stand.imu.bands import ACCEL_BANDS, GYRO_BANDS, SAMPLING_BANDS, SLIPS, slips
 from stand.imu.lint import PresetFinding, grade_of, lint
 from stand.imu.preset import ACCEL_KEYS, GYRO_KEYS, SamplingEntry
+from stand.imu.stated_units import scale_of
 from stand.report.lint_table import findings_table
 
 SHIPPED = [name for name in catalogue.ids("imus") if name != "ideal"]
@@ -408,6 +409,34 @@ def test_every_key_has_a_band_and_every_unit_its_mix_ups():
             assert band.why
             for low, high in band.spans:
                 assert 0 < low < high
+
+
+NAMES = {"arc seconds": "arcsec", "arc minutes": "arcmin", "parts of one": "1"}
+
+
+def plain(unit):
+    """As data sheets spell it for `scale_of`; nothing of one that is no unit."""
+    for name, ours in NAMES.items():
+        unit = unit.replace(name, ours)
+    unit = unit.replace(" per ", "/")
+    return "" if "{" in unit else unit
+
+
+def test_a_mix_up_is_off_by_what_the_units_say():
+    """3600 s/h, 206264.806 arc seconds a radian, g = 9.80665 m/s^2, 60 of deg/rt-h: one deg/s/rt-Hz
+    is one deg/rt-s. Of a value that was multiplied once too often the factor is one of the
+    others, the other way round. Rounded to seven digits, as the table prints them."""
+    assert len(SLIPS) > 20
+    for unit, slipped in SLIPS.items():
+        size, dimension = scale_of(plain(unit))
+        for other, factor in slipped.items():
+            if not plain(other):
+                assert 1 / factor in {60.0, 1000.0, 3600.0, 1e4}
+                assert any(factor * f == pytest.approx(1) for f in slipped.values())
+                continue
+            theirs, kind = (1e-9, scale_of("s")[1]) if other == "ns" else scale_of(plain(other))
+            assert kind == dimension, (unit, other)
+            assert theirs / size == pytest.approx(factor, rel=5e-7), (unit, other)
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,15 @@ def test_placement_by_hand():
     assert told.lever_arm == 0.3
     without = priors_of(load_imu("ideal"), None)
     assert (without.turn, without.seat, without.nominal, without.azimuth) == (0, 0, 0, 0)
+    assert told.lag == 0.0  # no bandwidth, no latency
+
+
+def test_readings_come_as_late_as_the_slower_triads_filter_and_the_bus():
+    """``sqrt2/(2 pi f)`` of 100 Hz is 2.2508 ms, and 3 ms on the way."""
+    ideal = load_imu("ideal")
+    gyro, accel = TriadSpec(bandwidth=400.0), TriadSpec(bandwidth=100.0)
+    slow = replace(ideal, gyro=gyro, accel=accel, clock=replace(ideal.clock, latency=3e-3))
+    assert priors_of(slow, None).lag == pytest.approx(5.2508e-3, rel=1e-4)
 
 
 @pytest.mark.parametrize(("corners", "slow"), [((1.0,), 0.0), ((1e6,), 1 / 0.6174)])

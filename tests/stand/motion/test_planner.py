@@ -346,6 +346,7 @@ def test_a_constant_rate_by_hand():
     assert p.steps[1].joints[3] / DEG == pytest.approx(307.5, abs=1e-11)
     assert step.turning.axis == JOINTS.index("outer")
     assert step.turning.rate == pytest.approx(10 * DEG, rel=1e-15)
+    assert step.turning.angle == pytest.approx(3.75 * DEG, abs=1e-11)  # where the ramp ends
     assert step.turning.axis_b == pytest.approx([0, 1, 0], abs=1e-14)  # up is Y1
     assert (step.C_nb.inv() * attitude(STAND, np.zeros(6))).magnitude() < ATTITUDE
 

@@ -299,8 +299,10 @@ def test_gimbal_lock_is_told_with_time_axis_and_distance():
         coning(entry("X1", 9.5), 10.0, 2.0, joints, MODEL)
     with pytest.raises(
         StandError, match=r"^gimbal lock inside the cone, nearest at .* deg of \+-90"
-    ):
+    ) as inside:
         coning(entry("X1", 20.0), 10.0, 2.0, joints, MODEL)
+    # at full size 10 deg beyond the lock, on the way there nearer, and not so near as not allowed
+    assert 1 < float(str(inside.value).partition("within ")[2].partition(" ")[0]) < 10
     assert coning(entry("X1", 8.9), 10.0, 2.0, joints, MODEL).duration == 14.0
     # no whole turn at full size, and still the lock is met or gone round
     with pytest.raises(StandError, match=r"^gimbal lock"):

@@ -164,6 +164,17 @@ def test_the_cheapest_panels_by_hand():
     assert [int(x[0]) for x in law.choose(0, np.array([False]))] == [5, 1]
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 16, 17, 33])
+def test_the_last_piece_of_those_that_are_bounded_together_is_bounded(count):
+    """Turns of 1 ms, and at the end one of 23.4 ms, whose mean three nodes do not have: 23.28."""
+    knots = np.append(np.arange(count) * 0.001, (count - 1) * 0.001 + 0.0234)
+    coefficients = np.zeros((2, count, 6))
+    coefficients[0, :, OUTER] = 1.0
+    nodes, panels = Law(Motion(knots, coefficients), []).choose(0, np.ones(count, bool))
+    assert list(nodes) == [3] * (count - 1) + [4]
+    assert list(panels) == [1] * count
+
+
 def test_a_choice_does_not_depend_on_what_else_is_asked():
     """Five hundred pieces of all sizes, with the waves of a drawn table: bounded together or
     alone."""

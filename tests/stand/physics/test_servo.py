@@ -638,3 +638,16 @@ def test_halving_the_step_changes_the_realised_motion_to_first_order():
     changes = np.array([np.abs(a - b).max() for a, b in pairwise(runs)])
     # second-order terms: 3 % of an order at 2 ms
     np.testing.assert_allclose(np.log2(changes[:-1] / changes[1:]), 1.0, atol=0.1)
+
+
+def test_light_bodies_turn_about_their_common_centre():
+    """0.1 and 0.3 kg at 0 and 0.4 m: 0.3 0.4^2 = 0.048 kg m^2 about the hinge at 0, and spheres
+    of 1 cm add 2/5 m r^2; their centre is at 0.3 m."""
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body name="a"><joint name="a" axis="0 0 1"/>'
+        '<geom type="sphere" size="0.01" mass="0.1"/>'
+        '<geom type="sphere" size="0.01" mass="0.3" pos="0.4 0 0"/></body></worldbody></mujoco>'
+    )
+    whole = weights_model(model)
+    np.testing.assert_allclose(whole.body_ipos[-1], [0.3, 0, 0], atol=1e-12)
+    assert inertias(whole) == pytest.approx([0.048 + 0.4 * 0.4 * 1e-4], rel=1e-9)

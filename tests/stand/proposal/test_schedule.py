@@ -235,6 +235,7 @@ def test_a_heading_near_the_floor_of_noise(heading, imu, table, latitude):
         assert rehearsed(other, made) is not Verdict.PASS
 
 
+@pytest.mark.slow
 def test_what_cannot_be_reached_names_its_floor():
     found = propose(wanted_of({"misalignment_arc_s": 2.0, "coverage": 1.0}, {}), like())
     assert not found.feasible

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 LOGS = {"text": 2500, "MCAP": 4500, "bag": 300, "npy": 400, "npz": 400, "mat": 300}
 TEXTS = {"TOML": 1000, "planned": 100, "metadata": 2500, "result": 4500, "columns": 3500}
 
+QUICK = 500  # of a kind in quick tests, the rest in slow ones
+
 # What a damaged file begins with, so that the rest is taken for what it says
 HEADS = {
     "MCAP": b"\x89MCAP0\r\n",
@@ -33,17 +35,37 @@ def test_there_are_20_000_of_them() -> None:
     assert sum(LOGS.values()) + sum(TEXTS.values()) == 20_000
 
 
+def damaged_logs(folder: Path, kind: str, cases: range) -> None:
+    found = fuzzed.run(kind, len(cases), folder, seed=11, first=cases.start)
+    assert found["read"] + found["refused"] == len(cases)
+    assert found["refused"] > len(cases) // 4  # the damage is such that it shows
+
+
+def damaged_texts(folder: Path, kind: str, cases: range) -> None:
+    found = fuzzed.run(kind, len(cases), folder, seed=12, first=cases.start)
+    assert found["refused"] > len(cases) // 8
+
+
 @pytest.mark.parametrize("kind", LOGS)
 def test_damaged_logs_are_read_or_refused(tmp_path: Path, kind: str) -> None:
-    found = fuzzed.run(kind, LOGS[kind], tmp_path, seed=11)
-    assert found["read"] + found["refused"] == LOGS[kind]
-    assert found["refused"] > LOGS[kind] // 4  # the damage is such that it shows
+    damaged_logs(tmp_path, kind, range(LOGS[kind])[:QUICK])
 
 
 @pytest.mark.parametrize("kind", fuzzed_texts.KINDS)
 def test_damaged_texts_are_taken_or_refused(tmp_path: Path, kind: str) -> None:
-    found = fuzzed.run(kind, TEXTS[kind], tmp_path, seed=12)
-    assert found["refused"] > TEXTS[kind] // 8
+    damaged_texts(tmp_path, kind, range(TEXTS[kind])[:QUICK])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [kind for kind in LOGS if LOGS[kind] > QUICK])
+def test_all_other_damaged_logs_are_read_or_refused(tmp_path: Path, kind: str) -> None:
+    damaged_logs(tmp_path, kind, range(LOGS[kind])[QUICK:])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [kind for kind in TEXTS if TEXTS[kind] > QUICK])
+def test_all_other_damaged_texts_are_taken_or_refused(tmp_path: Path, kind: str) -> None:
+    damaged_texts(tmp_path, kind, range(TEXTS[kind])[QUICK:])
 
 
 @settings(max_examples=150, suppress_health_check=list(HealthCheck), deadline=None)

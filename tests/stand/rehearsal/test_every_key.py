@@ -459,7 +459,12 @@ def test_runs_come_to_what_other_values_predict(base, paths, tmp_path):
     assert any(p.determined for p in result.predictions)
 
 
-@pytest.mark.parametrize("base", BASES)
+LONG = {"faces"}  # over 2 s
+
+
+@pytest.mark.parametrize(
+    "base", [pytest.param(b, marks=[pytest.mark.slow] * (b in LONG)) for b in BASES]
+)
 def test_so_do_they_as_it_stands(base, tmp_path):
     _, made = verified(base, tomllib.loads(BASES[base]), tmp_path)
     assert off(made) == []

@@ -89,6 +89,19 @@ def test_travel_may_be_longer_one_way(speed, after):
     assert found.first_violation == begun
 
 
+def test_a_rehearsal_knows_torques_where_the_class_states_motors():
+    scene = moved("outer", 0, 0, 10 / 2)
+    with_motors = margin(scene, "torque")
+    assert with_motors.axis == "outer"
+    # the outer frame's inertia times its acceleration and viscous friction: some per cent of it
+    assert 0 < with_motors.ratio < 1
+    assert scene.torque is not None
+    assert None not in scene.table.motors
+    without = replace(scene.settings.table, motors=(None,) * 6)
+    bare = prepared(replace(scene.settings, table=without))
+    assert bare.torque is None
+
+
 def test_a_torque_breaks_its_limit_when_it_does():
     scene = moved("outer", 0, 0, 10 / 2)
     allowed = scene.table.torque[JOINTS.index("outer")]
@@ -189,6 +202,14 @@ def test_whole_turns_are_counted_where_a_step_ends():
     assert turns[0] == {"outer": pytest.approx(2.1625)}
     assert turns[1] == {"outer": pytest.approx(0.0, abs=1e-9)}  # it has made some before
     assert turns[2] == {"outer": pytest.approx(1.0)}
+
+
+@pytest.mark.parametrize(("short_deg", "counted"), [(3.4e-7, True), (3.8e-7, False)])
+def test_a_turn_that_rounding_leaves_short_is_whole(short_deg, counted):
+    """A billionth of a turn is 3.6e-7 deg; either way round."""
+    for one in (360, -360):
+        scene = planned(to("one", outer=one * (1 - short_deg / 360)))
+        assert ("outer" in feasibility(scene)[0].turns) == counted
 
 
 def test_stretches_are_set_against_what_they_must_outlast():

@@ -407,7 +407,6 @@ def test_what_the_table_cannot_do_is_not_advised(short_of_travel):
             assert rehearse(replace(fresh, table=short_of_travel)).feasible, one.text
 
 
-@pytest.mark.slow
 def test_advice_is_in_whole_numbers_and_keeps_the_revision():
     """Revision C is required to 60 % of what 25 s reach: rests become longer by whole seconds."""
     text = HEAD + '[estimate]\nmethods = ["two-position"]\n' + DWELL.format("first", 25)

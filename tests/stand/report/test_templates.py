@@ -1,6 +1,7 @@
 """Templates of stand new: each loads, each has every key, and each key is as its model has it."""
 
 import re
+from pathlib import Path
 
 import pytest
 from pydantic import BaseModel
@@ -104,6 +105,11 @@ def test_the_command(stand_command, tmp_path, monkeypatch):
     assert (done.code, done.out) == (0, "mine.toml\n")
     assert load_table("mine.toml").title == "mine"
     assert "mine.toml: exists; --force replaces it" in stand_command("new", "table", "mine").err
+    Path("mine.toml").write_text("mine", encoding="utf-8")
+    assert stand_command("new", "table", "mine").code == 2
+    assert Path("mine.toml").read_text(encoding="utf-8") == "mine"
+    assert stand_command("new", "table", "mine", "--force").out == "mine.toml\n"
+    assert load_table("mine.toml").title == "mine"
     assert stand_command("new", "chair", "mine").code == 2
     for wrong in ("", ".toml", "there/.hidden"):
         refused = stand_command("new", "table", wrong)

@@ -1,10 +1,13 @@
 """Readings sorted by stretch while a run streams: whole samples only, whatever the blocks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from stand.motion.plan import PlannedStep, Turning
+from stand.physics.mjcf import describe, load_model
 from stand.samples import ImuBlock, TruthBlock
 from stand.simulation.collector import DwellCollector
 
@@ -145,3 +148,28 @@ def test_what_lies_in_a_file_has_the_bits_of_what_lies_in_memory(monkeypatch, tm
     monkeypatch.setattr("stand.room.IN_MEMORY", 0)
     assert answers() == whole
     assert whole[1] == 15  # of 2 s at 10 Hz, from half a second later on
+
+
+@pytest.mark.parametrize("size", [1, 3, 7, 20, 100])
+@pytest.mark.parametrize("axis", [None, 4])
+def test_encoders_tell_where_the_axes_stood_by_their_second_half(size, axis):
+    """Samples 30 to 49: the second ten say 10 k + axis, on the mean 445 + axis milliradians; the
+    one that turns counts for nothing."""
+    truth, imu = samples(60)
+    truth = replace(truth, encoders=truth.encoders * 1e-3)
+    turning = None if axis is None else Turning(axis, 1.0, np.array([0.0, 1.0, 0.0]))
+    stand = describe(load_model())
+    collector = DwellCollector([step("A", 3.0, 5.0, turning)], RATE, stand=stand)
+    for a in range(0, 60, size):
+        part = slice(a, a + size)
+        collector.add(
+            TruthBlock(*(getattr(truth, name)[part] for name in TruthBlock.__slots__)),
+            ImuBlock(*(getattr(imu, name)[part] for name in ImuBlock.__slots__)),
+        )
+    (dwell,), _ = collector.finish()
+    assert dwell.joints is not None
+    by_hand = 0.445 + 1e-3 * np.arange(6)
+    if axis is not None:
+        by_hand[axis] = 0.0
+    np.testing.assert_allclose(dwell.joints.angles, by_hand, rtol=1e-12)
+    assert dwell.joints.going_round == (-1 if axis is None else axis)
