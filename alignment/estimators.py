@@ -11,7 +11,13 @@ from alignment.methods.fine import fine, fine_tracks, innovations
 from alignment.methods.inertial import inertial, inertial_tracks
 from alignment.methods.integration import integration_gains, rk4, rk4_tracks
 from alignment.methods.position_gains import multi_position_gains, two_position_gains
-from alignment.methods.positions import ANOMALY, multi_position, two_position
+from alignment.methods.positions import (
+    ANOMALY,
+    multi_position,
+    multi_position_of_runs,
+    two_position,
+    two_position_of_runs,
+)
 from alignment.methods.rocking_gains import fine_functional, inertial_functional
 from alignment.methods.single_gyro import single_gyro, single_gyro_gains
 from alignment.methods.six_position import six_position, six_position_gains, six_position_tracks
@@ -86,6 +92,7 @@ ESTIMATORS = {
         source="[S4] double gyrocompassing, as a least squares fit with priors",
         note="± with placement and biases by the priors that were stated",
         estimate=two_position,
+        estimate_of_runs=two_position_of_runs,
         gains=two_position_gains,
         turns_cancel_bias=True,
         anomaly=ANOMALY,
@@ -95,6 +102,7 @@ ESTIMATORS = {
         source="[S4] double gyrocompassing, to any number of positions",
         note="± with placement and biases by the priors that were stated",
         estimate=multi_position,
+        estimate_of_runs=multi_position_of_runs,
         gains=multi_position_gains,
         turns_cancel_bias=True,
         anomaly=ANOMALY,

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import wraps
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, TypeVar
 
 from alignment.calibration.design import Design
 from alignment.calibration.session import Session
@@ -16,6 +16,9 @@ from alignment.methods.fine import Innovations
 from alignment.options import Options
 from alignment.readings import Dwell, ImuReadings
 
+A = TypeVar("A")
+B = TypeVar("B")
+C = TypeVar("C")
 Takes = Literal["rest", "turning", "any", "fixes"]
 TAKEN: Mapping[Takes, str] = MappingProxyType(
     {
@@ -27,6 +30,10 @@ TAKEN: Mapping[Takes, str] = MappingProxyType(
 )
 
 Estimate = Callable[[Sequence[Dwell], Site, Options], list[AttitudeEstimate]]
+EstimateOfRuns = Callable[
+    [Sequence[Sequence[Dwell]], Sequence[Site], Options],
+    list[list[AttitudeEstimate] | AlignmentError],
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +63,10 @@ class Method:
         its numbers must know.
     estimate : callable
         From the stretches it is for, a site and options; refuses all of them where it refuses one.
+    estimate_of_runs : callable or None
+        As that, to the bit, of many runs of one procedure at once, where that is faster: of as
+        many stretches each, at sites that differ in their gravity alone. Refusals take the place
+        of answers; one that is of no run alone is raised.
     alone : bool
         It answers each stretch by itself, as if it were asked of that one only.
     takes : str
@@ -112,6 +123,7 @@ class Method:
     note: str
     estimate: Estimate
     alone: bool = False
+    estimate_of_runs: EstimateOfRuns | None = None
     takes: Takes = "rest"
     gains: Gains | None = None
     functional: Callable[[ImuReadings, Site, Options], Functional] | None = None
@@ -143,7 +155,9 @@ class Method:
                 f"{sum(ways)}"
             )
         if not self.knows_skew:
-            object.__setattr__(self, "estimate", _of_square_triads(self.estimate))
+            for name in ("estimate", "estimate_of_runs"):
+                if getattr(self, name) is not None:
+                    object.__setattr__(self, name, _of_square_triads(getattr(self, name)))
         object.__setattr__(self, "windows", MappingProxyType(dict(self.windows)))
 
     def suited(self, dwell: Dwell) -> bool:
@@ -166,11 +180,11 @@ class Method:
         return self.windows.get(name, Window(name) if name else _PLAIN)
 
 
-def _of_square_triads(estimate: Estimate) -> Estimate:
+def _of_square_triads(estimate: Callable[[A, B, Options], C]) -> Callable[[A, B, Options], C]:
     """The method, for units whose triads are not skewed by design."""
 
     @wraps(estimate)
-    def checked(dwells: Sequence[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
+    def checked(dwells: A, site: B, options: Options) -> C:
         priors = options.priors
         if priors.gyro_axes is not None or priors.accel_axes is not None:
             raise AlignmentError(

@@ -140,8 +140,10 @@ class _Problem:
     relative : (r, n, 3, 3)
     turned : (r, n, 3, t)
         Small turns in b of each position by placements and seat.
-    latitude, gravity : float or None
+    latitude : float or None
         Given, or None.
+    gravity : (r,) or None
+        Likewise.
     priors : Priors
         Of the constants.
     form : ConstantForm
@@ -158,7 +160,7 @@ class _Problem:
     relative: Array
     turned: Array
     latitude: float | None
-    gravity: float | None
+    gravity: Array | None
     priors: Priors
     form: ConstantForm
     sigmas: Array
@@ -185,13 +187,15 @@ class _Problem:
         """That of some runs."""
         names = ("y", "sigma", "correlated", "relative", "turned")
         own = {name: getattr(self, name) for name in names}
+        if self.gravity is not None:
+            own["gravity"] = self.gravity
         return replace(self, **{n: x if len(x) == 1 else x[runs] for n, x in own.items()})
 
 
 def _problem(
     readings: tuple[Array, Array],
     relative: Array,
-    given: tuple[float | None, float | None],
+    given: tuple[float | None, float | Array | None],
     priors: Priors,
     gravity_sigma: float,
     drift: Array | None,
@@ -222,7 +226,7 @@ def _problem(
         relative=relative,
         turned=_turned_by_table(relative, priors),
         latitude=latitude,
-        gravity=gravity,
+        gravity=None if gravity is None else np.reshape(gravity, -1),
         priors=priors,
         form=constant_form(priors),
         sigmas=np.array(sigmas),
@@ -253,7 +257,7 @@ def fit_positions(
     variances: Array,
     relative: Array,
     latitude: float | None,
-    gravity: float | None,
+    gravity: float | Array | None,
     priors: Priors,
     gravity_sigma: float = 0.0,
     drift: Array | None = None,
@@ -269,8 +273,10 @@ def fit_positions(
     relative : (..., n, 3, 3)
         ``C_b0_bk`` by the encoders: takes components of position k to those of position 0; one
         for all runs, or each its own.
-    latitude, gravity : float or None
-        [rad], [m/s^2]; None: estimated.
+    latitude : float or None
+        [rad]; None: estimated.
+    gravity : float, (...) or None
+        [m/s^2]; likewise, one for all runs, or each its own.
     priors : Priors
         Biases and all other constant errors of each triad; `turn` is the placement of each
         position about each of its three axes, `seat` that of b on the table. A bias of 0 here
@@ -295,6 +301,9 @@ def fit_positions(
     weighed errors stand in the covariance ``R + A A^T`` of the readings, which is the same as to
     solve for them, and are then found from what the step leaves. Started from linear fits of the
     two vectors and the biases; of two ends the likelier one, the other in its covariance.
+
+    What comes out of a run is the same to the bit, whatever others it is fitted with: all that
+    is done is of each run alone.
     """
     lead, n = means.shape[:-2], means.shape[-2]
     sigma = np.sqrt(np.broadcast_to(variances, means.shape) + ROUNDING**2).reshape(-1, 6 * n)
@@ -423,12 +432,21 @@ def _spread(fit: PositionFit, apart: Array, weights: Array) -> PositionFit:
 def _mirrored(C: Array, x: Array, hidden: Array, problem: _Problem) -> tuple[Array, Array]:
     """Start from the other sign of the rate along the axis that the turns do not show."""
     w_n, _, _ = _vectors(x, problem)
-    w = np.einsum("rji,rj->ri", C, w_n)
+    w = (np.swapaxes(C, -1, -2) @ w_n[..., None])[..., 0]
     flipped = 2 * np.sum(w * hidden, axis=1, keepdims=True) * hidden
     x = x.copy()
     x[:, 3:6] += flipped
     up = -C[:, 2]
-    return attitude_from_means(w - flipped, up, Sequence.YAW_PITCH_ROLL).as_matrix(), x
+    return _levelled(w - flipped, up), x
+
+
+def _levelled(w: Array, f: Array) -> Array:
+    """Attitudes (r, 3, 3) from rates and forces (r, 3), by angles.
+
+    With a row more: of one alone the last digit of a sum is another than of one of many.
+    """
+    w, f = np.concatenate([w, w[:1]]), np.concatenate([f, f[:1]])
+    return attitude_from_means(w, f, Sequence.YAW_PITCH_ROLL).as_matrix()[:-1]
 
 
 def _descended(start: tuple[Array, Array], problem: _Problem) -> _End:
@@ -594,7 +612,7 @@ def _starts(
         if problem.latitude is None:
             lean = np.sum(w * up[runs], axis=1) / np.linalg.norm(w, axis=1)
             x[:, 9] = np.arcsin(np.clip(lean, -_LATITUDE_START, _LATITUDE_START))
-        return attitude_from_means(w, f[runs], Sequence.YAW_PITCH_ROLL).as_matrix(), x
+        return _levelled(w, f[runs]), x
 
     starts = start(one[0], one[1], np.arange(len(w))), start(another[0], another[1], hidden)
     return starts, weak, hidden
@@ -627,7 +645,8 @@ def _vectors(x: Array, problem: _Problem) -> tuple[Array, Array, Array]:
     """Earth rate, specific force and Earth rate's change with latitude in n, each (r, 3)."""
     runs = len(x)
     lat = x[:, 9] if problem.latitude is None else np.full(runs, problem.latitude)
-    g = _normal_gravity(lat) if problem.gravity is None else np.full(runs, problem.gravity)
+    given = problem.gravity
+    g = _normal_gravity(lat) if given is None else np.broadcast_to(given, runs)
     if problem.heavier:
         g = g + x[:, -1]
     zero = np.zeros(runs)

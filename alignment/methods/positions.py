@@ -6,9 +6,11 @@ stays at its prior. Source: [S4] double gyrocompassing, methods.md section 2; re
 maximum a posteriori fit.
 """
 
+from collections.abc import Callable, Iterator
 from collections.abc import Sequence as Ordered
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -44,6 +46,12 @@ TWO_POSITION = "two-position"
 MULTI_POSITION = "multi-position"
 
 ANOMALY = 5e-4  # m/s^2: of gravity about its WGS 84 value, where nobody measured it
+
+Answer = list[AttitudeEstimate] | AlignmentError
+Summaries = Ordered[tuple[Array, Array]]  # means (6,) of each position, and their variances
+_Set = tuple[Ordered[Dwell], Summaries]
+P = ParamSpec("P")
+T = TypeVar("T")
 
 OVERLAP = 1.5  # samples by which dwells may share readings: stamps of either end are rounded
 LEAST_TURN = np.radians(30.0)  # below it biases hardly change sides
@@ -85,14 +93,32 @@ def two_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     the answer by m, gyros turn its heading by m about the vertical. Where the positions contradict
     one another (chi-square once in a thousand) all sigmas grow by `PositionFit.growth`.
     """
+    return _alone(two_position_of_runs([dwells], [site], options))
+
+
+def two_position_of_runs(
+    runs: Ordered[Ordered[Dwell]], sites: Ordered[Site], options: Options
+) -> list[Answer]:
+    """As `two_position`, of many runs, to the bit, and what each is refused by.
+
+    Their pairs are fitted at once; sites differ in their gravity alone.
+    """
+    every = [_or_refusal(_pairs, dwells, options.priors) for dwells in runs]
+    answers = _estimates(TWO_POSITION, every, sites, options)
+    return [
+        found if isinstance(found, AlignmentError) else [one[0] for one in found]
+        for found in answers
+    ]
+
+
+def _pairs(dwells: Ordered[Dwell], priors: Priors) -> list[_Set]:
     dwells = _in_time(dwells)
-    summaries = _summaries(dwells, options.priors)
+    summaries = _summaries(dwells, priors)
     pairs = [slice(k, k + 2) for k in range(len(dwells) - 1)]
     pairs = [own for own in pairs if _widest_turn(dwells[own]) >= LEAST_TURN]
     if not pairs:
         raise AlignmentError("too little turn: no two successive dwells are 30 deg or more apart")
-    sets = [(dwells[own], summaries[own]) for own in pairs]
-    return [found[0] for found in _estimates(TWO_POSITION, sets, site, options)]
+    return [(dwells[own], summaries[own]) for own in pairs]
 
 
 def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
@@ -125,13 +151,42 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
     positions contradict one another (chi-square once in a thousand) all sigmas grow by
     `PositionFit.growth`.
     """
+    return _alone(multi_position_of_runs([dwells], [site], options))
+
+
+def multi_position_of_runs(
+    runs: Ordered[Ordered[Dwell]], sites: Ordered[Site], options: Options
+) -> list[Answer]:
+    """As `multi_position`, of many runs; see `two_position_of_runs`."""
+    every = [_or_refusal(_whole, dwells, options.priors) for dwells in runs]
+    answers = _estimates(MULTI_POSITION, every, sites, options)
+    return [found if isinstance(found, AlignmentError) else found[0] for found in answers]
+
+
+def _whole(dwells: Ordered[Dwell], priors: Priors) -> list[_Set]:
     if len(dwells) < 2:
         raise AlignmentError(f"too little turn: {len(dwells)} dwells, at least 2 are needed")
     dwells = _in_time(dwells)
-    summaries = _summaries(dwells, options.priors)
+    summaries = _summaries(dwells, priors)
     if _widest_turn(dwells) < LEAST_TURN:
         raise AlignmentError("too little turn: no two dwells are 30 deg or more apart")
-    return _estimates(MULTI_POSITION, [(dwells, summaries)], site, options)[0]
+    return [(dwells, summaries)]
+
+
+def _or_refusal(function: Callable[P, T], *args: P.args, **options: P.kwargs) -> T | AlignmentError:
+    """What a function gives, or is refused by."""
+    try:
+        return function(*args, **options)
+    except AlignmentError as error:
+        return error
+
+
+def _alone(answers: list[Answer]) -> list[AttitudeEstimate]:
+    """That of one run."""
+    (found,) = answers
+    if isinstance(found, AlignmentError):
+        raise found
+    return found
 
 
 def _in_time(dwells: Ordered[Dwell]) -> list[Dwell]:
@@ -237,33 +292,54 @@ def _widest_turn(dwells: Ordered[Dwell]) -> float:
     return float(2 * np.arccos(np.clip(np.abs(quats @ quats.T).min(), 0, 1)))
 
 
-_Set = tuple[Ordered[Dwell], Ordered[tuple[Array, Array]]]
-
-
 def _estimates(
-    method: str, sets: Ordered[_Set], site: Site, options: Options
-) -> list[list[AttitudeEstimate]]:
-    """Of sets of as many positions each, all fitted at once: they share latitude and priors."""
-    latitude, gravity = local_vectors(site)
+    method: str,
+    every: Ordered[list[_Set] | AlignmentError],
+    sites: Ordered[Site],
+    options: Options,
+) -> list[list[list[AttitudeEstimate]] | AlignmentError]:
+    """Of each run's sets, all of as many positions and fitted at once: they share latitude and
+    priors. A run that is refused stays so."""
+    asked = {k: sets for k, sets in enumerate(every) if not isinstance(sets, AlignmentError)}
+    answers: list[Any] = list(every)
+    if not asked:
+        return answers
+    options = replace(options, priors=switched_on(with_products(options.priors)))
+    told = [(*own, sites[k]) for k, sets in asked.items() for own in sets]
+    fits = _fitted(told, options.priors)
+    for k, sets in asked.items():
+        own = [(dwells, *next(fits)) for dwells, _ in sets]
+        answers[k] = _or_refusal(_answers_of, method, own, sites[k], options)
+    return answers
+
+
+def _fitted(
+    every: Ordered[tuple[Ordered[Dwell], Summaries, Site]], priors: Priors
+) -> Iterator[tuple[PositionFit, tuple[Array, Array]]]:
+    """The fit of each set with variances of its means, and turns."""
+    given = [local_vectors(site) for _, _, site in every]
+    latitude, site = given[0][0], every[0][2]
     if latitude is not None:
         site.horizontal_rate()  # refuses at a pole
+    gravity = None if given[0][1] is None else np.array([own for _, own in given])
     anomaly = ANOMALY if site.local_gravity is None else 0.0
-    priors = switched_on(with_products(options.priors))
-    told = [_told_of(dwells, summaries, site, priors) for dwells, summaries in sets]
+    told = [_told_of(*own, priors) for own in every]
     means, variances, relative, drift = (np.array(parts) for parts in zip(*told, strict=True))
     fits = fit_positions(means, variances, relative, latitude, gravity, priors, anomaly, drift)
-    options = replace(options, priors=priors)
-    return [
-        _answers(method, dwells, fit, (v, r), site, options)
-        for (dwells, _), fit, v, r in zip(sets, fits.each(), variances, relative, strict=True)
-    ]
+    yield from zip(fits.each(), zip(variances, relative, strict=True), strict=True)
+
+
+def _answers_of(
+    method: str,
+    fitted: Ordered[tuple[Ordered[Dwell], PositionFit, tuple[Array, Array]]],
+    site: Site,
+    options: Options,
+) -> list[list[AttitudeEstimate]]:
+    return [_answers(method, dwells, fit, told, site, options) for dwells, fit, told in fitted]
 
 
 def _told_of(
-    dwells: Ordered[Dwell],
-    summaries: Ordered[tuple[Array, Array]],
-    site: Site,
-    priors: Priors,
+    dwells: Ordered[Dwell], summaries: Summaries, site: Site, priors: Priors
 ) -> tuple[Array, Array, Array, Array]:
     """Means, variances (n, 6), turns (n, 3, 3) and drift (6, n, n) of some positions."""
     means, scatter = (np.array(values) for values in zip(*summaries, strict=True))

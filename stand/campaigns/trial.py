@@ -14,12 +14,14 @@ from alignment.against_truth import angle_errors, heading_errors, rotation_error
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from stand.errors import StandError
-from stand.evaluation.score import ANGLES, Truths, answered, circular
+from stand.evaluation.runs import Answers, Made, answers_to, made_by
+from stand.evaluation.score import ANGLES, circular
 from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.result import Prediction
 from stand.rehearsal.verify import BIASES
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.settings import Settings, methods_of
+from stand.simulation.work import Together
 
 NEES = "NEES"  # of a whole attitude: 3 where its covariance is honest
 ALL = "all"  # the place of what is of no stretch: a unit's biases
@@ -58,7 +60,7 @@ def ready(settings: Settings) -> Callable[[int], tuple[Row, ...]]:
         trials = Trials(settings)
     except (StandError, AlignmentError) as error:
         return partial(_refused, str(error))
-    return partial(_trial, trials, methods_of(settings))
+    return Together(partial(_trials, trials, methods_of(settings)), trials.at_once)
 
 
 def predicted(settings: Settings) -> Callable[[int], tuple[Prediction, ...]]:
@@ -77,24 +79,27 @@ def _refused(reason: str, seed: int) -> tuple[Row, ...]:
     return (Row(refusal=reason),)
 
 
-def _trial(trials: Trials, methods: Sequence[str], seed: int) -> tuple[Row, ...]:
-    try:
-        dwells, attitudes = trials.readings(seed)
-    except StandError as error:  # a sway drawn anew may be beyond the table
-        return (Row(refusal=str(error)),)
-    truths = {
-        d.label: Truths(C, mean=mean)
-        for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
-    }
-    settings, biases = trials.settings, trials.biases(seed)
+def _trials(trials: Trials, methods: Sequence[str], seeds: Sequence[int]) -> list[tuple[Row, ...]]:
+    settings = trials.settings
+    made = [made_by(trials, seed) for seed in seeds]
+    there = [one for one in made if isinstance(one, Made)]
+    answers = iter(answers_to(there, methods, lambda *_: settings.site, settings.options))
+    return [
+        _trial(one, next(answers), settings.site.latitude)
+        if isinstance(one, Made)
+        else (Row(refusal=str(one)),)
+        for one in made
+    ]
+
+
+def _trial(one: Made, answers: Answers, latitude: float | None) -> tuple[Row, ...]:
     rows: dict[tuple[str, ...], Row] = {}
-    for method in methods:
-        estimates, refused = answered(method, dwells, settings.site, settings.options)
+    for method, estimates, refused in answers:
         for r in refused:
             rows[method, r.stretch] = Row(method, place=r.stretch, refusal=r.reason)
         for e in estimates:
-            truth = truths[e.label].of(method) if e.label in truths else None
-            for row in _rows(e, truth, biases, settings.site.latitude):
+            truth = one.truths[e.label].of(method) if e.label in one.truths else None
+            for row in _rows(e, truth, one.biases, latitude):
                 rows.setdefault(tuple(row[:4]), row)  # biases by the first of several fits
     return tuple(rows.values()) or (Row(refusal="no method is named"),)
 

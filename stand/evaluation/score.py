@@ -211,6 +211,38 @@ def of_each(
     return found
 
 
+Answered = tuple[list[AttitudeEstimate], list[Refusal]]
+
+
+def answered_of_runs(
+    method: str, runs: Sequence[Sequence[Dwell]], sites: Sequence[Site], options: Options
+) -> list[Answered]:
+    """As `answered`, of many runs of one procedure, whose sites differ in their gravity alone.
+
+    A method that takes them at once has the same numbers; a run that it refuses is asked alone.
+    """
+    at_once = _estimates_of_runs(method, runs, sites, options)
+    return [
+        answered(method, dwells, site, options) if found is None else (found, [])
+        for found, dwells, site in zip(at_once, runs, sites, strict=True)
+    ]
+
+
+def _estimates_of_runs(
+    method: str, runs: Sequence[Sequence[Dwell]], sites: Sequence[Site], options: Options
+) -> list[list[AttitudeEstimate] | None]:
+    """Of each run, None where it is to be asked alone."""
+    none: list[list[AttitudeEstimate] | None] = [None] * len(runs)
+    estimate = ESTIMATORS[method].estimate_of_runs
+    if estimate is None or len(runs) == 1 or len({len(dwells) for dwells in runs}) > 1:
+        return none
+    try:
+        found = estimate([suited(method, dwells) for dwells in runs], sites, options)
+    except AlignmentError:
+        return none
+    return [None if isinstance(own, AlignmentError) else own for own in found]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Spread:
     """Errors of one method over its positions: `sigma` about their mean (n - 1), `rms` about 0.

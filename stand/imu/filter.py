@@ -52,13 +52,17 @@ def _pole(bandwidth: float, rate_hz: float) -> complex:
     return complex(2 * pi * bandwidth / rate_hz * (-1 + 1j) / sqrt(2))
 
 
-def remembered(bandwidth: float, rate_hz: float) -> int:
+def remembered(bandwidth: float, rate_hz: float, sampling: Sampling = Sampling.MEAN) -> int:
     """Samples after which nothing is left of what the filter was fed before, to the last bit.
 
     What it remembers falls by ``exp(-w0 dt/sqrt2)`` from sample to sample: to 1e-28 of what was
-    changed, which no sum with a noise above it shows. Of a sample itself it keeps three.
+    changed, which no sum with a noise above it shows. Before that stand those that it keeps: of
+    means whose ends are known the last end, of instants three.
     """
-    return ceil(-_FORGOTTEN / _pole(bandwidth, rate_hz).real) + 3 if np.isfinite(bandwidth) else 0
+    if not np.isfinite(bandwidth):
+        return 0
+    kept = 1 if sampling is Sampling.MEAN else 3
+    return ceil(-_FORGOTTEN / _pole(bandwidth, rate_hz).real) + kept
 
 
 class LowPass:

@@ -25,7 +25,8 @@ from alignment.units import DEG
 from stand.calibration.truth import true_values
 from stand.calibration.units import name_of
 from stand.errors import StandError
-from stand.evaluation.score import ANGLES, Truths, answered
+from stand.evaluation.runs import Answers, Made, answers_to, made_by
+from stand.evaluation.score import ANGLES
 from stand.rehearsal.constants import ASSUMED
 from stand.rehearsal.result import QUANTITIES, Finding, Rehearsal, Severity
 from stand.rehearsal.sums import Key, RunErrors, Sums, run_from_json, run_to_json
@@ -35,7 +36,7 @@ from stand.simulation.journal import Journal, case_digest
 from stand.simulation.monte_carlo import Trials
 from stand.simulation.parallel import campaign
 from stand.simulation.settings import Settings
-from stand.simulation.work import Engine
+from stand.simulation.work import Engine, Together
 
 Progress = Callable[[float], None]
 _RUNS_BITS = 20
@@ -232,32 +233,35 @@ def _came_to(sums: Sums, key: Key, unit: str, per: float, predicted: float | Non
 
 
 def _ready(settings: Settings, methods: Sequence[str]) -> Callable[[int], RunErrors]:
-    return partial(_trial, Trials(settings), methods)
+    trials = Trials(settings)
+    return Together(partial(_runs, trials, methods), trials.at_once)
 
 
-def _trial(trials: Trials, methods: Sequence[str], seed: int) -> RunErrors:
+def _runs(trials: Trials, methods: Sequence[str], seeds: Sequence[int]) -> list[RunErrors]:
     settings = trials.settings
-    try:
-        dwells, attitudes = trials.readings(seed)
-    except StandError as error:  # a sway drawn anew may be beyond the table
-        return RunErrors({}, dict.fromkeys([(m, "") for m in methods], f"seed {seed}: {error}"))
-    truths = {
-        d.label: Truths(C, mean=mean)
-        for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
-    }
-    biases = trials.biases(seed)
-    truth_of_unit = partial(_true_constants, trials, seed)
+    made = [made_by(trials, seed) for seed in seeds]
+    there = [one for one in made if isinstance(one, Made)]
+    answers = iter(answers_to(there, methods, partial(_site_told, settings), settings.options))
+    return [
+        _run(trials, one, next(answers))
+        if isinstance(one, Made)
+        else RunErrors({}, dict.fromkeys([(m, "") for m in methods], f"seed {seed}: {one}"))
+        for seed, one in zip(seeds, made, strict=True)
+    ]
+
+
+def _run(trials: Trials, one: Made, answers: Answers) -> RunErrors:
+    """What the methods' answers to a run are off by."""
+    truth_of_unit = partial(_true_constants, trials, one.seed)
     found, untold, refusals = {}, set(), {}
-    for method in methods:
-        site = _site_told(settings, method, seed)
-        estimates, refused = answered(method, dwells, site, settings.options)
+    for method, estimates, refused in answers:
         refusals |= {(method, r.stretch): r.reason for r in refused}
         for e in estimates:
-            if e.label in truths:
+            if e.label in one.truths:
                 untold |= {(e.method, e.window, e.label, name) for name in e.undetermined}
-                truth = truths[e.label].of(method)
+                truth = one.truths[e.label].of(method)
                 assert truth is not None  # it is a run of ours
-                for key, error in errors_of(e, truth, biases).items():
+                for key, error in errors_of(e, truth, one.biases).items():
                     found.setdefault(key, error)  # biases by the first of several fits
                 if e.calibration is not None:
                     found |= _errors_of_constants(e.method, e.calibration, truth_of_unit)

@@ -39,6 +39,8 @@ from stand.table.kinematics import C_NW
 RANDOM = (SwayStep, SwayBehind, VibrationStep, VibrationBehind)
 CHUNK = 20_000  # samples: bounds the memory of a run, and costs no speed
 KEPT = 400_000  # samples of truth that are kept for the next run, 300 bytes each
+HELD = 400_000  # samples of several runs that are estimated from at once, 56 bytes each
+MOST_AT_ONCE = 32  # runs: more gain little
 AT_ONCE = 4096  # samples that the unit reports in one call: beyond it copies cost more than calls
 
 Readings = tuple[list[Dwell], TrueAttitudes]
@@ -79,7 +81,7 @@ class Trials:
         self._whole = settings.motion is MotionKind.SERVO or not first.imu.spec.clock.perfect
         self._spec = settings.unit
         bandwidth = min(self._spec.gyro.bandwidth, self._spec.accel.bandwidth)
-        self._memory = remembered(bandwidth, settings.rate_hz)
+        self._memory = remembered(bandwidth, settings.rate_hz, settings.sampling)
         self._spans: list[_Span] = []  # of `plan`, once they were asked for
         self._moves = follows_moves(settings)
         self._model = load_model(settings.table.model)
@@ -91,6 +93,12 @@ class Trials:
         self._truth: Truth | None = None
         self._built: Any = None  # the model of the last run's table
         self._last: tuple[int, Imu] | None = None  # the unit of the last run
+
+    @property
+    def at_once(self) -> int:
+        """Of how many runs there is room for the readings."""
+        total = sample_count(self.plan.motion.duration, self.settings.rate_hz)
+        return max(1, min(MOST_AT_ONCE, HELD // max(total, 1)))
 
     def keep_moves(self) -> None:
         """From now on the moves between the stretches too: a method is asked that follows them."""
@@ -189,7 +197,7 @@ class Trials:
         for first, last, step in spans(planned.stretches, rate_hz, total):
             begin = first
             if step is None and not self._followed:
-                begin = max(first, last - self._memory)
+                begin = last if last == total else max(first, last - self._memory)
                 if first < begin:
                     found.append(_Span(first, begin, None, still=False, fed=True))
             if begin < last:

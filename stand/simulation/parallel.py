@@ -22,7 +22,7 @@ from stand.simulation.work import (
     Supply,
     Task,
     answer,
-    made_or_named,
+    made_in_order,
     processes_for,
     recipe_of,
 )
@@ -71,7 +71,8 @@ def campaign(
     workers = processes_for(len(seeds)) if workers is None else workers
     if engine is None and workers == 1:
         make = trial or ready()
-        yield from (made_or_named(make, seed) for seed in seeds)
+        for some in made_in_order(make, seeds):
+            yield from some
         return
     supply = Supply([Task(0, recipe_of(ready), seeds)])
     found = engine(supply) if engine is not None else pool(supply, workers)

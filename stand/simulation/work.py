@@ -12,7 +12,9 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
 from typing import Any, NamedTuple
@@ -27,6 +29,22 @@ TRIES = 2  # of a run alone, before it is named: its process may have been ended
 MOST_LOST = 10  # runs that may end their process: with more it is not they that are wrong
 
 Trial = Callable[[int], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Together:
+    """A trial that makes several runs at once, `at_once` at most, where that is faster.
+
+    `several` gives of each seed what it would give of it alone.
+    """
+
+    several: Callable[[Sequence[int]], list[Any]]
+    at_once: int
+
+    def __call__(self, seed: int) -> Any:
+        """A run alone."""
+        (found,) = self.several((seed,))
+        return found
 
 
 class RunFailed(RuntimeError):
@@ -168,8 +186,8 @@ def share(batch: Batch) -> Done:
         trial = _made_ready(batch.recipe)
         begin = time.perf_counter()
         results: list[Any] = []
-        for seed in batch.seeds:
-            results.append(made_or_named(trial, seed))
+        for some in made_in_order(trial, batch.seeds):
+            results += some
             if time.perf_counter() - begin > BATCH_S:
                 break
         spent = time.perf_counter() - begin
@@ -190,6 +208,35 @@ def here(supply: Supply) -> Generator[Done | Lost | None]:
         done = share(batch)
         supply.took(batch, done)
         yield done
+
+
+def made_in_order(make: Trial, seeds: Iterable[int]) -> Iterator[list[Any]]:
+    """Runs of the seeds in order, some at once: as many as may be, and are made in `BATCH_S`.
+
+    Raises
+    ------
+    StandError, RunFailed
+        As `made_or_named`, once the runs before the one that failed are told.
+    """
+    order, size = iter(seeds), 1
+    while some := tuple(islice(order, size)):
+        begin = time.perf_counter()
+        yield from _several(make, some)
+        if isinstance(make, Together):
+            each = max(time.perf_counter() - begin, 1e-6) / len(some)
+            size = max(1, min(make.at_once, int(BATCH_S / each)))
+
+
+def _several(make: Trial, seeds: Sequence[int]) -> Iterator[list[Any]]:
+    """Together; one by one where one is alone, or is why together it does not go."""
+    if isinstance(make, Together) and len(seeds) > 1:
+        found = None
+        with suppress(Exception):  # a bug shows again, with its seed
+            found = make.several(seeds)
+        if found is not None:
+            yield found
+            return
+    yield from ([made_or_named(make, seed)] for seed in seeds)
 
 
 def made_or_named(make: Trial, seed: int) -> Any:

@@ -37,6 +37,7 @@ from stand.imu.model import TERMS
 from stand.motion.polynomial import MotionKind
 from stand.procedure.procedure import load_procedure
 from stand.report.compare import PNG, picture, table, write_picture
+from stand.samples import Sampling
 from stand.simulation.monte_carlo import Trials, spans, watch
 from stand.simulation.parallel import RunFailed
 from stand.simulation.settings import assembled
@@ -261,7 +262,7 @@ def test_a_sway_drawn_beyond_the_table_is_refused(tmp_path):
 @pytest.mark.parametrize("bandwidth", [1.0, 20.0])
 @pytest.mark.parametrize("text", [HALF_TURN, TURNING, SHORT_REST + ROCKING])
 def test_a_filter_remembers_the_moves(tmp_path, bandwidth, text):
-    """All of them, or the last second: of 20 Hz 18 samples of 20 Hz, exp(-64) of 9.8 m/s^2."""
+    """All of them, or the last second: of 20 Hz 16 samples of 20 Hz, exp(-64) of 9.8 m/s^2."""
     unit = load_imu("ring-laser")
     gyro, accel = (replace(t, bandwidth=bandwidth) for t in (unit.gyro, unit.accel))
     made = settings_of(procedure_of(tmp_path, text), replace(unit, gyro=gyro, accel=accel))
@@ -271,8 +272,10 @@ def test_a_filter_remembers_the_moves(tmp_path, bandwidth, text):
 
 
 def test_what_is_left_out_before_a_stretch_is_forgotten():
-    """A filter of 20 Hz at 20 Hz falls by exp(-4.44) in a sample: 15 samples to exp(-64), and 3."""
-    assert remembered(20.0, 20) == 18
+    """A filter of 20 Hz at 20 Hz falls by exp(-4.44) in a sample: 15 samples to exp(-64), and the
+    end before them; of instants three."""
+    assert remembered(20.0, 20) == 16
+    assert remembered(20.0, 20, Sampling.INSTANT) == 18
     assert remembered(inf, 20) == 0
 
 

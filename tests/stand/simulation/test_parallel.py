@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 from functools import partial
+from itertools import chain
+from time import sleep
 
 import pytest
 
@@ -13,7 +15,16 @@ from alignment.errors import AlignmentError, Fault, TooShort
 from stand.errors import StandError
 from stand.simulation import work
 from stand.simulation.parallel import RunFailed, campaign, pool
-from stand.simulation.work import Done, Lost, Supply, Task, here, recipe_of
+from stand.simulation.work import (
+    Done,
+    Lost,
+    Supply,
+    Task,
+    Together,
+    here,
+    made_in_order,
+    recipe_of,
+)
 
 TRIPLED = partial(partial, operator.mul, 3)  # makes what makes a run of a seed
 
@@ -110,3 +121,38 @@ def test_the_command_ends_with_code_1_and_the_traceback():
     assert done.stderr.splitlines()[-1].endswith(
         "run with seed 9: ZeroDivisionError: division by zero"
     )
+
+
+def _together(made):
+    def several(seeds):
+        made.append(tuple(seeds))
+        if 7 in seeds:
+            raise ValueError("seven")
+        return [2 * seed for seed in seeds]
+
+    return Together(several, at_once=4)
+
+
+def test_runs_made_together_come_in_order_and_no_more_at_once_than_may_be():
+    made = []
+    assert list(chain(*made_in_order(_together(made), range(7)))) == [0, 2, 4, 6, 8, 10, 12]
+    assert made == [(0,), (1, 2, 3, 4), (5, 6)]
+    assert _together(made)(3) == 6
+
+
+def test_of_runs_made_together_the_one_that_fails_is_named():
+    """Those before it are told; it fails again alone, with its seed."""
+    made = made_in_order(_together([]), range(5, 10))
+    assert [next(made), next(made)] == [[10], [12]]
+    with pytest.raises(RunFailed, match="run with seed 7: ValueError: seven"):
+        next(made)
+
+
+def test_a_slow_run_is_made_alone():
+    def several(seeds):
+        sleep(0.02 * len(seeds))
+        return list(seeds)
+
+    sizes = [len(some) for some in made_in_order(Together(several, at_once=1000), range(40))]
+    assert sizes[0] == 1
+    assert max(sizes) <= 25  # of half a second
