@@ -930,9 +930,8 @@ def _walks(model: Model, turned: Array, push: Array, spans: Array) -> Array:
     those of this integration, in steps of two samples with the rates held.
     """
     Q = np.zeros((len(spans), _ERRORS, _ERRORS))
-    turned = turned / np.sqrt(spans)
-    gyro, accel = turned * model.noise.gyro, turned * model.noise.accel
-    walk, kick = (x @ x.transpose(0, 2, 1) for x in (gyro, accel))
+    levels = model.noise.gyro, model.noise.accel
+    walk, kick = (turned * level**2 / spans @ turned.transpose(0, 2, 1) for level in levels)
     once = -push @ walk
     twice = once @ push
     part = (model.readings.interval / spans) ** 2
