@@ -648,7 +648,9 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     careful = min(_CAREFUL, m)
     # an update or more after whole blocks; as fast one by one where more than errors move
     one_by_one = model.whole or any(model.walks) or model.drifts
-    blocks = careful if one_by_one else careful + (m - careful - 1) // _BLOCK * _BLOCK
+    blocks = careful
+    if m > careful and not one_by_one:
+        blocks += (m - careful - 1) // _BLOCK * _BLOCK
     edges = [0, *range(careful, blocks, _CHUNK), *range(blocks, m, _CHUNK), m]
     for part in map(slice, edges[:-1], edges[1:]):
         push = np.diff(v[part.start : part.stop + 1], axis=0)

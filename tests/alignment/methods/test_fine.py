@@ -42,7 +42,7 @@ from alignment.methods.fine import (
     fine_tracks,
     innovations,
 )
-from alignment.methods.inertial import Noise, gravity_velocity, inertial
+from alignment.methods.inertial import Noise, gravity_velocity, inertial, match
 from alignment.strapdown import carry
 
 W = 7.292115e-5  # rad/s
@@ -683,6 +683,24 @@ def test_blocks_of_updates_are_the_updates_one_by_one(monkeypatch, lost):
     blocks = slice(32, 32 + 8 * 64)
     sums = each.misfit[blocks].reshape(8, 64).sum(axis=1)
     np.testing.assert_allclose(run.misfit[blocks].reshape(8, 64).sum(axis=1), sums, rtol=1e-8)
+
+
+@pytest.mark.parametrize("updates", [16, 31, 32, 33, 96, 97, 98])
+def test_ends_of_few_updates_and_of_whole_blocks(updates):
+    """About 32 careful updates, and one block of 64 more: the end is that of one by one."""
+    module = sys.modules["alignment.methods.fine"]
+    t, w, f, _ = SLOW_TURN.readings((updates - 1) / 10, 20.0, 100.0)
+    priors = Priors(1.7e-8, 2.4e-4, gyro_walk=5.8e-7, accel_walk=5.9e-4)
+    readings, place = ImuReadings(t, w, f), site(SLOW_TURN)
+    carried = carry(readings, module.UPDATE)
+    noise = Noise(np.full(3, priors.gyro_walk), np.full(3, priors.accel_walk))
+    model = module.model_of(readings, place, noise, priors)
+    reference = module._Reference(carried, match(carried, place).C_ni, np.zeros(3))
+    each = module._filter(model, reference, 1e-10)
+    run = module._filter(replace(model, whole=False), reference, 1e-10)
+    assert len(each.x) == len(run.misfit) == updates
+    assert (np.abs(run.x[-1] - each.x[-1]) <= 1e-8 * np.sqrt(each.variances[-1])).all()
+    np.testing.assert_allclose(run.variances[-1], each.variances[-1], rtol=1e-8)
 
 
 def test_coarse_passes_that_settle_elsewhere_do_not_keep_it_from_settling():
