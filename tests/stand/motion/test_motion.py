@@ -19,6 +19,7 @@ from stand.motion.polynomial import (
     splined,
     summed,
 )
+from stand.motion.sway import SEEN
 
 # Two pieces of two joints: a cubic and a parabola, each its own, the second moves first.
 KNOTS = [0.0, 2.0, 3.5]
@@ -209,6 +210,26 @@ def test_one_b_spline_of_degree_seven_has_its_known_values():
     np.testing.assert_allclose(bend[:, 0], 4 * bends, atol=1e-12)
     assert max(jumps(motion, 7)) < 1e-11
     assert rate[4, 0] == pytest.approx(0.0, abs=1e-14)
+
+
+def test_one_b_spline_of_degree_eleven_has_its_known_values():
+    weights = np.zeros((23, 1))
+    weights[11] = 1.0  # the one about 6 steps from the start
+    motion = b_spline(weights, 0.5, degree=11)
+    angle, rate, _ = motion.joints(np.arange(13) / 2)
+    # at whole steps from its middle Euler's numbers over 11!:
+    # A(n, k) = (k + 1) A(n - 1, k) + (n - k) A(n - 1, k - 1)
+    euler = [1]
+    for n in range(2, 12):
+        euler = [
+            (k + 1) * (euler[k] if k < n - 1 else 0) + (n - k) * (euler[k - 1] if k else 0)
+            for k in range(n)
+        ]
+    expected = np.array([0, *euler, 0]) / 39_916_800
+    assert euler[:6] == list(reversed(SEEN))
+    np.testing.assert_allclose(angle[:, 0], expected, rtol=0, atol=1e-15)
+    assert rate[6, 0] == pytest.approx(0.0, abs=1e-14)
+    assert max(jumps(motion, 11)) < 1e-10
 
 
 def bump(n: int, seed: int = 1) -> np.ndarray:
