@@ -26,8 +26,9 @@ from stand.table.joints import JOINTS
 # smooth long piece takes a third fewer instants than on two short ones.
 PER_PERIOD = 4
 DEGREE = 11
-REST = 6  # steps at each end: no B-spline that reaches beyond it weighs anything
-FADE_STEPS = 36  # at least: `REST` takes a sixth of the fade at most
+REST = 6  # steps at each end of a fade in which B-splines weigh nothing, or are at full size
+FADE_REST = 2  # of these, steps before the fade begins, and after its end
+FADE_STEPS = 36  # at least: what `REST` cuts of a fade is 0.3 % of its height at most
 # of the weights at a step and beside it on either side, over 11!: their sum there
 SEEN = (15_724_248, 9_738_114, 2_203_488, 152_637, 2_036, 1)
 MOST_STEPS = 1_000_000  # of a motion: 580 MB of polynomials of degree 11
@@ -177,10 +178,10 @@ class _Grid:
 
 def _drawn(spectra: Mapping[str, Spectrum], steady: float, lead: float, rng_of: RngOf) -> Motion:
     grid = _grid(spectra, steady, lead)
-    t = grid.step * np.arange(grid.count + 1)
-    margin = REST * grid.step
-    since = np.minimum(t, t[::-1]) - margin
-    size = smooth_step(since / (lead - 2 * margin))
+    number = np.arange(grid.count + 1)
+    since = np.minimum(number, number[::-1]) - FADE_REST
+    fade = smooth_step(since / (lead / grid.step - 2 * FADE_REST))
+    size = np.clip((fade - fade[REST]) / (1 - 2 * fade[REST]), 0.0, 1.0)
     weights = np.zeros((grid.count + DEGREE, len(JOINTS)))
     beside = DEGREE // 2
     for name, spectrum in spectra.items():
