@@ -76,6 +76,14 @@ def curvature(sigma: float) -> float:
     return float(1.5 - 2 * np.exp(-(sigma**2) / 2) + np.exp(-2 * sigma**2) / 2)
 
 
+def chord(sigma: float) -> float:
+    """Mean square of ``sin h``, where first order has h: h normal of `sigma` [rad].
+
+    ``(1 - exp(-2 sigma^2)) / 2``: ``sigma^2`` of small ones, 1/2 all round.
+    """
+    return float(-np.expm1(-2 * sigma**2) / 2)
+
+
 def _by_north_rate(known: Information, k: int, site: Site) -> Array:
     """Coefficients (6h,) of a stretch by its horizontal Earth rate alone, accelerometers none."""
     _, _, C_bn, project = sensor_inputs(known.stretches[k], known.C_np, site)

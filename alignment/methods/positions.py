@@ -19,9 +19,10 @@ from alignment.arrays import Array
 from alignment.constant_errors import constant_columns, with_products
 from alignment.cross import cross_matrix
 from alignment.doubts import heading_doubt
-from alignment.earth import Site, normal_gravity
+from alignment.earth import EARTH_RATE, Site, normal_gravity
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate
+from alignment.information.circle import chord, curvature
 from alignment.information.drift import Span, switched_on
 from alignment.methods.position_fit import (
     ROUNDING,
@@ -366,7 +367,7 @@ def _answers(
     """Of every position; `told`: variances of its means, and turns."""
     t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
     growth = _growth(fit)
-    bias_sigmas = np.sqrt(growth * fit.bias_covariance.diagonal())
+    bias_sigmas = _bias_sigmas(fit, growth, site)
     shared = _doubts(fit)
     if options.verdicts:
         given = *local_vectors(site), float(sum(span.length for span in _times_of(dwells)))
@@ -393,6 +394,24 @@ def _answers(
         )
         for k, dwell in enumerate(dwells)
     ]
+
+
+def _bias_sigmas(fit: PositionFit, growth: float, site: Site) -> Array:
+    """Standard deviations (6,) of the biases, with heading on its circle.
+
+    A heading off by h leaves ``sin h`` of the horizontal Earth rate in the readings across it and
+    ``1 - cos h`` along it, and a bias has the mean of that over the positions: never more than
+    twice that rate, however large first order finds h, of which the covariance has h and 0.
+    """
+    own, heading = fit.bias_covariance.diagonal(), fit.covariance[0, 2, 2]
+    latitude = fit.latitude if site.latitude is None else site.latitude
+    assert latitude is not None
+    across = fit.cross[0, 2] / heading
+    along = np.zeros(6)
+    along[:3] = EARTH_RATE * np.cos(latitude) * np.mean(fit.C_nb[:, 0], axis=0)
+    off = float(np.sqrt(growth * heading))
+    straight = growth * np.maximum(own - across**2 * heading, 0.0)
+    return np.sqrt(straight + across**2 * chord(off) + along**2 * curvature(off))
 
 
 def _growth(fit: PositionFit) -> float:

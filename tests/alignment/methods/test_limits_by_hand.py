@@ -11,7 +11,7 @@ from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, TooShort
 from alignment.methods.carousel import carousel_attitude, combined, lag_of
 from alignment.methods.harmonics import TurningVector
-from alignment.methods.positions import _doubts, _growth
+from alignment.methods.positions import _bias_sigmas, _doubts, _growth
 from alignment.methods.single_gyro import gyro_latitude
 from alignment.methods.two_gyro import azimuth_of_sway, two_gyro, white_density
 
@@ -143,6 +143,41 @@ def test_a_lag_by_hand():
 def fitted(**changes) -> SimpleNamespace:
     fit = {"growth": 1.0, "chi2": 9.0, "freedom": 4.0, "margin": 1e9}
     return SimpleNamespace(**fit | {"unseen": [False] * 6, "contradicted": False} | changes)
+
+
+@pytest.mark.parametrize(
+    ("sigma", "growth", "across", "along"),
+    [
+        (1e-3, 1.0, 1e-6, 0.75e-12),
+        (100.0, 1.0, 0.5, 1.5),
+        (0.5, 4.0, 0.43233, 0.354606),  # as one of 1 rad
+    ],
+)
+def test_biases_of_a_heading_on_its_circle_by_hand(sigma, growth, across, along):
+    """Y1 stays north, Z1 east, X1 goes up and down: of a horizontal rate R, `sigma` off, Z1 has
+    sin h and Y1 has 1 - cos h, beside s of its own; X1 and the accelerometers have s alone."""
+    rate, s = W * cos(radians(48.5)), 1e-6
+    up = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+    down = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    cross = np.zeros((2, 3, 6))
+    cross[:, 2, 2] = rate * sigma**2
+    own = np.full(6, s**2)
+    own[2] += (rate * sigma) ** 2
+    fit = fitted(
+        C_nb=np.array([up, down]),
+        covariance=np.tile(np.diag([1.0, 1.0, sigma**2]), (2, 1, 1)),
+        bias_covariance=np.diag(own),
+        cross=cross,
+        latitude=None,
+    )
+    want = np.full(6, growth * s**2)
+    want[1] += rate**2 * along
+    want[2] += rate**2 * across
+    np.testing.assert_allclose(_bias_sigmas(fit, growth, HERE) ** 2, want, rtol=1e-4)
+    unknown = fitted(**(vars(fit) | {"latitude": radians(48.5)}))
+    np.testing.assert_array_equal(
+        _bias_sigmas(unknown, growth, Site(None)), _bias_sigmas(fit, growth, HERE)
+    )
 
 
 def test_doubts_of_positions_by_hand():
