@@ -103,10 +103,12 @@ class Motion:
         moving = self._moving(piece)
         if moving is None:
             return _horner(self.coefficients, piece, since, orders)
-        seen = [np.zeros((len(t), self.coefficients.shape[2])) for _ in range(orders + 1)]
+        seen: list[Array] = [
+            np.zeros((len(t), self.coefficients.shape[2])) for _ in range(orders + 1)
+        ]
         seen[0] += self.coefficients[-1, piece[0]]
         first, last = piece.min(), piece.max() + 1
-        some = self.coefficients[:, first:last, moving]
+        some = np.take(self.coefficients[:, first:last], moving, axis=2)
         for own, found in zip(seen, _horner(some, piece - first, since, orders), strict=True):
             own[:, moving] = found
         return seen

@@ -185,6 +185,28 @@ def test_b_splines_add_up_to_one_and_to_straight_lines():
     np.testing.assert_allclose(acceleration, 0, atol=1e-11)
 
 
+@pytest.mark.parametrize("times", [[0.0], [0.3, 2.9], np.linspace(-1, 4, 101)])
+def test_joints_that_stand_still_are_told_to_the_bit(times):
+    """Of the middle one the angle differs by rounding from piece to piece: it is not at rest."""
+    c = np.zeros((4, 3, 3))
+    c[:, :, 0] = np.random.default_rng(1).normal(size=(4, 3))
+    c[-1, :, 1] = 0.1, np.nextafter(0.1, 1), 0.1
+    c[-1, :, 2] = -0.7
+    m = Motion(np.array([0.0, 1.0, 2.0, 3.0]), c)
+    rows = []
+    for t in np.clip(times, 0, 3):
+        piece = min(int(t), 2)
+        angle, rate, half = c[0, piece], np.zeros(3), np.zeros(3)
+        for term in c[1:, piece]:
+            half = half * (t - piece) + rate
+            rate = rate * (t - piece) + angle
+            angle = angle * (t - piece) + term
+        rows.append([angle, rate, 2 * half])
+    by_hand = np.array(rows).swapaxes(0, 1)
+    np.testing.assert_array_equal(m.joints(times), by_hand)
+    np.testing.assert_array_equal(m.angles_and_rates(times), by_hand[:2])
+
+
 def test_one_b_spline_has_its_known_values():
     weights = np.zeros((15, 1))
     weights[7] = 1.0  # the one about 5 steps from the start
