@@ -5,6 +5,8 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
 
+_RUN = 16  # quaternions of which each is multiplied by the one before
+
 
 def multiply(p: Array, q: Array) -> Array:
     """Hamilton product of quaternions (..., 4), order x, y, z, w."""
@@ -26,19 +28,18 @@ def normalised(q: Array) -> Array:
 def prefix_product(q: Array) -> Array:
     """Running products ``q_0``, ``q_0 o q_1``, ... of quaternions (n, 4), norm-corrected.
 
-    Rows are laid out as about sqrt(n) runs that advance together, then the runs' totals are
-    multiplied in: 2 n products in about 2 sqrt(n) numpy calls.
+    Runs of `_RUN` rows advance together; then each is multiplied by what those before it come to,
+    which are running products too: little more than 2 n products in few numpy calls.
     """
     n = len(q)
-    width = max(1, int(np.sqrt(n)))
-    runs = -(-n // width)
-    table = np.zeros((runs, width, 4))
+    table = np.zeros((-(-n // _RUN), _RUN, 4))
     table[..., 3] = 1.0
     table.reshape(-1, 4)[:n] = q
-    for k in range(1, width):
+    for k in range(1, _RUN):
         table[:, k] = normalised(multiply(table[:, k - 1], table[:, k]))
-    for k in range(1, runs):
-        table[k] = normalised(multiply(table[k - 1, -1], table[k]))
+    if n > _RUN:
+        before = prefix_product(table[:-1, -1])
+        table[1:] = normalised(multiply(before[:, None], table[1:]))
     return table.reshape(-1, 4)[:n]
 
 

@@ -69,6 +69,7 @@ _PARTS = (0.25, 4.0)  # least and most of a correction of heading that is taken
 _SYMMETRIC = 8  # updates after which rounding's asymmetry is taken out
 _CAREFUL = 32  # updates by roots of the covariance: the first take a metre to a micrometre
 _CHUNK = 2048  # updates whose matrices are held at once
+_BLOCK = 64  # of them that are one update, where nobody asks what each found
 _HUNDREDTH = 100.0  # a noisy regressor is to tell no more than one of this of a prior's variance
 _CONSISTENT = 5.0  # standard errors by which the innovations' mean square may exceed one
 _HIDDEN = 0.1  # rad of the match's heading: below, no second heading can fit
@@ -79,6 +80,7 @@ _SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multi
 _SIZE, _NORTH, _FOREVER = "size", np.diag([1.0, 0.0, 0.0]), 1e12  # s
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
+_TOLD = ("x", "variances", "attitude", "values")  # of a pass, by each update or by the last
 _ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
 
 
@@ -147,7 +149,8 @@ class Model:
 
     `names`: the constants that are states, whose walks are `walks` (k,) [per root second];
     `drifts`: the processes that are, after them, each of a sensor, along three axes; `_SIZE` is
-    one of no sensor: what the Earth's level rate is found to be larger by.
+    one of no sensor: what the Earth's level rate is found to be larger by. `whole`: what every
+    update found is told, else of the last alone.
     """
 
     readings: ImuReadings
@@ -157,6 +160,7 @@ class Model:
     names: tuple[str, ...]
     walks: tuple[float, ...]
     drifts: tuple[tuple[str, GaussMarkov], ...]
+    whole: bool = True
 
     @property
     def update(self) -> float:
@@ -242,10 +246,11 @@ class Steps(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pass:
-    """After each update: errors of the reference `x` (m, s), which are attitude about n [rad],
-    velocity, displacement, constants; their `variances`; covariance `attitude` (m, 3, 3);
-    innovations `values`, their variances `expected` (m, 3) and normalised squares `misfit` (m,);
-    `heading` (s,): covariances of heading's error with all, at the end.
+    """After each update, or the last alone: errors of the reference `x` (m, s), which are attitude
+    about n [rad], velocity, displacement, constants; their `variances`; covariance `attitude`
+    (m, 3, 3); innovations `values` (m, 3). Of all updates in any case: the innovations' variances
+    `expected` (n, 3) and normalised squares `misfit` (n,), as far as they are told. `heading` (s,):
+    covariances of heading's error with all, at the end.
     """
 
     x: Array
@@ -271,8 +276,18 @@ class _Pass:
     @property
     def inconsistent(self) -> bool:
         """Whether the innovations are larger than the filter holds possible."""
-        allowed = 1 + _CONSISTENT * np.sqrt(2 / (3 * len(self.x)))
+        allowed = 1 + _CONSISTENT * np.sqrt(2 / (3 * len(self.misfit)))
         return float(self.misfit.mean()) / 3 > allowed
+
+    @property
+    def last(self) -> "_Pass":
+        """Of the last update alone."""
+        return replace(self, **{name: getattr(self, name)[-1:] for name in _TOLD})
+
+    def ending(self, last: "_Pass") -> "_Pass":
+        """With the answer of another pass at the end, which rounds otherwise."""
+        ends = {n: np.concatenate([getattr(self, n)[:-1], getattr(last, n)]) for n in _TOLD}
+        return replace(self, **ends, heading=last.heading)
 
 
 def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
@@ -337,8 +352,8 @@ def innovations(dwell: Dwell, site: Site, options: Options) -> Innovations:
     return filtered(dwell, site, options).innovations
 
 
-def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
-    """The filter over one stretch; parameters and errors as for `fine`."""
+def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> Filtered:
+    """The filter over one stretch, `whole` or its end; parameters and errors as for `fine`."""
     site.horizontal_rate()
     readings = checked_readings(dwell)
     carried = carry(readings, update_of(readings))
@@ -349,7 +364,7 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
-    model = model_of(readings, site, noise, priors)
+    model = replace(model_of(readings, site, noise, priors), whole=False)
     reference = _Reference(carried, matched.C_ni, np.zeros(3))
     # as much information a second, however far apart the updates are
     variance = _update_variance(carried, noise, priors) * (UPDATE / model.update)
@@ -370,6 +385,8 @@ def filtered(dwell: Dwell, site: Site, options: Options) -> Filtered:
             f"{dwell.label}: the linearisation did not settle: heading is not determined, and a "
             "filter about a wrong one knows no tilt either"
         )
+    if whole:
+        run = _filter(replace(model, whole=True), reference, variance).ending(run)
     if _turns(carried) and coarse[2, 2] > _HIDDEN**2:
         run = _round(run, _by_size(model, reference, run, variance))
     added = rest_covariance(carried, matched, rest) + _in_the_mean(rest, carried, matched, site)
@@ -465,7 +482,7 @@ def update_of(readings: ImuReadings) -> float:
 
 
 def _fine(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
-    run = filtered(dwell, site, options)
+    run = filtered(dwell, site, options, whole=False)
     C_nb, covariance = told_at(dwell, run.C_nb[-1]), run.covariance[-1]
     # what is across the horizontal Earth rate, heading, is along it too: as much of it
     heading = by_direction(covariance[2, 2] * np.eye(2))
@@ -616,7 +633,7 @@ def _about(model: Model, C_nb: Rotation, less: _Reference, span: float) -> _Refe
 
 
 def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
-    """One run over all updates."""
+    """One run over all updates; of a model that is not `whole` the last is told."""
     carried, names = reference.carried, model.names
     C_ni = reference.C_ni.as_matrix()
     m, size = len(carried.t), model.size
@@ -629,12 +646,19 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
             state[columns_of(names.index(name)), -1] = -now
     out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
     careful = min(_CAREFUL, m)
-    edges = [0, *range(careful, m, _CHUNK), m]
+    # an update or more after whole blocks; as fast one by one where more than errors move
+    one_by_one = model.whole or any(model.walks) or model.drifts
+    blocks = careful
+    if m > careful and not one_by_one:
+        blocks += (m - careful - 1) // _BLOCK * _BLOCK
+    edges = [0, *range(careful, blocks, _CHUNK), *range(blocks, m, _CHUNK), m]
     for part in map(slice, edges[:-1], edges[1:]):
         push = np.diff(v[part.start : part.stop + 1], axis=0)
         given = (*error_matrices(model, carried, C_ni, push, part), z[part], variance)
-        (_updates if part.start else careful_updates)(state, given, part, out)
-    return replace(out, heading=state[:, 2].copy())
+        updates = by_blocks if careful <= part.start < blocks else _updates
+        (updates if part.start else careful_updates)(state, given, part, out)
+    out = replace(out, heading=state[:, 2].copy())
+    return out if model.whole else out.last
 
 
 def careful_updates(
@@ -677,6 +701,78 @@ def careful_updates(
     state[:, :-1], state[:, -1] = S.T @ S, x
 
 
+def by_blocks(
+    state: Array, given: tuple[Steps, Array, Array, float], part: slice, out: _Pass
+) -> None:
+    """As `_updates`, by whole blocks whose updates are one, where constants stand still; of `out`
+    only the misfit, of each block the mean.
+
+    What `_seen` makes of a block is an update by W of noise 1 and a step by A and C, both by roots
+    of the covariance as in `careful_updates`: ``P = S^T S`` becomes ``S^T B^-1 S`` with
+    ``B = 1 + (W S^T)^T (W S^T)``, in which nothing cancels.
+    """
+    try:
+        seen, stepped, added = _seen(*given)
+    except np.linalg.LinAlgError:  # rounding leaves no covariance: to be told as it is there
+        _updates(state, given, part, out)
+        return
+    size, free = len(state), _ERRORS
+    S, x, added = _root(state[:, :-1]), state[:, -1].copy(), _root(added)
+    moved, told = np.zeros((size + free, size)), np.empty(len(seen))
+    for k, (W, A) in enumerate(zip(seen, stepped, strict=True)):
+        V, value = W[:, :-1] @ S.T, -(W[:, :-1] @ x + W[:, -1])
+        B = np.linalg.cholesky(np.eye(size) + V.T @ V)
+        solved = np.linalg.solve(B, np.column_stack([S, V.T @ value]))
+        S, unit = solved[:, :-1], solved[:, -1]
+        told[k] = value @ value - unit @ unit
+        x = x + S.T @ unit
+        x[:free] = A[:, :-1] @ x + A[:, -1]
+        moved[:size, :free], moved[:size, free:] = S @ A[:, :-1].T, S[:, free:]
+        moved[size:, :free] = added[k]
+        S = _triangle(moved)
+    out.misfit[part], out.expected[part] = np.repeat(told / _BLOCK, _BLOCK), np.inf
+    state[:, :-1], state[:, -1] = S.T @ S, x
+
+
+def _seen(steps: Steps, H: Array, z: Array, variance: float) -> tuple[Array, Array, Array]:
+    """What n blocks of b updates tell of the state x before each, and make of its errors.
+
+    Returns
+    -------
+    W : (n, 3 b, s + 1)
+        Innovations ``-W [x 1]``, each of variance 1, of a filter that knows x.
+    A, C : (n, e, s + 1), (n, e, e)
+        Errors after the block: ``A [x 1]``, with covariance C by that filter.
+
+    Notes
+    -----
+    It starts without covariance, so that its gains follow neither x nor the block before: all
+    blocks advance together, an update at a time. S. Sarkka and A. F. Garcia-Fernandez, Temporal
+    Parallelization of Bayesian Smoothers, IEEE Trans. Autom. Control 66 (2021) 299.
+    """
+    e, size = steps.rows.shape[1:]
+    rows, walks, H, z = (
+        x.reshape(-1, _BLOCK, *x.shape[1:]) for x in (steps.rows, steps.walks, H, z)
+    )
+    both = np.zeros((len(H), e, size + 1 + e))  # [A C]
+    both[:, :, :e] = np.eye(e)
+    own, moved = slice(size + 1, None), slice(6, 9)
+    W = np.empty((*H.shape[:3], size + 1))
+    for k in range(_BLOCK):
+        found = both[:, moved].copy()  # H is that of displacement and of constants
+        spread = found[:, :, own][:, :, moved] + variance * np.eye(3)
+        found[:, :, e:size] += H[:, k, :, e:]
+        found[:, :, size] -= z[:, k]
+        white = np.linalg.inv(np.linalg.cholesky(spread)) @ found
+        W[:, k] = white[:, :, : size + 1]
+        both -= white[:, :, own].transpose(0, 2, 1) @ white
+        F = rows[:, k, :, :e]
+        both = F @ both
+        both[:, :, e:size] += rows[:, k, :, e:]
+        both[:, :, own] = both[:, :, own] @ F.transpose(0, 2, 1) + walks[:, k]
+    return W.reshape(len(W), -1, size + 1), both[:, :, : size + 1], both[:, :, own]
+
+
 def _triangle(rows: Array) -> Array:
     """R with ``R^T R = rows^T rows``, upper triangular."""
     size = rows.shape[1]
@@ -691,9 +787,12 @@ def _upper(size: int) -> Array:
 
 
 def _root(P: Array) -> Array:
-    """Matrices S with ``S^T S = P`` (..., n, n)."""
-    values, vectors = np.linalg.eigh(P)
-    return np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2)
+    """Matrices S with ``S^T S = P`` (..., n, n), each variance to its own last digits."""
+    sigmas = np.sqrt(np.diagonal(P, axis1=-2, axis2=-1))
+    unit = np.where(sigmas > 0, sigmas, 1.0)
+    values, vectors = np.linalg.eigh(P / (unit[..., None] * unit[..., None, :]))
+    root = np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2)
+    return np.asarray(root * sigmas[..., None, :])
 
 
 def _updates(
@@ -779,6 +878,7 @@ def error_matrices(
     H = np.zeros((len(C_nb), 3, model.size))
     H[:, :, 6:9] = np.eye(3)
     spans, push = carried.spans[steps, None, None], cross_matrix(gravity)
+    turned = drive(carried, C_ni, steps)
     F[:, 3:6, :3] = -push
     F[:, 6:9, :3] = -spans / 2 * push
     F[:, 6:9, 3:6] = spans * np.eye(3)
@@ -790,17 +890,17 @@ def error_matrices(
             H[:, :, column] = C_nb
             continue
         sensor, _, kind = name.partition("_")
-        driven = drive(carried, C_ni, steps)
+        driven = turned
         if kind != "bias":
             felt = getattr(carried, _SUMS[sensor])[steps] / spans[:, 0]
-            driven = driven @ BY_AXIS[kind](felt, felt)
+            driven = turned @ BY_AXIS[kind](felt, felt)
         _drive(F[:, :9, column], sensor, driven, push, spans)
     for k, (sensor, _) in enumerate(model.drifts, start=len(model.names)):
         if sensor == _SIZE:
             _drive(F[:, :9, columns_of(k)], "gyro", spans * _NORTH, push, spans)
             continue
-        _drive(F[:, :9, columns_of(k)], sensor, drive(carried, C_ni, steps), push, spans)
-    Q = _walks(model, carried, C_ni, push, steps)
+        _drive(F[:, :9, columns_of(k)], sensor, turned, push, spans)
+    Q = _walks(model, turned, push, spans)
     up = gravity / np.linalg.norm(gravity, axis=1, keepdims=True)
     heave = _heave_density(carried, model.noise, model.priors, model.site.gravity)
     added = heave * spans * up[:, :, None] * up[:, None, :]
@@ -815,27 +915,27 @@ def _drive(F: Array, sensor: str, driven: Array, push: Array, spans: Array) -> N
     """What an error of a sensor that turns, or pushes, by `driven` (k, 3, 3) does to attitude,
     velocity and displacement, `F` (k, 9, 3)."""
     if sensor == "gyro":
+        pushed = push @ driven
         F[:, :3] = driven
-        F[:, 3:6] = -push @ driven / 2
-        F[:, 6:9] = -spans / 6 * push @ driven
+        F[:, 3:6] = -pushed / 2
+        F[:, 6:9] = -spans / 6 * pushed
     else:
         F[:, 3:6] = driven
         F[:, 6:9] = spans / 2 * driven
 
 
-def _walks(model: Model, carried: Carried, C_ni: Array, push: Array, steps: slice) -> Array:
+def _walks(model: Model, turned: Array, push: Array, spans: Array) -> Array:
     """Covariances (k, e, e) of what white noise adds to the errors in each interval.
 
     Angle walk and its integrals over gravity's push D, ``(1, D/2, D/6)``, have the moments
     1, 1/2, 1/6; 1/3, 1/8; 1/20, velocity walk and its integral 1, 1/2; 1/3. Two of them are
     those of this integration, in steps of two samples with the rates held.
     """
-    Q = np.zeros((steps.stop - steps.start, _ERRORS, _ERRORS))
-    spans = carried.spans[steps, None, None]
-    turned = drive(carried, C_ni, steps) / np.sqrt(spans)
-    gyro, accel = turned * model.noise.gyro, turned * model.noise.accel
-    walk, kick = (x @ x.transpose(0, 2, 1) for x in (gyro, accel))
-    once, twice = -push @ walk, -push @ walk @ push
+    Q = np.zeros((len(spans), _ERRORS, _ERRORS))
+    levels = model.noise.gyro, model.noise.accel
+    walk, kick = (turned * level**2 / spans @ turned.transpose(0, 2, 1) for level in levels)
+    once = -push @ walk
+    twice = once @ push
     part = (model.readings.interval / spans) ** 2
     Q[:, :3, :3] = walk
     Q[:, 3:6, :3] = once / 2
@@ -859,26 +959,28 @@ def _answer(
 ) -> Filtered:
     """Attitudes and constants from the reference and its errors; `more` (3, 3): what the filter
     does not know of, and what a bias leaves of the Earth's level rate."""
-    carried = reference.carried
-    left = (carried.t[-1] - carried.t)[:, None] * model.site.w_ie_n  # n turns back to then
+    carried, told_from = reference.carried, -len(run.x)
+    t = carried.t[told_from:]
+    left = (t[-1] - t)[:, None] * model.site.w_ie_n  # n turns back to then
     to_n = Rotation.from_rotvec(left)
     at_end = Rotation.from_rotvec(-run.x[:, :3]) * reference.C_ni
     R = to_n.as_matrix()
-    m, count = len(carried.t), len(model.names)
+    m, count = len(t), len(model.names)
     told = slice(_ERRORS, _ERRORS + 3 * count)
     covariance = R @ run.attitude @ R.transpose(0, 2, 1) + more[0]
-    covariance += lag_covariance(carried, reference.C_ni.as_matrix(), model.priors, model.site)
+    lag = lag_covariance(carried, reference.C_ni.as_matrix(), model.priors, model.site)
+    covariance += lag[told_from:]
     constants = run.x[:, told].reshape(m, count, 3).copy()
     for name, now in reference.removed:
         if name in model.names:
             constants[:, model.names.index(name)] += now
     return Filtered(
-        carried.t,
-        to_n * at_end * Rotation.from_quat(carried.q),
+        t,
+        to_n * at_end * Rotation.from_quat(carried.q[told_from:]),
         covariance * less_turned(covariance[-1], more[1]),
         model.names,
         constants,
         np.sqrt(run.variances[:, told]).reshape(m, count, 3),
-        Innovations(carried.t, run.values, np.sqrt(run.expected)),
+        Innovations(t, run.values, np.sqrt(run.expected[told_from:])),
         flags,
     )

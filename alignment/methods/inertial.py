@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from alignment.apart import Apart
 from alignment.around import by_direction, less_turned, whole_circle
 from alignment.arrays import Array
-from alignment.constant_errors import constant_columns
+from alignment.constant_errors import constant_columns, constant_form
 from alignment.cross import cross_matrix
 from alignment.doubts import apart_doubt, drift_doubt, heading_doubt
 from alignment.earth import Site
@@ -403,7 +403,7 @@ def match(carried: Carried, site: Site, place: Array | None = None) -> Match:
     if place is not None:
         moved = moved - np.diff(matrices(carried.q) @ place, axis=0)
     measured = _centred(moved / spans[:, None], spans)
-    U, _, Vt = np.linalg.svd(np.einsum("m,mi,mj->ij", spans, reference, measured))
+    U, _, Vt = np.linalg.svd((spans[:, None] * reference).T @ measured)
     proper = np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)])
     C = U @ proper @ Vt
     return Match(Rotation.from_matrix(C), reference, measured @ C.T - reference)
@@ -444,14 +444,15 @@ def functional_covariance(
 ) -> Array:
     """Covariance (k, k) of functionals with sensitivities (m, k, 3): noise and constants."""
     turned, root = drive(carried, C_ni), np.sqrt(carried.spans)[:, None, None]
-    white = [
-        (part @ (turned / root) * level).transpose(1, 0, 2).reshape(part.shape[1], -1)
-        for part, level in ((gyro, noise.gyro), (accel, noise.accel))
-    ]
-    covariance = sum(c @ c.T for c in white)
-    for part, sensor in ((gyro, "gyro"), (accel, "accel")):
-        covariance = covariance + _by_biases(part @ turned, carried, priors, sensor)
-    J = _per_constant(gyro, accel, turned, carried, priors)
+    gains = gyro @ turned, accel @ turned  # per constant error of b in each block
+    covariance = np.zeros((gyro.shape[1],) * 2)
+    for gain, level, sensor in zip(
+        gains, (noise.gyro, noise.accel), ("gyro", "accel"), strict=True
+    ):
+        white = gain * (level / root)
+        covariance += np.tensordot(white, white, ([0, 2], [0, 2]))
+        covariance += _by_biases(gain, carried, priors, sensor)
+    J = _per_constant(*gains, carried, priors)
     if J.shape[-1]:
         covariance = covariance + J @ J.T
     return np.asarray(covariance)
@@ -482,21 +483,18 @@ def _by_biases(gain: Array, carried: Carried, priors: Priors, sensor: str) -> Ar
     return covariance
 
 
-def _per_constant(
-    gyro: Array, accel: Array, turned: Array, carried: Carried, priors: Priors
-) -> Array:
-    """Functionals (k, c) per constant error of one sigma, other than biases."""
+def _per_constant(gyro: Array, accel: Array, carried: Carried, priors: Priors) -> Array:
+    """Functionals (k, c) per constant error of one sigma, other than biases, of gains (m, k, 3)."""
     spans = carried.spans[:, None]
-    total: Array | None = None
+    total = np.zeros((gyro.shape[1], constant_form(priors).count))
     for first in range(0, len(spans), _CHUNK):  # a column is as long as the record
         own = slice(first, first + _CHUNK)
-        w, f = carried.dtheta[own] / spans[own], carried.dv[own] / spans[own]
-        columns = constant_columns(w, f, priors)
-        felt = gyro[own] @ turned[own] @ columns[:, :3] + accel[own] @ turned[own] @ columns[:, 3:]
-        before = [] if total is None else [total[None]]
-        total = np.add.reduce(np.concatenate([*before, felt]))
-    assert total is not None
-    return np.asarray(total)
+        columns = constant_columns(
+            carried.dtheta[own] / spans[own], carried.dv[own] / spans[own], priors
+        )
+        for gain, rows in ((gyro, slice(3)), (accel, slice(3, 6))):
+            total += np.tensordot(gain[own], columns[:, rows], ([0, 2], [0, 1]))
+    return total
 
 
 def _line(carried: Carried) -> Array:
@@ -539,10 +537,10 @@ def arm_of(carried: Carried, matched: Match, noise: Noise, priors: Priors, site:
     weights = beyond.reshape(m, 3, 3).transpose(0, 2, 1)
     gyro, accel = sensitivity(weights, C_ni, carried)
     P = functional_covariance(gyro, accel, C_ni, carried, noise, priors)
-    N = np.einsum("mki,mij->kj", weights, felt)
+    N = np.tensordot(weights, felt, ([0, 2], [0, 1]))
     gain = sigma**2 * N.T @ np.linalg.pinv(sigma**2 * N @ N.T + P, hermitian=True)
     weights = gain @ weights
-    place = np.einsum("mki,mi->k", weights, matched.residual)
+    place = np.tensordot(weights, matched.residual, ([0, 2], [0, 1]))
     return Arm(place, felt, weights, sigma * (np.eye(3) - gain @ N))
 
 
@@ -567,7 +565,7 @@ def attitude_weights(carried: Carried, matched: Match) -> Array:
 def less_arm(weights: Array, arm: Arm) -> tuple[Array, Array]:
     """Functionals (m, k, 3) of a curve that the arm's swing is taken from; what is left of it
     (k, 3), per unit cause."""
-    J = np.einsum("mki,mij->kj", weights, arm.swings)
+    J = np.tensordot(weights, arm.swings, ([0, 2], [0, 1]))
     return weights - J @ arm.weights, J @ arm.left
 
 
@@ -715,8 +713,9 @@ def covariances(
     gyro, accel = sensitivity(weights, C_ni, carried)
     gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
     P = functional_covariance(gyro, accel, C_ni, carried, noise, priors) + left @ left.T
-    jitter = (noise.jitter * weights / np.sqrt(spans)[:, None, None]).transpose(1, 0, 2)
-    P += np.einsum("kmi,lmi->kl", jitter, jitter)
+    if noise.jitter:
+        jitter = noise.jitter * weights / np.sqrt(spans)[:, None, None]
+        P += np.tensordot(jitter, jitter, ([0, 2], [0, 2]))
     sway = sway_covariance(carried, matched)
     # Each order is one at both ends of the record, where the sway happens to stand.
     wander = P[3:12, 3:12] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
@@ -855,7 +854,7 @@ def _after(rows: Array) -> Array:
 
 def fit_matrix(spans: Array, reference: Array) -> Array:
     """Inverse of the normal matrix of a small rotation of the reference curve."""
-    square = np.einsum("m,mi,mj->ij", spans, reference, reference)
+    square = (spans[:, None] * reference).T @ reference
     return np.asarray(np.linalg.inv(np.trace(square) * np.eye(3) - square))
 
 

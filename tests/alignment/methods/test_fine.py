@@ -42,7 +42,7 @@ from alignment.methods.fine import (
     fine_tracks,
     innovations,
 )
-from alignment.methods.inertial import Noise, gravity_velocity, inertial
+from alignment.methods.inertial import Noise, gravity_velocity, inertial, match
 from alignment.strapdown import carry
 
 W = 7.292115e-5  # rad/s
@@ -290,15 +290,18 @@ def test_a_reference_far_off_is_found_by_passes_of_fewer_updates(monkeypatch):
     rate, force = 2e-5, 1e-4  # 24 deg of heading by the bias alone, until it is told
     w = w + rate + 1e-6 * rng.normal(size=w.shape)
     priors = Priors(gyro_bias=rate, gyro_walk=1e-6 / sqrt(20), accel_walk=force)
-    filtered(dwell(t, w, f), site(SLOW_CENTRED), Options(priors=priors))
+    filtered(dwell(t, w, f), site(SLOW_CENTRED), Options(priors=priors), whole=False)
     assert counts.count(601) == 1  # 60 s of 0.1 s
     assert set(counts) == {121, 601}
     assert counts[-2:] == [601, 121]
     counts.clear()
     exactly = replace(priors, gyro_bias=0.0, gyro_walk=1e-9)
     t, w, f, _ = STILL.readings(T, 20.0, 100.0)
-    filtered(dwell(t, w, f), site(STILL), Options(priors=replace(exactly, accel_walk=1e-6)))
+    exactly = Options(priors=replace(exactly, accel_walk=1e-6))
+    filtered(dwell(t, w, f), site(STILL), exactly, whole=False)
     assert counts == [601]
+    filtered(dwell(t, w, f), site(STILL), exactly)  # and once more to tell each update
+    assert counts == [601] * 3
 
 
 # --- the recursion ----------------------------------------------------------------------------
@@ -639,6 +642,65 @@ def test_no_digit_is_lost_from_a_metre_to_a_micrometre(drifts, size):
 
 
 SLOW_TURN = Motion(yaw=Angle(rate=radians(10.0)), lever=(0.04, 0.06, 0.05))
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_blocks_of_updates_are_the_updates_one_by_one(monkeypatch, lost):
+    """601 updates: 32 careful ones, eight blocks of 64, 57 more. The same posterior, and the same
+    likelihood: a block's misfit is the sum of its updates'. Rounding, of updates one by one too:
+    1e-8 of a sigma (found: 5e-10). Where it leaves a block no covariance, one by one."""
+    module = sys.modules["alignment.methods.fine"]
+    rng = np.random.default_rng(21)
+    t, w, f, _ = SLOW_TURN.readings(60.0, 20.0, 100.0)
+    priors = Priors(1.7e-8, 2.4e-4, 1e-5, 1e-4, gyro_walk=5.8e-7, accel_walk=5.9e-4, lever_arm=0.05)
+    w = w + priors.gyro_walk * sqrt(20) * rng.normal(size=w.shape)
+    f = f + priors.accel_walk * sqrt(20) * rng.normal(size=f.shape)
+    readings, place = ImuReadings(t, w, f), site(SLOW_TURN)
+    carried = carry(readings, module.UPDATE)
+    matched, noise, _ = module.laid(readings, carried, place, priors)
+    model = module.model_of(readings, place, noise, priors)
+    reference = module._Reference(carried, matched.C_ni, np.full(3, 1e-8))
+    if lost:
+
+        def none(*_):
+            raise np.linalg.LinAlgError
+
+        monkeypatch.setattr(module, "_seen", none)
+    each = module._filter(model, reference, 1e-10)
+    run = module._filter(replace(model, whole=False), reference, 1e-10)
+    assert len(each.x) == len(each.misfit) == len(run.misfit) == 601
+    assert run.x.shape == (1, 25)
+    if lost:
+        for name in ("x", "variances", "attitude", "values"):
+            np.testing.assert_array_equal(getattr(run, name)[-1], getattr(each, name)[-1])
+        np.testing.assert_array_equal(run.expected, each.expected)
+        return
+    sigmas = np.sqrt(each.variances[-1])
+    assert (np.abs(run.x[-1] - each.x[-1]) <= 1e-8 * sigmas).all()
+    np.testing.assert_allclose(run.variances[-1], each.variances[-1], rtol=1e-8)
+    size = np.outer(sigmas[:3], sigmas[:3])
+    assert (np.abs(run.attitude[-1] - each.attitude[-1]) < 1e-8 * size).all()
+    blocks = slice(32, 32 + 8 * 64)
+    sums = each.misfit[blocks].reshape(8, 64).sum(axis=1)
+    np.testing.assert_allclose(run.misfit[blocks].reshape(8, 64).sum(axis=1), sums, rtol=1e-8)
+
+
+@pytest.mark.parametrize("updates", [16, 31, 32, 33, 96, 97, 98])
+def test_ends_of_few_updates_and_of_whole_blocks(updates):
+    """About 32 careful updates, and one block of 64 more: the end is that of one by one."""
+    module = sys.modules["alignment.methods.fine"]
+    t, w, f, _ = SLOW_TURN.readings((updates - 1) / 10, 20.0, 100.0)
+    priors = Priors(1.7e-8, 2.4e-4, gyro_walk=5.8e-7, accel_walk=5.9e-4)
+    readings, place = ImuReadings(t, w, f), site(SLOW_TURN)
+    carried = carry(readings, module.UPDATE)
+    noise = Noise(np.full(3, priors.gyro_walk), np.full(3, priors.accel_walk))
+    model = module.model_of(readings, place, noise, priors)
+    reference = module._Reference(carried, match(carried, place).C_ni, np.zeros(3))
+    each = module._filter(model, reference, 1e-10)
+    run = module._filter(replace(model, whole=False), reference, 1e-10)
+    assert len(each.x) == len(run.misfit) == updates
+    assert (np.abs(run.x[-1] - each.x[-1]) <= 1e-8 * np.sqrt(each.variances[-1])).all()
+    np.testing.assert_allclose(run.variances[-1], each.variances[-1], rtol=1e-8)
 
 
 def test_coarse_passes_that_settle_elsewhere_do_not_keep_it_from_settling():
