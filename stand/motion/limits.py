@@ -14,12 +14,12 @@ from alignment.arrays import Array
 from alignment.units import DEG
 from stand.errors import StandError
 from stand.motion.plan import Plan, PlannedStep
-from stand.motion.polynomial import Motion
+from stand.motion.polynomial import FIT_DEGREE, Motion
 from stand.procedure.procedure import Procedure
 from stand.table.joints import JOINTS
 from stand.table.table import Table
 
-POINTS = 8  # parts of a piece: a wave of ten pieces per period is seen to 0.1 %
+POINTS = 8  # parts of a piece: a wave of eight pieces or more per period is seen to 0.1 %
 CHUNK = 4000  # pieces looked over at once
 TORQUE_TIMES = 2000  # most instants of a step at which the torque is worked out
 SLACK = 1e-6  # moves ride on their limits, to rounding
@@ -117,7 +117,8 @@ def _samples(motion: Motion, t_from: float, t_to: float) -> Iterator[tuple[Array
     """Times and angles, rates, accelerations, jerks at the points of a step's pieces."""
     first = max(int(np.searchsorted(motion.knots, t_from + 1e-9, side="right")) - 1, 0)
     last = int(np.searchsorted(motion.knots, t_to - 1e-9, side="left"))
-    u = np.arange(POINTS + 1) / POINTS
+    points = POINTS * _fineness(motion)
+    u = np.arange(points + 1) / points
     for begin in range(first, last, CHUNK):
         end = min(begin + CHUNK, last)
         part = Motion(motion.knots[begin : end + 1], motion.coefficients[:, begin:end])
@@ -155,11 +156,7 @@ def _kinematic(t: Array, values: list[Array], table: Table) -> Iterator[tuple[st
 
 
 def _torque_peak(motion: Motion, step: PlannedStep, table: Table, torque: Torque) -> Peak:
-    inside = motion.knots[(motion.knots > step.t_from) & (motion.knots < step.t_to)]
-    if len(inside) > TORQUE_TIMES:
-        inside = inside[:: -(-len(inside) // TORQUE_TIMES)]
-    t = np.unique(np.concatenate([[step.t_from], inside, [step.t_to]]))
-    t = np.unique(np.concatenate([t, (t[1:] + t[:-1]) / 2]))
+    t = times_within(motion, step, TORQUE_TIMES)
     q, v, a = motion.joints(t)
     needed = torque(q, v, a)
     ratio = np.abs(needed) / table.torque
@@ -176,6 +173,27 @@ def _torque_peak(motion: Motion, step: PlannedStep, table: Table, torque: Torque
         ratio=float(ratio[row, axis]),
         slower=_torque_slower(value, held, limit),
     )
+
+
+def times_within(motion: Motion, step: PlannedStep, most: int) -> Array:
+    """Times (n,) [s] to look at a step: its ends, `most` knots at most, and halfway between.
+
+    Of long pieces half as many knots, and quarters between.
+    """
+    fineness = _fineness(motion)
+    inside = motion.knots[(motion.knots > step.t_from) & (motion.knots < step.t_to)]
+    if len(inside) * fineness > most:
+        inside = inside[:: -(-len(inside) * fineness // most)]
+    t = np.unique(np.concatenate([[step.t_from], inside, [step.t_to]]))
+    for _ in range(fineness):
+        t = np.unique(np.concatenate([t, (t[1:] + t[:-1]) / 2]))
+    return t
+
+
+def _fineness(motion: Motion) -> int:
+    """How many times as long as of a fitted wave pieces may be: random motions have four a
+    period, of a higher degree."""
+    return 1 if len(motion.coefficients) <= FIT_DEGREE + 1 else 2
 
 
 def _torque_slower(value: float, held: float, limit: float) -> float:

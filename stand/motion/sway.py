@@ -6,7 +6,7 @@ so that nothing repeats, and faded like every wave.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import ceil, sqrt
+from math import ceil, factorial, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -20,14 +20,18 @@ from stand.motion.waves import smooth_step
 from stand.procedure.steps import SwayEntry, SwayMotion, VibrationEntry, VibrationMotion
 from stand.table.joints import JOINTS
 
-# Of the fastest frequency. With 8 steps per period B-splines of degree 7 repeat a wave at 7 and 9
-# times its frequency, with 1/7^6 and 1/9^6 of its acceleration: both together 1e-5; of the angle
-# 2e-7.
-PER_PERIOD = 8
-DEGREE = 7
-FADE_STEPS = 32  # at least: `REST` takes an eighth of the fade at most
-REST = 4  # steps at each end: no B-spline that reaches beyond it weighs anything
-MOST_STEPS = 1_500_000  # of a motion: 580 MB of polynomials of degree 7
+# Of the fastest frequency. With 4 steps per period B-splines of degree 11 repeat a wave at 3 and 5
+# times its frequency, with 1/3^10 and 1/5^10 of its acceleration: both together 2e-5; of the angle
+# 2e-6. Half as many steps of degree 7 would leave 1e-3, twice as many 1e-5: but what is felt on a
+# smooth long piece takes a third fewer instants than on two short ones.
+PER_PERIOD = 4
+DEGREE = 11
+REST = 6  # steps at each end of a fade in which B-splines weigh nothing, or are at full size
+FADE_REST = 2  # of these, steps before the fade begins, and after its end
+FADE_STEPS = 36  # at least: what `REST` cuts of a fade is 0.3 % of its height at most
+# of the weights at a step and beside it on either side, over 11!: their sum there
+SEEN = (15_724_248, 9_738_114, 2_203_488, 152_637, 2_036, 1)
+MOST_STEPS = 1_000_000  # of a motion: 580 MB of polynomials of degree 11
 MOST_DRAWN = 8_000_000  # steps of the series drawn: a slow wave beside a fast one needs many
 SLOWEST_BINS = 8.0  # frequency bins up to the slowest wave
 CUTOFF = 5.0  # of a resonance's frequency, where nothing else is said
@@ -174,10 +178,10 @@ class _Grid:
 
 def _drawn(spectra: Mapping[str, Spectrum], steady: float, lead: float, rng_of: RngOf) -> Motion:
     grid = _grid(spectra, steady, lead)
-    t = grid.step * np.arange(grid.count + 1)
-    margin = REST * grid.step
-    since = np.minimum(t, t[::-1]) - margin
-    size = smooth_step(since / (lead - 2 * margin))
+    number = np.arange(grid.count + 1)
+    since = np.minimum(number, number[::-1]) - FADE_REST
+    fade = smooth_step(since / (lead / grid.step - 2 * FADE_REST))
+    size = np.clip((fade - fade[REST]) / (1 - 2 * fade[REST]), 0.0, 1.0)
     weights = np.zeros((grid.count + DEGREE, len(JOINTS)))
     beside = DEGREE // 2
     for name, spectrum in spectra.items():
@@ -220,10 +224,11 @@ def _series(spectrum: Spectrum, grid: _Grid, rng: np.random.Generator) -> Array:
     bins = 1 + ceil(spectrum.fastest * grid.drawn * grid.step)
     edges = (np.arange(1, bins + 1) + 0.5) / (grid.drawn * grid.step)
     amplitude = np.sqrt(spectrum.power(np.concatenate([[0.0], edges])))
-    # the sum at the steps is (1, 120, 1191, 2416, 1191, 120, 1)/5040 of the weights about them
     turn = 2 * np.pi * np.arange(1, bins + 1) / grid.drawn
-    seen = 2416 + 2382 * np.cos(turn) + 240 * np.cos(2 * turn) + 2 * np.cos(3 * turn)
-    amplitude /= seen / 5040
+    sums = np.full(bins, float(SEEN[0]))
+    for beside, part in enumerate(SEEN[1:], start=1):
+        sums += 2 * part * np.cos(beside * turn)
+    amplitude /= sums / factorial(DEGREE)
     cosine, sine = rng.standard_normal((2, bins))
     transform = np.zeros(grid.drawn // 2 + 1, dtype=complex)
     transform[1 : bins + 1] = amplitude * (cosine - 1j * sine) * (grid.drawn / 2)

@@ -481,7 +481,7 @@ class Truth:
 
     def _samples(self, motion: Motion, edges: Array, ends: Array, felt: Array) -> Samples:
         """From curves' values (c, n) at the ends and as felt."""
-        q, v, _ = motion.joints(edges[1:])
+        q, v = motion.angles_and_rates(edges[1:])
         own = 3 * (self._places is not None)
         place = slice(3 + own, 6 + own)
         turned, beyond = ends[6 + own : 10 + own], ends[10 + own :]

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 from alignment.arrays import Array
 from alignment.units import DEG, STANDARD_GRAVITY
 from stand.imu.preset import TriadSpec
-from stand.motion.limits import QUANTITIES, SLACK, Peak, uses
+from stand.motion.limits import QUANTITIES, SLACK, Peak, times_within, uses
 from stand.motion.plan import Plan, PlannedStep
 from stand.motion.polynomial import Motion
 from stand.physics.dynamics import gains_of
@@ -103,7 +103,7 @@ def _first_violation(scene: Scene, step: PlannedStep, peak: Peak) -> float:
 
 def _sensors(scene: Scene, step: PlannedStep) -> Iterator[Margin]:
     """What the unit feels against its range: rocking, lever arm and Earth rate in it."""
-    t = _times(scene.plan.motion, step)
+    t = times_within(scene.plan.motion, step, _TIMES)
     felt = scene.truth().instants(*scene.plan.motion.joints(t))
     for name, x, spec, unit, per in (
         ("sensor rate", felt.w_ib_b, scene.imu.gyro, "deg/s", DEG),
@@ -125,14 +125,6 @@ def _sensors(scene: Scene, step: PlannedStep) -> Iterator[Margin]:
             t=float(t[row]),
             first_violation=first,
         )
-
-
-def _times(motion: Motion, step: PlannedStep) -> Array:
-    inside = motion.knots[(motion.knots > step.t_from) & (motion.knots < step.t_to)]
-    if len(inside) > _TIMES:
-        inside = inside[:: -(-len(inside) // _TIMES)]
-    t = np.unique(np.concatenate([[step.t_from], inside, [step.t_to]]))
-    return np.unique(np.concatenate([t, (t[1:] + t[:-1]) / 2]))
 
 
 def filter_settling(spec: TriadSpec) -> float:

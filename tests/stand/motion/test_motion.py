@@ -19,6 +19,7 @@ from stand.motion.polynomial import (
     splined,
     summed,
 )
+from stand.motion.sway import SEEN
 
 # Two pieces of two joints: a cubic and a parabola, each its own, the second moves first.
 KNOTS = [0.0, 2.0, 3.5]
@@ -184,6 +185,28 @@ def test_b_splines_add_up_to_one_and_to_straight_lines():
     np.testing.assert_allclose(acceleration, 0, atol=1e-11)
 
 
+@pytest.mark.parametrize("times", [[0.0], [0.3, 2.9], np.linspace(-1, 4, 101)])
+def test_joints_that_stand_still_are_told_to_the_bit(times):
+    """Of the middle one the angle differs by rounding from piece to piece: it is not at rest."""
+    c = np.zeros((4, 3, 3))
+    c[:, :, 0] = np.random.default_rng(1).normal(size=(4, 3))
+    c[-1, :, 1] = 0.1, np.nextafter(0.1, 1), 0.1
+    c[-1, :, 2] = -0.7
+    m = Motion(np.array([0.0, 1.0, 2.0, 3.0]), c)
+    rows = []
+    for t in np.clip(times, 0, 3):
+        piece = min(int(t), 2)
+        angle, rate, half = c[0, piece], np.zeros(3), np.zeros(3)
+        for term in c[1:, piece]:
+            half = half * (t - piece) + rate
+            rate = rate * (t - piece) + angle
+            angle = angle * (t - piece) + term
+        rows.append([angle, rate, 2 * half])
+    by_hand = np.array(rows).swapaxes(0, 1)
+    np.testing.assert_array_equal(m.joints(times), by_hand)
+    np.testing.assert_array_equal(m.angles_and_rates(times), by_hand[:2])
+
+
 def test_one_b_spline_has_its_known_values():
     weights = np.zeros((15, 1))
     weights[7] = 1.0  # the one about 5 steps from the start
@@ -209,6 +232,26 @@ def test_one_b_spline_of_degree_seven_has_its_known_values():
     np.testing.assert_allclose(bend[:, 0], 4 * bends, atol=1e-12)
     assert max(jumps(motion, 7)) < 1e-11
     assert rate[4, 0] == pytest.approx(0.0, abs=1e-14)
+
+
+def test_one_b_spline_of_degree_eleven_has_its_known_values():
+    weights = np.zeros((23, 1))
+    weights[11] = 1.0  # the one about 6 steps from the start
+    motion = b_spline(weights, 0.5, degree=11)
+    angle, rate, _ = motion.joints(np.arange(13) / 2)
+    # at whole steps from its middle Euler's numbers over 11!:
+    # A(n, k) = (k + 1) A(n - 1, k) + (n - k) A(n - 1, k - 1)
+    euler = [1]
+    for n in range(2, 12):
+        euler = [
+            (k + 1) * (euler[k] if k < n - 1 else 0) + (n - k) * (euler[k - 1] if k else 0)
+            for k in range(n)
+        ]
+    expected = np.array([0, *euler, 0]) / 39_916_800
+    assert euler[:6] == list(reversed(SEEN))
+    np.testing.assert_allclose(angle[:, 0], expected, rtol=0, atol=1e-15)
+    assert rate[6, 0] == pytest.approx(0.0, abs=1e-14)
+    assert max(jumps(motion, 11)) < 1e-10
 
 
 def bump(n: int, seed: int = 1) -> np.ndarray:

@@ -175,7 +175,8 @@ def test_it_is_at_full_size_from_the_lead_on():
 
 
 def test_sampling_hardly_colours_the_acceleration():
-    # at 8 steps per period of the cutoff images have 1/7^6 + 1/9^6 = 1.04e-5 of its acceleration
+    # at 4 steps per period of the cutoff images have 1/3^10 + 1/5^10 = 1.70e-5 of its acceleration,
+    # of slower waves less
     motion = sway(entry(outer=resonant()), 400.0, 4.0, rng_of(5), HERE)
     x = steady(motion, 4.0, 400.0, 320.0, column=2)[:, 3]
     spectrum = np.abs(np.fft.rfft(x * np.hanning(len(x)))) ** 2
@@ -204,7 +205,7 @@ def test_motions_too_long_or_too_wide_are_refused_in_one_line():
     with pytest.raises(
         StandError,
         match=r"^3604 s with frequencies up to 200 Hz, faded in 2 s, "
-        r"are 5766400 steps, allowed 1500000$",
+        r"are 2883200 steps, allowed 1000000$",
     ):
         sway(fast, 3600.0, 2.0, rng_of(1), HERE)
     wide = entry(
@@ -213,7 +214,7 @@ def test_motions_too_long_or_too_wide_are_refused_in_one_line():
     with pytest.raises(
         StandError,
         match=r"^frequencies from 0\.0001 to 200 Hz: too far apart .* "
-        r"ratio of 125000; make two of it$",
+        r"ratio of 250000; make two of it$",
     ):
         sway(wide, 10.0, 2.0, rng_of(1), HERE)
 
@@ -242,13 +243,13 @@ def test_vibration_has_its_rms_and_band():
     density = 2 * np.mean(spectra, axis=(0, 1)) / (rate * (window**2).sum())
     f = np.fft.rfftfreq(round(rate), 1 / rate)
     inside = (f > 7.5) & (f < 47.5)
-    # 400 / 45 deg^2/s^4/Hz, each bin of 480 segments; images add 4e-4 in the amplitude
+    # 400 / 45 deg^2/s^4/Hz, each bin of 480 segments
     chi = (density[inside] / (400 / 45) - 1) * np.sqrt(480)
     assert np.abs(chi).max() < 4
     # Hann's side lobes three bins away
     assert density[(f < 2.5) | ((f > 52.5) & (f < 300))].max() < 1e-4 * 400 / 45
-    # the images about the sampling rate of 400 Hz: (1/7)^4 + (1/9)^4 = 6e-4 of the amplitude
-    assert density[f > 300].max() < (6e-4) ** 2 * 400 / 45 * 1.5
+    # the images about the sampling rate of 200 Hz: (1/3)^10 + (1/5)^10 = 1.7e-5 of the amplitude
+    assert density[f > 145].max() < (1.7e-5) ** 2 * 400 / 45 * 1.5
 
 
 def test_vibration_turns_by_what_its_density_says():
@@ -269,8 +270,8 @@ def test_long_vibration_needs_little_more_memory_than_its_polynomials():
     motion = vibration(jitter(outer=band), 120.0, 2.0, rng_of(1))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    # 48 coefficients a step; weights, knots and transforms are some 16 numbers more
-    assert motion.coefficients.nbytes == 48 * 8 * 124 * 800
+    # 72 coefficients a step; weights, knots and transforms are some 16 numbers more
+    assert motion.coefficients.nbytes == 72 * 8 * 124 * 400
     assert peak < 1.6 * motion.coefficients.nbytes
 
 

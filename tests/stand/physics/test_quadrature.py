@@ -208,7 +208,7 @@ def rng_of(axis):
     return np.random.default_rng([7, JOINTS.index(axis)])
 
 
-def rocking(seconds=20.0):
+def rocking(seconds=20.0, lead=5.0):
     entry = SwayMotion.model_validate(
         {
             "axes": {
@@ -217,7 +217,7 @@ def rocking(seconds=20.0):
             }
         }
     )
-    return sway(entry, seconds, 5.0, rng_of, Path())
+    return sway(entry, seconds, lead, rng_of, Path())
 
 
 def waving():
@@ -335,6 +335,17 @@ def test_evaluations_of_slow_and_fast_turns(model, monkeypatch):
     truth.block(turning(4.0, 20.0), 10_000, Sampling.INSTANT, 0, 200_000)
     truth.block(turning(60.0, 20.0), 20, Sampling.MEAN, 0, 400)  # 21 rad
     assert rows == [12, 12, 12, 155]
+
+
+def test_evaluations_of_sway(model, monkeypatch):
+    """Four pieces a period of its fastest wave, 1.25 Hz: 11 instants of each at most."""
+    truth, motion, rows = Truth(model, Site(0.3)), rocking(lead=10.0), []
+    original = truth.instants
+    monkeypatch.setattr(truth, "instants", lambda q, v, a: rows.append(len(q)) or original(q, v, a))
+    for hz in (50, 200):
+        truth.block(motion, hz, Sampling.MEAN, 0, round(hz * motion.duration))
+    periods = 1.25 * motion.duration
+    assert max(rows) <= 4 * 11 * periods + 1
 
 
 def test_turns_that_repeat_are_looked_at_once(model, monkeypatch):
