@@ -38,6 +38,7 @@ HIDDEN = "a part of sigma is common to all windows: a scatter below it says noth
 CAREFUL = "scatter below sigma: noise is taken for more than windows show"
 MOST = 0.5  # of a variance
 ALIKE = 0.5  # of their scatter by which estimates with and without constant errors may differ
+DISTURBED = 2.0  # usual sigmas: that of a window that something moved
 BASE_MOVES = "the base moves, and so does what is estimated"
 NOISE_ONLY = "noise only"
 BEYOND = "scatter beyond sigma: what changes from window to window shows in none of them"
@@ -68,6 +69,10 @@ class Scatter:
     changing : float or None
         The same without what is common to all windows, the constant errors of a data sheet [rad]:
         what a scatter can show. None as `sigma` is, and where the answer itself hangs on them.
+    ratio : float or None
+        Square of the deviations over `changing`, else over those stated, per degree of freedom: 1
+        of sigmas that are right. A window whose sigma is more than twice the usual one, for it
+        was disturbed, counts by its own and is no measure of the others. None where there is none.
     remark : str
         What must be known beside the numbers; '' for nothing.
     """
@@ -83,18 +88,8 @@ class Scatter:
     high: float
     sigma: float | None
     changing: float | None
+    ratio: float | None
     remark: str
-
-    @property
-    def ratio(self) -> float | None:
-        """Variance of the estimates over that of `changing`, else over that stated.
-
-        1 of a sigma that is right; None where there is none.
-        """
-        own = self.changing or self.sigma
-        if not own or not np.isfinite(self.scatter):
-            return None
-        return (self.scatter / own) ** 2
 
 
 def check_lengths(lengths: Sequence[float]) -> None:
@@ -260,6 +255,7 @@ def _summed(
                 high=float(high),
                 sigma=_rms(sigmas),
                 changing=_rms(own_sigmas) if same else None,
+                ratio=ratio_of(values, own_sigmas if same and own_sigmas is not None else sigmas),
                 remark="",
             )
             hidden = other is not None and not same
@@ -277,6 +273,22 @@ def _grouped(
 
 def _rms(sigmas: Array | None) -> float | None:
     return None if sigmas is None else float(np.sqrt(np.mean(sigmas**2)))
+
+
+def ratio_of(values: Array, sigmas: Array | None) -> float | None:
+    """Chi-square of values (n,) with sigmas (n,) about their weighed mean, per degree of freedom.
+
+    Sigmas that differ by chance are one: a small one would count for more than it knows.
+    """
+    if sigmas is None or len(values) < 2 or not np.all(sigmas > 0):
+        return None
+    if not np.all(np.isfinite(values)):
+        return None
+    calm = sigmas <= DISTURBED * np.median(sigmas)
+    weights = 1 / np.where(calm, np.mean(sigmas[calm] ** 2), sigmas**2)
+    middle = np.angle(np.sum(weights * np.exp(1j * values)))
+    off = np.angle(np.exp(1j * (values - middle)))
+    return float(np.sum(weights * off**2) / (len(values) - 1))
 
 
 def _alike(values: Array, others: Array, scatter: float) -> bool:
@@ -297,16 +309,18 @@ def _remarked(row: Scatter, noise_only: bool, moves: bool, hidden: bool) -> Scat
     sigma = row.sigma
     if sigma is not None and sigma > LIMITS.get(row.quantity, np.inf):
         remarks.append(f"not determined: sigma {sigma / DEG:.0f} deg")
-        return replace(row, sigma=None, changing=None, remark="; ".join(remarks))
+        return replace(row, sigma=None, changing=None, ratio=None, remark="; ".join(remarks))
     if sigma is not None and row.changing is not None and row.changing**2 < MOST * sigma**2:
         remarks.append(COMMON)
-    own = row.changing or sigma
-    if own is not None and hidden and not row.low > own:
+    if row.ratio is None:
+        return replace(row, remark="; ".join(remarks))
+    chi2, bounds = row.ratio * (row.count - 1), chdtri(row.count - 1, [TAIL, 1 - TAIL])
+    if hidden and not chi2 > bounds[0]:
         remarks.append(HIDDEN)
-    elif own is not None and not moves:
-        remarks += [BEYOND] if row.low > own else []
+    elif not moves:
+        remarks += [BEYOND] if chi2 > bounds[0] else []
         below = CAREFUL if noise_only else BELOW
-        remarks += [below] if row.high < own else []
+        remarks += [below] if chi2 < bounds[1] else []
     return replace(row, remark="; ".join(remarks))
 
 

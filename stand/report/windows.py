@@ -11,7 +11,8 @@ from stand.report.tables import TableData
 NOTE = (
     "scatter: standard deviation of the windows' estimates about their own mean, with its 95 % "
     "interval; sigma: root mean square of what the method states; ratio: of their squares, 1 where "
-    "the sigma is right. What is common to all windows, as a bias is, shows in none of it: with a "
+    "the sigma is right; a window of more than twice the usual sigma, for something moved it, "
+    "counts by its own. What is common to all windows, as a bias is, shows in none of it: with a "
     "data sheet the ratio is to what changes, sigma without the sheet's constant errors."
 )
 

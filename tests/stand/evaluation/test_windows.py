@@ -21,6 +21,7 @@ from stand.evaluation.windows import (
     COMMON,
     HIDDEN,
     NOISE_ONLY,
+    ratio_of,
     scatter_to_json,
     scatters,
     windows_of,
@@ -414,3 +415,24 @@ def test_a_gap_silences_the_window_that_it_is_in_and_no_other(tmp_path):
     assert all("gap of 2" in one.reason for one in found.refusals)
     with pytest.raises(stand.StandError, match="gap of 2"):
         stand.align(path, method="inertial", latitude_deg=48.5)
+
+
+def test_a_disturbed_window_counts_by_its_own_sigma_by_hand():
+    """1, -1, 1, -1 urad of 1 urad each, and one 30 off of 30: (4 * 1 + 1) / 4 and a mean that is
+    31 * 1e-6 / 900 off; by their root mean square, 13.5, it would be a tenth of that."""
+    values = np.array([1.0, -1.0, 1.0, -1.0, 30.0]) * 1e-6
+    sigmas = np.array([1.0, 1.0, 1.0, 1.0, 30.0]) * 1e-6
+    assert ratio_of(values, sigmas) == pytest.approx(5 / 4, rel=1e-3)
+    # sigmas that differ by chance are one: 4/3 of their mean square, 0.82
+    chance = np.array([1.0, 0.6, 1.0, 0.8]) * 1e-6
+    assert ratio_of(values[:4], chance) == pytest.approx(4 / 3 / 0.75, rel=1e-9)
+    assert ratio_of(values[:4] + np.pi, chance) == pytest.approx(4 / 3 / 0.75, rel=1e-6)
+    # twice the usual one is still one of them, more is not
+    values = np.array([1.0, -1.0, 0.0]) * 1e-6
+    still, moved = np.array([1.0, 1.0, 2.0]) * 1e-6, np.array([1.0, 1.0, 2.01]) * 1e-6
+    assert ratio_of(values, still) == pytest.approx(2 / 2 / 2, rel=1e-9)
+    assert ratio_of(values, moved) == pytest.approx(2 / 2, rel=1e-9)
+    assert ratio_of(values[:1], still[:1]) is None
+    assert ratio_of(values, None) is None
+    assert ratio_of(np.array([0.0, np.nan]), still[:2]) is None
+    assert ratio_of(values, np.zeros(3)) is None
