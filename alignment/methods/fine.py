@@ -787,8 +787,12 @@ def _upper(size: int) -> Array:
 
 
 def _root(P: Array) -> Array:
-    """Matrices S with ``S^T S = P`` (..., n, n), each variance to its own last digits."""
-    sigmas = np.sqrt(np.diagonal(P, axis1=-2, axis2=-1))
+    """Matrices S with ``S^T S = P`` (..., n, n), each variance to its own last digits.
+
+    One that rounding has left below 0, of a displacement that one interval's noise does not reach
+    yet, is none.
+    """
+    sigmas = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 0.0))
     unit = np.where(sigmas > 0, sigmas, 1.0)
     values, vectors = np.linalg.eigh(P / (unit[..., None] * unit[..., None, :]))
     root = np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2)

@@ -19,6 +19,7 @@ from alignment.methods.fine import (
     _heave_density,
     _is_settled,
     _Pass,
+    _root,
     _update_variance,
     error_matrices,
     states_of,
@@ -438,3 +439,11 @@ def test_wandering_is_remarked_at_five_sigmas_and_refused_at_ten(laid_out):
     assert doubt(4.1, 9.9)
     with pytest.raises(NotAtRest, match=r"^p: velocity wanders by 0\.102 m/s, 20 times what noise"):
         doubt(4.1, 20.0)
+
+
+def test_a_root_of_a_variance_that_rounding_left_below_nothing():
+    """1, 2 and what is left of 3 metres squared: rounding of the last makes no root of it."""
+    P = np.array([[1.0, 1.0, 0.0], [1.0, 4.0, 0.0], [0.0, 0.0, -1.8e-23]])
+    S = _root(P)
+    np.testing.assert_allclose(S.T @ S, [[1, 1, 0], [1, 4, 0], [0, 0, 0]], rtol=1e-14, atol=1e-15)
+    assert not S[:, 2].any()
