@@ -20,7 +20,8 @@ from alignment import AttitudeEstimate
 from alignment.against_truth import rotation_error
 from stand.errors import StandError
 from stand.evaluation.comparison import applicable
-from stand.evaluation.score import Truths, answered, circular
+from stand.evaluation.runs import made_by
+from stand.evaluation.score import answered, circular
 from stand.imu import load_imu
 from stand.procedure.procedure import Procedure, table_of
 from stand.rehearsal.verify import first_seed
@@ -132,22 +133,17 @@ def _ready(settings: Settings, methods: Sequence[str] | None) -> Callable[[int],
 
 def _trial(trials: Trials, methods: Sequence[str], seed: int) -> Run:
     made, run = trials.settings, Run([], [])
-    try:
-        dwells, attitudes = trials.readings(seed)
-    except StandError as error:  # a sway drawn anew may be beyond the table
-        run.refused.append(["", "", str(error)])
+    there = made_by(trials, seed)
+    if isinstance(there, StandError):
+        run.refused.append(["", "", str(there)])
         return run
-    truths = {
-        d.label: Truths(C, mean=mean)
-        for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
-    }
     for method in methods:
-        estimates, refused = answered(method, dwells, made.site, made.options)
+        estimates, refused = answered(method, there.dwells, made.site, made.options)
         run.refused.extend([method, one.stretch, one.reason] for one in refused)
         for e in estimates:
-            if e.C_nb is None or e.label not in truths or circular(e):
+            if e.C_nb is None or e.label not in there.truths or circular(e):
                 continue
-            truth = truths[e.label].of(method)
+            truth = there.truths[e.label].of(method)
             assert truth is not None
             row = _normalised(e, error_of(e.C_nb, truth))
             if row is not None:
