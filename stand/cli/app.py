@@ -16,6 +16,7 @@ from stand.cli.align import align, allan, import_log
 from stand.cli.calibrate import apply, calibrate
 from stand.cli.campaign import campaign
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
+from stand.cli.command import Command
 from stand.cli.film import film, picture
 from stand.cli.progress import Stopped
 from stand.cli.propose import propose
@@ -66,7 +67,7 @@ COMMANDS = {
     "view": view,
 }
 for name, command in COMMANDS.items():
-    app.command(name)(command)
+    app.command(name, cls=Command)(command)
 
 
 def main() -> None:
