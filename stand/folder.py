@@ -53,6 +53,17 @@ def refuse_files(paths: Iterable[Path], option: str = "--out", *, force: bool = 
             raise StandError(f"{option} {path}: exists; --force replaces it")
 
 
+def refuse_no_folder(path: Path, option: str = "--out") -> None:
+    """`StandError` where what is there already leaves no folder for it to be in."""
+    try:
+        path.resolve()
+    except (OSError, RuntimeError) as error:
+        raise StandError(f"{option} {path}: links that lead in a circle") from error
+    for above in path.parents:
+        if (above.exists() or above.is_symlink()) and not above.is_dir():
+            raise StandError(f"{option} {path}: cannot write there: {above} is no folder")
+
+
 def refuse_existing(out: Path, force: bool) -> None:
     """An existing recording stays unless `force`; anything else stays in any case."""
     if not out.exists() and not out.is_symlink():

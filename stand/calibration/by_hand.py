@@ -6,6 +6,7 @@ from pathlib import Path
 from alignment.calibration.gravity import gravity_of
 from alignment.calibration.hand_held import HandHeld, hand_held
 from alignment.errors import AlignmentError
+from alignment.stuck import dead
 from stand.arguments import site_with
 from stand.calibration.file import CalibrationRecord
 from stand.calibration.truth import errors_of
@@ -64,6 +65,8 @@ def by_hand(
     if not 0.1 <= shortest_s <= 3600:
         raise StandError(f"shortest = {shortest_s:g} s: must be 0.1 to 3600")
     (log,) = logs
+    if not log.simulated and (words := dead(log.readings)):
+        raise StandError(f"{log.path}: {words}")
     sheet = load_imu(imu) if isinstance(imu, str) else imu
     site = site_with(log.site, latitude_deg, height_m)
     measured = gravity_of(site, gravity, gravity_sigma)

@@ -16,6 +16,7 @@ from alignment.calibration.fit import fitted
 from alignment.calibration.gravity import gravity_of
 from alignment.calibration.observe import Observed, observed
 from alignment.errors import AlignmentError
+from alignment.stuck import dead
 from stand import toml_files as catalogue
 from stand.arguments import site_with
 from stand.calibration.file import CalibrationRecord
@@ -81,6 +82,9 @@ def on_table(
     """
     if not logs:
         raise StandError("no recording to calibrate from")
+    for log in logs:
+        if not log.simulated and (words := dead(log.readings)):
+            raise StandError(f"{log.path}: {words}")
     first = logs[0]
     metadata: Metadata = first.imu.metadata
     with located(first.path):

@@ -11,6 +11,7 @@ from typer.core import TyperCommand
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+_WRITTEN = ("out", "report", "keep")
 _NUMBERS = {int: "an integer", float: "a number"}
 
 
@@ -27,6 +28,10 @@ class Command(TyperCommand):
             if _empty(given.get(param.name)) and not _may_be_empty(param):
                 hint = f"'{param.opts[0]}'"
                 raise typer.BadParameter("must not be empty", ctx, param_hint=hint)
+            if param.name in _WRITTEN and given.get(param.name) is not None:
+                from stand.folder import refuse_no_folder  # not before: it takes its time to import
+
+                refuse_no_folder(Path(str(given[param.name])), param.opts[0])
         try:
             return super().parse_args(ctx, args)
         except typer.BadParameter as error:
@@ -40,12 +45,9 @@ def _empty(value: Any) -> bool:
 
 
 def _may_be_empty(param: Any) -> bool:
-    """Where nothing is the default, or a name of a catalogue: that one tells what it has."""
-    told = param.type_descriptor.annotation
-    paths = any(
-        isinstance(kind, type) and issubclass(kind, Path) for kind in (told, *get_args(told))
-    )
-    return param.default == "" or not (paths or param.opts[0].startswith("--"))
+    """Where nothing is the default, or an id of a catalogue: that tells what it has instead."""
+    ids = param.name in ("procedure", "scenario", "unit", "table")
+    return param.default == "" or (ids and not param.opts[0].startswith("--"))
 
 
 def _named(error: typer.BadParameter, given: Mapping[str, Any]) -> str:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 from collections.abc import Callable
 from copy import copy
+from functools import partial
 from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
 _FORM = "form"
+_LOG_NAME = re.compile(r"^--([a-z-]+)")
 
 
 def _stated(
@@ -79,9 +82,13 @@ def takes_log_form(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def wrapped(**given: Any) -> Any:
+        from stand.errors import StandError
         from stand.recording.log_form import LogForm
 
-        form = LogForm(**{name: given.pop(name) for name in _OPTIONS})
+        try:
+            form = LogForm(**{name: given.pop(name) for name in _OPTIONS})
+        except StandError as error:  # told by the names that this command has
+            raise StandError(_LOG_NAME.sub(partial(_beside_name, taken), str(error))) from error
         return command(**given, form=form)
 
     wrapped.__signature__ = signature.replace(  # type: ignore[attr-defined]
@@ -91,6 +98,10 @@ def takes_log_form(command: Callable[..., Any]) -> Callable[..., Any]:
     wrapped.__annotations__ = hints | {p.name: p.annotation for p in shared}
     del wrapped.__wrapped__  # type: ignore[attr-defined]
     return wrapped
+
+
+def _beside_name(taken: set[str], found: re.Match[str]) -> str:
+    return f"--log-{found[1]}" if found[0] in taken else found[0]
 
 
 def _names(parameter: inspect.Parameter) -> set[str]:

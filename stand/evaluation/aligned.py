@@ -7,6 +7,10 @@ from typing import Any
 
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
 from alignment.angles import SequenceRule
+from alignment.errors import AlignmentError
+from alignment.noise import check_at_rest
+from alignment.saturation import saturation_doubt
+from alignment.stuck import stuck, unchanging
 from alignment.units import DEG
 from stand.arguments import one_of, site_with
 from stand.calibration.corrected import corrected_log, loaded, posterior
@@ -121,6 +125,7 @@ def align(
     site = site_with(first.site, latitude_deg, height_m)
     imu = load_imu(imu) if isinstance(imu, str) else imu
     options = with_data_sheet(first.options, imu)
+    sticking, same = _sticking(logs)
     if calibration is not None:
         record = loaded(calibration)
         logs = [corrected_log(record, log) for log in logs]
@@ -130,12 +135,18 @@ def align(
     methods = (method,) if method else first.methods
     sheet = imu or sheet_beside(first.imu.metadata)
     dwells = [_of_unit(dwell, sheet) for log in logs for dwell in log.dwells]
+    still = [dwell for dwell in dwells if dwell.label in sticking and _rests(dwell)]
     truths = [truth for log in logs for truth in log.truths]
     _check_labels([dwell.label for dwell in dwells])
     _check_methods(first.path, methods, site)
+    dwells = [dwell for dwell in dwells if dwell not in still]
+    dropped = [Refusal("", sticking[dwell.label], dwell.label) for dwell in still]
+    if dropped and not dwells:
+        raise StandError(f"{first.path}: {dropped[0].stretch}: {dropped[0].reason}")
     doubts = _doubts(logs, methods, site, options)
     scores, refused = evaluate_each(dwells, truths, site, options, methods)
-    refusals = [*(lost for log in logs for lost in log.lost), *refused]
+    lost = [one for log in logs for one in log.lost]
+    refusals = [*lost, *dropped, *(_with_sticking(one, same | sticking) for one in refused)]
     rows: list[Scatter] = []
     if windows_s:  # what is lost or moves in one of them silences no other
         rows, left_out = scatters(dwells, site, options, methods, windows_s)
@@ -152,6 +163,33 @@ def align(
         windows=tuple(rows),
         imu=sheet,
     )
+
+
+def _sticking(logs: Sequence[Log]) -> tuple[dict[str, str], dict[str, str]]:
+    """What is stuck, and what never changes, in rests of logs that are nobody's simulation."""
+    real = [dwell for log in logs if not log.simulated for dwell in log.dwells]
+    rests = {d.label: d.window() for d in real if d.turn is None and d.fixes is None}
+    sticking = {label: stuck(window) for label, window in rests.items()}
+    same = {label: "; ".join(unchanging(window)) for label, window in rests.items()}
+    return {k: v for k, v in sticking.items() if v}, {k: v for k, v in same.items() if v}
+
+
+def _rests(dwell: Dwell) -> bool:
+    """Whether nothing else is wrong with a rest, which a method would tell."""
+    try:
+        check_at_rest(dwell)
+        saturation_doubt(dwell.label, dwell.window())
+    except AlignmentError:
+        return False
+    return True
+
+
+def _with_sticking(one: Refusal, sticking: Mapping[str, str]) -> Refusal:
+    """A refusal for what a stuck channel makes of readings says that, too."""
+    for label, words in sticking.items():
+        if one.stretch == label or one.reason.startswith(f"{label}: "):
+            return replace(one, reason=f"{one.reason}; {words}")
+    return one
 
 
 def _of_unit(dwell: Dwell, imu: ImuSpec | None) -> Dwell:
@@ -181,7 +219,7 @@ def _doubts(
         if wrong and any(ESTIMATORS[name].needs_latitude for name in methods):
             raise StandError(f"{log.path}: {wrong[0]}")
         told |= {
-            dwell.label: log.doubts + doubt.doubtful + doubt.wrong
+            dwell.label: log.doubts + unchanging(dwell.window()) + doubt.doubtful + doubt.wrong
             for dwell, doubt in zip(log.dwells, found, strict=True)
         }
     return told

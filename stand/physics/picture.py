@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alignment.arrays import Array
+from stand.bounds import FARTHEST_DEG
 from stand.errors import StandError, unknown
 from stand.physics import chosen_driver
 from stand.table.joints import JOINTS
@@ -40,6 +41,7 @@ SHADOW = 5  # points of the shadow map for each of the picture's
 # that can be seen (a hundredth of a level of 255 in the mean). What is round both ways needs more.
 LENGTHWISE, FACEWISE = 2, 1
 TINY = 0.006  # m, the radius of a ball of which nobody sees the corners
+_FARTHEST_EYE_M = 1000.0  # from there the stand is less than a pixel
 _FAULTS = "faults"  # the file with what the process complains of
 _REFUSED = 3  # exit code: the request is wrong, another driver would not help
 
@@ -108,6 +110,7 @@ def drawn(
         "model": None if model is None else str(model.absolute()),
         "quick": quick,
     }
+    _eye(camera)  # before a process is begun
     chosen = chosen_driver()
     told = []
     for driver in (chosen,) if chosen else DRIVERS:
@@ -254,14 +257,27 @@ def _camera(model: Any, name: str) -> Any:
     names = [model.camera(i).name for i in range(model.ncam)]
     if name in names:
         return name
+    eye = _eye(name)
+    if eye is None:
+        raise unknown("camera", name, [*names, "azimuth,elevation,distance"])
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = model.stat.center
+    camera.azimuth, camera.elevation, camera.distance = eye
+    return camera
+
+
+def _eye(name: str) -> tuple[float, float, float] | None:
+    """Azimuth, elevation [deg] and distance [m] from where to look; None: a camera's name."""
     try:
         azimuth, elevation, distance = (float(part) for part in name.split(","))
     except ValueError:
-        raise unknown("camera", name, [*names, "azimuth,elevation,distance"]) from None
-    camera = mujoco.MjvCamera()
-    camera.lookat[:] = model.stat.center
-    camera.azimuth, camera.elevation, camera.distance = azimuth, elevation, distance
-    return camera
+        return None
+    if not (max(abs(azimuth), abs(elevation)) <= FARTHEST_DEG and 0 < distance <= _FARTHEST_EYE_M):
+        raise StandError(
+            f"camera {name}: must be angles to {FARTHEST_DEG:g} deg, and a distance above 0 to "
+            f"{_FARTHEST_EYE_M:g} m"
+        )
+    return azimuth, elevation, distance
 
 
 if __name__ == "__main__":

@@ -41,6 +41,7 @@ from stand.recording.time_stamps import (
 _SECOND = NS["s"]
 _BLOCK = 1 << 16  # rows
 _MOST = np.repeat([1e6, 1e9], 3)  # rad/s, m/s^2: no unit reports more; squares stay numbers
+_LONGEST_NS = 10**18  # of a counter: nanoseconds of 31 years, which whole numbers hold
 Progress = Callable[[float], None]
 
 
@@ -159,6 +160,7 @@ def _once(table: _Table) -> tuple[_Table, tuple[str, ...]]:
 
 
 def _text(path: Path, form: LogForm, progress: Progress) -> _Table:
+    form.refuse(path, ("skip_bytes",), "is for binary rows, this is text")
     try:
         layout = layout_of(path)
     except OSError as error:
@@ -303,8 +305,8 @@ def _in_si(path: Path, table: _Table, scales: Array) -> Array:
                 raise StandError(f"{where}: must be finite; leave out rows without a reading")
             unit = "rad/s" if column < 3 else "m/s^2"
             raise StandError(
-                f"{where}: must be at most {_MOST[column]:g} {unit} (are the unit and the columns "
-                "right?)"
+                f"{where}: must be at most {_MOST[column]:g} {unit} "
+                "(are the unit and the columns right?)"
             )
     if values.base is not None:  # mapped from a file that is only read
         return values * scales
@@ -335,7 +337,10 @@ def _stamps(path: Path, table: _Table, form: LogForm) -> tuple[IntArray, int]:
     if form.wrap is not None:
         if table.unit == ISO:
             raise StandError(f"--wrap {form.wrap:g}: times as {ISO} do not wrap")
-        t_ns = unwrapped(path, t_ns, round(form.wrap * time_unit_ns(table.unit)))
+        period = form.wrap * time_unit_ns(table.unit)
+        if not 1 <= period <= _LONGEST_NS:
+            raise StandError(f"--wrap {form.wrap:g}: must be 1 ns to {_LONGEST_NS:g} ns (31 years)")
+        t_ns = unwrapped(path, t_ns, round(period))
     _check_increase(path, t_ns, table.row)
     unix = t_ns[0] >= YEAR_1990 * _SECOND and t_ns[-1] < YEAR_2038 * _SECOND
     whole = int(t_ns[0]) // _SECOND * _SECOND if unix else 0

@@ -8,6 +8,7 @@ from stand.errors import StandError, unknown
 from stand.recording.axes import Axes, axes_of
 from stand.recording.time_stamps import time_unit_ns
 
+LARGEST_SCALE = 1e12  # of a count: what it makes of readings has limits of its own
 STAMPS = ("header", "log")
 
 
@@ -84,6 +85,8 @@ class LogForm:
         for sensor, scale in (("gyro", self.gyro_scale), ("accel", self.accel_scale)):
             if not (np.isfinite(scale) and scale > 0):
                 raise StandError(f"--{sensor}-scale {scale:g}: must be above 0")
+            if scale > LARGEST_SCALE:
+                raise StandError(f"--{sensor}-scale {scale:g}: must be at most {LARGEST_SCALE:g}")
         if self.stamps not in STAMPS:
             raise unknown("--stamps", self.stamps, STAMPS)
         if self.axes is not None:

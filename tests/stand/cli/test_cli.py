@@ -342,7 +342,7 @@ def test_a_folder_without_a_name_is_refused(refused, short, out):
 
 def test_a_folder_below_a_file_is_refused(refused, short):
     told = refused("run", short, "--rate", 20, "--out", "short.toml/here")
-    assert told == "--out short.toml/here: cannot write there: File exists"
+    assert told == "--out short.toml/here: cannot write there: short.toml is no folder"
 
 
 def test_a_failure_on_the_way_leaves_nothing(refused, short, monkeypatch):

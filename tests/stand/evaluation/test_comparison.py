@@ -326,7 +326,7 @@ def test_a_picture_that_cannot_be_written_costs_no_table(stand_command, tmp_path
     path = tmp_path / "half-turn.toml"
     path.write_text(HALF_TURN, encoding="utf-8")
     options = ("--imu", "ring-laser", "--runs", 2, "--methods", "triad")
-    outcome = stand_command("compare", path, *options, "--out", path / "folder")
+    outcome = stand_command("compare", path, *options, "--out", path)  # a file
     assert (outcome.code, outcome.err.count("\n")) == (2, 1)
     assert "half-turn.toml" in outcome.err
     assert "err/floor" in outcome.out
