@@ -43,6 +43,7 @@ from stand.folder import (
     write_file,
 )
 from stand.imu import unstated
+from stand.imu.priors import noise_alone
 from stand.motion.planner import plan
 from stand.motion.polynomial import Motion, MotionKind
 from stand.physics.mjcf import describe, load_model
@@ -312,7 +313,7 @@ def _result_json(
         "without": [term for term in run.get("without", "").split(",") if term],
         "saturated_samples": dict(zip(CHANNELS, saturated, strict=True)),
         "versions": {name: text for name, text in run.items() if name.endswith("_version")},
-        "estimates": [score_to_json(scored) for scored in scores],
+        "estimates": [score_to_json(scored, noise_alone(imu)) for scored in scores],
         "spreads": [spread_to_json(spread) for spread in spreads(scores)],
         "refusals": [refusal_to_json(r) for r in refusals],
         "unstated": [] if imu is None else list(unstated(imu)),

@@ -13,6 +13,7 @@ from stand.errors import StandError
 from stand.evaluation.milestones import LIMITS, doubts, needed, points
 from stand.evaluation.score import Score, score_to_json
 from stand.imu import ImuSpec, unstated
+from stand.imu.priors import noise_alone
 from stand.vehicle.scenario import Drive, priors_of
 from stand.versions import versions
 
@@ -95,7 +96,7 @@ def result_json(result: DriveResult) -> dict[str, Any]:
         "refusals": [
             {"method": METHOD, "window": name, "reason": r} for name, r in result.refusals.items()
         ],
-        "estimates": [score_to_json(scored) for scored in result.scores],
+        "estimates": [score_to_json(one, noise_alone(s.imu)) for one in result.scores],
         "unstated": list(unstated(s.imu)),
     }
 

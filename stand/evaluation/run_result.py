@@ -57,7 +57,7 @@ def result_json(result: RunResult) -> dict[str, Any]:
         "steps": [record_to_json(record) for record in result.records],
         "saturated_samples": dict(zip(CHANNELS, result.saturated, strict=True)),
         "versions": versions(),
-        "estimates": [score_to_json(scored) for scored in result.scores],
+        "estimates": [score_to_json(one, s.options.priors.noise_only) for one in result.scores],
         "spreads": [spread_to_json(spread) for spread in result.spreads],
         "refusals": [refusal_to_json(r) for r in result.refusals],
         "unstated": list(unstated(s.imu)),

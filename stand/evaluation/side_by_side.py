@@ -15,7 +15,7 @@ from alignment.errors import Fault
 from alignment.noise import BLOCKS, low_density, mean_and_variance
 from alignment.units import DEG
 from stand.errors import StandError, unknown
-from stand.evaluation.aligned import align
+from stand.evaluation.aligned import Alignment, align
 from stand.evaluation.score import Refusal
 from stand.imu import ImuSpec
 from stand.recording.log import Log
@@ -68,10 +68,16 @@ class EstimatePair:
         if self.sigmas is not None:
             set_owned(self, sigmas=(self.sigmas, (3,), float))
 
+    @property
+    def turned_unknown(self) -> bool:
+        """Whether `off` about down is not determined, for one heading is not."""
+        return any({"yaw", "heading"} & set(one.undetermined) for one in (self.a, self.b))
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SideBySide:
-    """Two recordings beside each other; `notes` say how they were matched, what was left out."""
+    """Two recordings beside each other; `notes` say how they were matched, what was left out;
+    `noise_only`: of one of them nothing but noise is known, and every sigma is of that."""
 
     a: Log
     b: Log
@@ -79,6 +85,7 @@ class SideBySide:
     estimates: tuple[EstimatePair, ...]
     refusals: tuple[Refusal, ...]
     notes: tuple[str, ...]
+    noise_only: bool
 
 
 def side_by_side(
@@ -116,15 +123,17 @@ def side_by_side(
     wanted = methods or [m for m in a.methods if m in b.methods] or a.methods
     estimates: list[EstimatePair] = []
     refusals: list[Refusal] = []
+    noise_only = False
     for method in wanted:
-        found = []
+        found: list[Alignment] = []
         for log, other in ((a, named), (named, a)):
             try:
                 found.append(_estimates(log, other, method, imu, latitude_deg))
             except Fault as error:
                 refusals.append(Refusal(method, str(error)))
         if len(found) == 2:
-            estimates += _paired(*found)
+            estimates += _paired(*(one.estimates for one in found))
+            noise_only |= any(one.noise_only for one in found)
     return SideBySide(
         a=a,
         b=b,
@@ -132,6 +141,7 @@ def side_by_side(
         estimates=tuple(estimates),
         refusals=tuple(refusals),
         notes=notes,
+        noise_only=noise_only,
     )
 
 
@@ -160,10 +170,10 @@ def _renamed(log: Log, names: dict[str, str]) -> Log:
 
 def _estimates(
     log: Log, other: Log, method: str, imu: str | ImuSpec | None, latitude_deg: float | None
-) -> tuple[AttitudeEstimate, ...]:
+) -> Alignment:
     if latitude_deg is None and log.site.latitude is None and other.site.latitude is not None:
         latitude_deg = other.site.latitude / DEG
-    return align([log], method, imu=imu, latitude_deg=latitude_deg).estimates
+    return align([log], method, imu=imu, latitude_deg=latitude_deg)
 
 
 def _paired(
@@ -231,7 +241,8 @@ def side_by_side_json(found: SideBySide) -> dict[str, Any]:
                 "method": e.a.method,
                 "window": e.a.window,
                 "label": e.a.label,
-                "off_ned_deg": (e.off / DEG).tolist(),
+                "off_ned_deg": [*(e.off[:2] / DEG), None if e.turned_unknown else e.off[2] / DEG],
+                "noise_only": found.noise_only,
                 "sigmas_deg": None if e.sigmas is None else (e.sigmas / DEG).tolist(),
             }
             for e in found.estimates

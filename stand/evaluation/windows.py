@@ -91,6 +91,11 @@ class Scatter:
     ratio: float | None
     remark: str
 
+    @property
+    def noise_only(self) -> bool:
+        """Whether the sigma is of noise alone, as the remark says."""
+        return self.remark.startswith(NOISE_ONLY)
+
 
 def check_lengths(lengths: Sequence[float]) -> None:
     """Raise `StandError` of window lengths [s] that are none."""
@@ -371,5 +376,6 @@ def scatter_to_json(row: Scatter) -> dict[str, Any]:
         "sigma_deg": None if row.sigma is None else row.sigma / DEG,
         "sigma_changing_deg": None if row.changing is None else row.changing / DEG,
         "variance_over_stated": row.ratio,
+        "noise_only": row.noise_only,
         "remark": row.remark,
     }

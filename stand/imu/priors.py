@@ -60,6 +60,11 @@ def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
     )
 
 
+def noise_alone(imu: ImuSpec | None) -> bool:
+    """Whether nothing but noise is known of a unit: there is no sheet, or it states no more."""
+    return imu is None or priors_of(imu, None).noise_only
+
+
 def _alike(imu: ImuSpec) -> dict[str, float]:
     """What priors call after the sensor and after the field of its sheet."""
     return {

@@ -14,6 +14,7 @@ from alignment.nominal import SIX_POSITIONS
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G
 from stand.evaluation.score import Refusal, Score, Spread, by_method, spreads
 from stand.imu import ImuSpec, unstated
+from stand.imu.priors import noise_alone
 from stand.samples import CHANNELS
 from stand.simulation.step_record import StepRecord
 from stand.table.joints import JOINTS
@@ -85,13 +86,15 @@ def angle(value: float) -> str:
 
 
 def score_tables(
-    scores: Sequence[Score], imu: ImuSpec | None = None, noise_only: bool = False
+    scores: Sequence[Score], imu: ImuSpec | None = None, noise_only: bool | None = None
 ) -> list[TableData]:
     """One table per method and window: angles, errors with predicted sigma, deviations.
 
     The last one's notes say what the data sheet of `imu` leaves out of every sigma. `noise_only`:
-    there is none, and every sigma says so.
+    nothing else is known, and every sigma says so; None: where there is a sheet, as it says.
     """
+    if noise_only is None:
+        noise_only = imu is not None and noise_alone(imu)
     rows = spreads(scores)
     tables = []
     groups = by_method(scores)

@@ -286,7 +286,8 @@ class Canvas:
                 bands.append((colour, t, error - sigma, error + sigma))
         against = "truth" if self.scene.true else "its last"
         method = self.scene.estimate[0].method
-        return f"{names}: {method} minus {against}, ±1 sigma [{unit}]", lines, bands
+        only = " of noise only" if self.scene.noise_only else ""
+        return f"{names}: {method} minus {against}, ±1 sigma{only} [{unit}]", lines, bands
 
     def _shown(self, curve: AngleCurves) -> AngleCurves:
         """The part of a curve that is within the time shown."""

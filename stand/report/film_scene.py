@@ -44,7 +44,8 @@ class Scene:
 
     `stamps` (m,) [s] and `angles` (m, 6) [rad], in the order of `JOINTS`, are the encoders';
     `true`: whether the errors of `estimate` are against the truth, else against what each stretch
-    came to; `model`: the MJCF of a stand that is not the shipped one.
+    came to; `noise_only`: whether nothing but noise is known of the unit; `model`: the MJCF of a
+    stand that is not the shipped one.
     """
 
     title: str
@@ -55,6 +56,7 @@ class Scene:
     angles: Array
     estimate: tuple[AngleCurves, ...]
     true: bool
+    noise_only: bool
     model: Path | None
 
     def __post_init__(self) -> None:
@@ -111,6 +113,7 @@ def scene_of(log: Log, method: str | None = None, joints: str = "") -> Iterator[
             angles=angles,
             estimate=tuple(growing(log, method)),
             true=log.simulated,
+            noise_only=log.options.priors.noise_only,
             model=model,
         )
 

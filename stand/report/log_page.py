@@ -101,7 +101,8 @@ def _verdict(
     if not answered:
         return Judged("bad", "NO ATTITUDE", (*refusal_lines(refusals)[:1], *doubts))
     longest = max(answered, key=lambda e: e.t_to - e.t_from)
-    sentence = f"Of the longest stretch: {_found(longest)}."
+    only = " (±: of noise only)" if answer is not None and answer.noise_only else ""
+    sentence = f"Of the longest stretch: {_found(longest)}{only}."
     if doubts:
         return Judged("open", "FOUND, WITH DOUBTS", (sentence, *doubts))
     return Judged("good", "ATTITUDE FOUND", (sentence,))

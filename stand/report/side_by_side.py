@@ -38,7 +38,7 @@ def _estimates(found: SideBySide) -> TableData:
             method_text(e.a.method, e.a.window),
             e.a.label,
             *(_angle(e, k) for k in range(3)),
-            *(_off(e, k) for k in range(3)),
+            *(_off(e, k, found.noise_only) for k in range(3)),
         )
         for e in found.estimates
     )
@@ -54,21 +54,23 @@ def _estimates(found: SideBySide) -> TableData:
 
 
 def _angle(e: EstimatePair, k: int) -> str:
-    return ", ".join(_shown(one, k) for one in (e.a, e.b))
+    shown = [_shown(one, k) for one in (e.a, e.b)]
+    return UNDETERMINED if shown == [UNDETERMINED] * 2 else ", ".join(shown)
 
 
 def _shown(e: AttitudeEstimate, k: int) -> str:
     value = np.nan if e.angles is None else e.angles[k]
-    return "-" if np.isnan(value) else f"{value / DEG + 0.0:.3f}"
+    return UNDETERMINED if np.isnan(value) else f"{value / DEG + 0.0:.3f}"
 
 
-def _off(e: EstimatePair, k: int) -> str:
-    if k == 2 and any({"yaw", "heading"} & set(one.undetermined) for one in (e.a, e.b)):
+def _off(e: EstimatePair, k: int, noise_only: bool) -> str:
+    if k == 2 and e.turned_unknown:
         return UNDETERMINED
     value = e.off[k] / DEG if abs(e.off[k]) > LEAST * DEG else 0.0
     if e.sigmas is None:
         return number(value)
-    return _marked(number(value), e.off[k], e.sigmas[k]) + f" {sigma_text(e.sigmas[k] / DEG)}"
+    sigma = sigma_text(e.sigmas[k] / DEG, noise_only)
+    return f"{_marked(number(value), e.off[k], e.sigmas[k])} {sigma}"
 
 
 def _marked(text: str, value: float, sigma: float) -> str:

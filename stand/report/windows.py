@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import isfinite
 
 from alignment.units import DEG
-from stand.evaluation.windows import Scatter
+from stand.evaluation.windows import NOISE_ONLY, Scatter
 from stand.report.document import method_text, sigma_text
 from stand.report.tables import TableData
 
@@ -45,8 +45,11 @@ def _row(row: Scatter) -> tuple[str, ...]:
         row.quantity,
         str(row.count),
         scatter,
-        "" if row.sigma is None else sigma_text(row.sigma / DEG),
-        "" if row.changing is None else sigma_text(row.changing / DEG),
+        *(_sigma(sigma, row.noise_only) for sigma in (row.sigma, row.changing)),
         "" if row.ratio is None else f"{row.ratio:.2g}",
-        row.remark,
+        row.remark.removeprefix(NOISE_ONLY).removeprefix("; ") if row.sigma else row.remark,
     )
+
+
+def _sigma(sigma: float | None, noise_only: bool) -> str:
+    return "" if sigma is None else sigma_text(sigma / DEG, noise_only)

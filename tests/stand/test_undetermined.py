@@ -327,3 +327,53 @@ def test_every_command_tells_what_the_sheet_leaves_out(stand_command, rest, log,
             assert any(SENTENCE in sentence for sentence in found) is told, words
         assert (SENTENCE in write_run_page(out).read_text()) is told
         assert (SENTENCE in repr(stand.align(out))) is told
+
+
+# --- noise only, and what is not determined, where two logs stand side by side
+
+
+def test_windows_and_logs_side_by_side_say_it_in_the_cells(stand_command, log, unit, tmp_path):
+    stretches = tmp_path / "s.toml"
+    stretches.write_text(
+        '[site]\nlatitude_deg = 48.5\n[[stretch]]\nkind = "dwell"\nlabel = "a"\n'
+        "from_s = 0\nto_s = 24\n"
+    )
+    pair = ("compare", log, log, "--stretches", stretches, "--methods", "triad")
+    rows = aligned(stand_command, log, "--windows", "4")["windows"]
+    assert all(row["noise_only"] for row in rows)
+    for cell in stand.align(log, latitude_deg=48.5, windows_s=[4.0]).tables()[-1].rows:
+        assert cell[6].endswith(" noise only")
+    (bare,) = stand_command(*pair, "--json").json["estimates"]
+    assert bare["noise_only"] is True
+    assert " noise only" in stand_command(*pair).out
+    (poor,) = stand_command(*pair, "--imu", unit(30), "--json").json["estimates"]
+    assert poor["noise_only"] is False
+    assert poor["off_ned_deg"] == [pytest.approx(0, abs=1e-9), pytest.approx(0, abs=1e-9), None]
+    told = stand_command(*pair, "--imu", unit(30)).out
+    assert " noise only" not in told
+    assert NO in told
+
+
+def test_the_page_of_a_log_says_noise_only_in_its_first_sentence(stand_command, log, unit):
+    page = log.with_suffix(".html")
+    said = ("report", log, "--latitude", 48.5, "--out", page, "--force")
+    stand_command(*said)
+    assert "by triad (±: of noise only)." in page.read_text("utf-8")
+    stand_command(*said, "--imu", unit(0.1))
+    assert "noise only" not in page.read_text("utf-8")
+
+
+def test_a_sheet_that_states_noise_alone_is_told_by_run_as_by_align(
+    stand_command, rest, tmp_path, unit
+):
+    sheet = tmp_path / "noise.toml"
+    lines = (tmp_path / unit(0)).read_text().splitlines()
+    sheet.write_text("\n".join(line for line in lines if "turn_on" not in line))
+    out = tmp_path / "run"
+    said = ("run", rest("triad"), "--imu", sheet, "--rate", 2, "--true-table", "--out", out)
+    told = stand_command(*said).out
+    assert " noise only" in told
+    kept = json.loads((out / "result.json").read_text())["estimates"]
+    assert [e["noise_only"] for e in kept] == [True]
+    assert [e["noise_only"] for e in aligned(stand_command, out)["estimates"]] == [True]
+    assert "noise only" in write_run_page(out).read_text()
