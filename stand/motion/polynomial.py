@@ -43,10 +43,14 @@ class Motion:
     coefficients : (d + 1, k, 6)
         Of each piece and joint, highest power first, in time since the piece's start [rad/s^i].
         Angle, rate and acceleration are continuous.
+    whole : bool
+        Whether there is no more of it: not a window of a longer one, in which an axis that stands
+        still here may move.
     """
 
     knots: Array
     coefficients: Array
+    whole: bool = True
 
     def __post_init__(self) -> None:
         knots = owned(self.knots, "knots", (None,))
