@@ -78,13 +78,27 @@ class Samples(Instants):
     """Means or instants over n intervals, `q_wb` at their ends.
 
     The axes too are where they are at the ends, and so are `w_end`, `f_end` (n, 3), rates and
-    forces at the places. `encoders`, `encoder_rates` (n, 6): what the drives have there.
+    forces at the places, where they were asked for. `encoders`, `encoder_rates` (n, 6): what the
+    drives have there.
     """
 
-    w_end: Array
-    f_end: Array
     encoders: Array
     encoder_rates: Array
+    w_end: Array | None = None
+    f_end: Array | None = None
+
+    def given(self) -> dict[str, Array]:
+        """The arrays there are, by their names."""
+        named = ((field.name, getattr(self, field.name)) for field in fields(self))
+        return {name: values for name, values in named if values is not None}
+
+    def locked(self) -> "Samples":
+        """Itself, given away, so that nobody copies it."""
+        for values in self.given().values():
+            base: Any = values
+            while isinstance(base, np.ndarray):
+                base.flags.writeable, base = False, base.base
+        return self
 
     def sensed(self, t_ns: IntArray, sampling: Sampling) -> Sensed:
         """What the sensors feel, with these stamps; instants are themselves at their ends."""
@@ -303,6 +317,8 @@ class Truth:
         Of MuJoCo; the results are the same bits.
     data : MjData or None
         As of `lean_model`.
+    ends : bool
+        Whether samples tell what is felt at their ends: a unit without a low-pass does not ask.
     """
 
     def __init__(
@@ -313,7 +329,9 @@ class Truth:
         errors: TableErrors | None = None,
         threads: int = 1,
         data: mujoco.MjData | None = None,
+        ends: bool = True,
     ) -> None:
+        self._ends = ends
         self._places = places if places is not None and places.any() else None
         self._common, self._data = _Common(site, self._places, threads), data
         self._take(model, PERFECT if errors is None else errors)
@@ -487,18 +505,15 @@ class Truth:
         ]
         found = parts[0]
         if len(parts) > 1:
-            names = [field.name for field in fields(Samples)]
-            found = Samples(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
-        for field in fields(Samples):
-            getattr(found, field.name).flags.writeable = False
-        return found
+            every = [part.given() for part in parts]
+            found = Samples(**{n: np.concatenate([one[n] for one in every]) for n in every[0]})
+        return found.locked()
 
     def _part(self, motion: Motion, edges: Array, kind: int, sampling: Sampling) -> Samples:
         """Samples of one kind."""
         if kind == _REST:
             one, n = self.held(motion, edges[-1:]), len(edges) - 1
-            columns = (getattr(one, field.name) for field in fields(Samples))
-            return Samples(*(_repeated(column, n) for column in columns))
+            return Samples(**{name: _repeated(row, n) for name, row in one.given().items()})
         if kind == _ALONE:
             return self._at(motion, edges[1:])
         if sampling is Sampling.INSTANT:
@@ -524,10 +539,10 @@ class Truth:
             at.f_places,
             joints=at.joints,
             joint_rates=at.joint_rates,
-            w_end=at.w_ib_b,
-            f_end=at.f_places,
             encoders=encoders[0],
             encoder_rates=encoders[1],
+            w_end=at.w_ib_b if self._ends else None,
+            f_end=at.f_places if self._ends else None,
         )
 
     def means(self, motion: Motion, edges: Array) -> Samples:
@@ -541,51 +556,72 @@ class Truth:
         no trace; a sample that straddles a knot is the sum of its parts.
         """
         panels, edges = self._law_of(motion).panels(edges)
-        curves, own = self._curves(motion, panels)
+        curves = self._curves(motion, panels)
         cuts = panels.cut(edges)
-        return self._samples(motion, edges, cuts.ends(curves), cuts.means(curves.part(6 + 3 * own)))
+        felt = cuts.means(curves.part(slice(self._felt)))
+        ends = cuts.ends(curves if self._ends else curves.part(slice(self._felt, None)))
+        at_ends, beyond = (ends[: self._felt], ends[self._felt :]) if self._ends else (None, ends)
+        return self._samples(motion, edges, felt, beyond, at_ends)
 
     def _instants_between(self, motion: Motion, edges: Array) -> Samples:
         """Instants at `edges` but the first."""
         panels, at = self._law_of(motion).panels(edges)
-        curves, _ = self._curves(motion, panels)
-        ends = panels.cut(at).ends(curves)
-        return self._samples(motion, edges, ends, ends)
+        ends = panels.cut(at).ends(self._curves(motion, panels))
+        felt = ends[: self._felt]
+        return self._samples(motion, edges, felt, ends[self._felt :], felt if self._ends else None)
 
-    def _curves(self, motion: Motion, panels: Panels) -> tuple[Curves, bool]:
-        """Curves of w, f at the point, f at the places if they are others (which is told), the
-        attitude, and what true angles and rates have beyond the encoders'."""
+    @property
+    def _felt(self) -> int:
+        """How many curves are felt: w, f at the point, and f at the places if they are others."""
+        return 6 if self._places is None else 9
+
+    def _curves(self, motion: Motion, panels: Panels) -> Curves:
+        """Curves of what is felt, of the attitude, and of what true angles and rates of the axes
+        that move have beyond the encoders'."""
         nodes, again = panels.nodes, None
         if self._law_of(motion).repeats:  # what was seen once is not looked at again
             nodes, again = np.unique(nodes, return_inverse=True)
         q, v, a = motion.joints(nodes)
         at = self._instants((q, v, a), self._moving_in(motion))
-        own = self._places is not None
-        seen = [at.w_ib_b, at.f_b, *((at.f_places,) if own else ()), at.q_wb]
+        seen = [at.w_ib_b, at.f_b, *((at.f_places,) if self._felt > 6 else ()), at.q_wb]
         if not self._perfect:
-            seen += [at.joints - q, at.joint_rates - v]
+            axes = self._law_of(motion).moving
+            seen += [(at.joints - q)[:, axes], (at.joint_rates - v)[:, axes]]
         columns = np.ascontiguousarray(np.hstack(seen).T)
-        return panels.curves(columns if again is None else columns[:, again]), own
+        return panels.curves(columns if again is None else columns[:, again])
 
-    def _samples(self, motion: Motion, edges: Array, ends: Array, felt: Array) -> Samples:
-        """From curves' values (c, n) at the ends and as felt."""
+    def _samples(
+        self, motion: Motion, edges: Array, felt: Array, beyond: Array, at_ends: Array | None
+    ) -> Samples:
+        """From curves' values (c, n) as felt; of attitude and axes, and felt, at the ends."""
         q, v = motion.angles_and_rates(edges[1:])
-        own = 3 * (self._places is not None)
-        place = slice(3 + own, 6 + own)
-        turned, beyond = ends[6 + own : 10 + own], ends[10 + own :]
-        f_b, f_end = _rows(felt[3:6]), _rows(ends[place])
+        places = slice(self._felt - 3, None)
+        turned = beyond[:4]
+        joints, joint_rates = self._true_axes(motion, q, v, beyond[4:])
         return Samples(
-            _rows(felt[:3]),
-            f_b,
-            _rows(turned / np.sqrt((turned * turned).sum(axis=0))),
-            _rows(felt[place]) if own else f_b,
-            joints=q + beyond[:6].T if len(beyond) else q,
-            joint_rates=v + beyond[6:].T if len(beyond) else v,
-            w_end=_rows(ends[:3]),
-            f_end=f_end,
+            felt[:3].T,
+            felt[3:6].T,
+            (turned / np.sqrt((turned * turned).sum(axis=0))).T,
+            felt[places].T,
+            joints=joints,
+            joint_rates=joint_rates,
             encoders=q,
             encoder_rates=v,
+            w_end=None if at_ends is None else at_ends[:3].T,
+            f_end=None if at_ends is None else at_ends[places].T,
         )
+
+    def _true_axes(self, motion: Motion, q: Array, v: Array, beyond: Array) -> tuple[Array, Array]:
+        """True angles and rates (n, 6) from the encoders' and what those that move have beyond."""
+        if self._perfect:
+            return q, v
+        axes = self._law_of(motion).moving
+        still = np.zeros((1, len(JOINTS)))
+        one = q[:1] + (self._errors.realised(q[:1], still, still)[0] - q[:1])
+        joints, rates = np.repeat(one.T, len(q), axis=1), v.T.copy()
+        joints[axes] = q.T[axes] + beyond[: len(axes)]
+        rates[axes] += beyond[len(axes) :]
+        return joints.T, rates.T
 
     def _law_of(self, motion: Motion) -> Law:
         if self._law is None or self._law.motion is not motion:
@@ -598,10 +634,6 @@ def _repeated(row: Array, n: int) -> Array:
     own = row.copy()
     own.flags.writeable = False
     return np.broadcast_to(own, (n, row.shape[1]))
-
-
-def _rows(columns: Array) -> Array:
-    return np.ascontiguousarray(columns.T)
 
 
 def _order(errors: TableErrors, axes: IntArray) -> IntArray:

@@ -248,12 +248,14 @@ class TableErrors:
 
     def readings(self, q: Array) -> Array:
         """What the encoders say at angles `q` (n, 6): rounded to their steps."""
-        rounded = self.encoder_step > 0
-        if not rounded.any():
+        if not self.encoder_step.any():
             return q
-        step = self.encoder_step[rounded]
-        said = q.copy()
-        said[:, rounded] = step * np.rint(q[:, rounded] / step)
+        said = q.copy(order="K")
+        for own, whole, step in zip(said.T, q.T, self.encoder_step, strict=True):
+            if step and len(q):
+                still = (whole == whole[0]).all()
+                np.multiply(step, np.rint((whole[:1] if still else whole) / step), out=own)
+        said.flags.writeable = False  # given away
         return said
 
     def record(self) -> dict[str, str]:
