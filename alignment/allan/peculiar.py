@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from alignment.allan.covariance import stride
-from alignment.allan.running import Grid, pieces, running_sum, second_differences, windows
+from alignment.allan.running import PIECE, Grid, pieces, running_sum, second_differences, windows
 from alignment.arrays import Array, IntArray
 from alignment.parts import in_parts, parts, release
 from alignment.readings import ImuReadings
@@ -44,11 +44,10 @@ def scatter(values: Array) -> Array:
 def _scatter(values: Array) -> Array:
     """Variances (b, k) of values (n, k), so many blocks at a time as a processor's cache takes."""
     found = np.empty((len(values) // BLOCK, values.shape[1]))
-    for k, column in enumerate(np.ascontiguousarray(values.T)):
-        blocks = column.reshape(-1, BLOCK)
-        for a in range(0, len(blocks), AT_ONCE):
-            some = blocks[a : a + AT_ONCE]
-            off = some - some.mean(axis=1, keepdims=True)
+    for a in range(0, len(found), AT_ONCE):
+        for k, column in enumerate(values[a * BLOCK : (a + AT_ONCE) * BLOCK].T):
+            blocks = np.ascontiguousarray(column).reshape(-1, BLOCK)
+            off = blocks - blocks.mean(axis=1, keepdims=True)
             found[a : a + AT_ONCE, k] = np.einsum("ij,ij->i", off, off) / (BLOCK - 1)
     return found
 
@@ -149,7 +148,7 @@ def _farther(values: Array, allowed: float) -> tuple[Array, IntArray]:
     the second on."""
     found: list[Array] = [np.empty(0)]
     numbers: list[IntArray] = [np.empty(0, np.int64)]
-    for rows in parts(len(values) - 2):
+    for rows in parts(len(values) - 2, PIECE):
         off = _off(values[rows.start : rows.stop + 2])
         far = np.flatnonzero(off > allowed)
         found.append(off[far])
