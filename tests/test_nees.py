@@ -16,9 +16,9 @@ from alignment import Dwell, ImuReadings, Options, Site
 from alignment.errors import AlignmentError
 from alignment.methods.positions import multi_position, two_position
 from alignment.methods.triad import triad
-from stand.procedure.procedure import load_procedure
+from stand.procedure.procedure import load_procedure, procedure_from
 from stand.simulation.monte_carlo import Trials
-from stand.toml_files import ids
+from stand.toml_files import Source, ids
 
 RUNS = 4
 TURNING_HZ = 20  # of a base that rocks and a table that turns: a sample is to be less than 0.2 rad
@@ -158,3 +158,18 @@ def test_dwells_that_overlap_are_refused(method, consumer_rest):
     ]
     with pytest.raises(AlignmentError, match="a and b overlap: b begins at 30 s, a ends at 40 s"):
         method(dwells, Site(latitude=np.radians(48.5)), Options())
+
+
+@pytest.mark.parametrize("off_arc_s", [60, 360, 3600])
+def test_positions_that_contradict_are_as_unsure_as_each_is_seen_off_level(off_arc_s):
+    """A seat off by 12, 72 and 720 times its class. It turns with the unit, so X1 stays level and
+    the others lean: their tilts were off by 12 to 20 of the sigmas that grew for all alike."""
+    text = load_procedure("six-position").text
+    at = text.index("[[step]]")
+    wrong = f"[table_errors]\nmounting_arc_s = [{off_arc_s}, 0, 0]\n"
+    source = Source("leaning", "leaning.toml", text[:at] + wrong + text[at:])
+    found = promises(short(procedure_from(source), "hg9900"), 4, ["multi-position"])
+    assert len(found) == 6
+    # what is wrong is within a sigma of what is seen of it: 1 of three degrees of freedom at most,
+    # and the heading's own, whose sigma is far more than its error
+    assert max(p.mean for p in found) < 1.0

@@ -38,6 +38,7 @@ from alignment.methods.position_fit import (
 )
 from alignment.noise import check_at_rest, gap_doubt, mean_and_unstated
 from alignment.options import Options, Priors
+from alignment.parts import mean
 from alignment.readings import Dwell
 from alignment.rounding import blur_of, rounding_variance, shared_rounding, steps_of
 from alignment.saturation import CHANNELS, saturation_doubt
@@ -92,7 +93,8 @@ def two_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[A
     ``ARW/(W cos lat sqrt(T))`` with T the time of both dwells; drift of the biases between them;
     what the unit's axes are off, for it does not turn sides: accelerometers misaligned by m tilt
     the answer by m, gyros turn its heading by m about the vertical. Where the positions contradict
-    one another (chi-square once in a thousand) all sigmas grow by `PositionFit.growth`.
+    one another (chi-square once in a thousand) all sigmas grow by `PositionFit.growth`, and by
+    how far each position is seen off the level that the fit gives it.
     """
     return _alone(two_position_of_runs([dwells], [site], options))
 
@@ -150,7 +152,7 @@ def multi_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list
     leave `gyro_scale` at 0 only where it is. Axes off, scale errors and g-sensitivity are matrices
     that many positions tell from biases; what they do not tell stays in the sigmas. Where the
     positions contradict one another (chi-square once in a thousand) all sigmas grow by
-    `PositionFit.growth`.
+    `PositionFit.growth`, and by how far each position is seen off the level that the fit gives it.
     """
     return _alone(multi_position_of_runs([dwells], [site], options))
 
@@ -367,6 +369,7 @@ def _answers(
     """Of every position; `told`: variances of its means, and turns."""
     t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
     growth = _growth(fit)
+    covariances = growth * fit.covariance + _misplaced(dwells, fit)
     bias_sigmas = _bias_sigmas(fit, growth, site)
     shared = _doubts(fit)
     if options.verdicts:
@@ -380,20 +383,38 @@ def _answers(
             t_to,
             C_nb=site.plumb * Rotation.from_matrix(fit.C_nb[k]),
             sequence=options.rule.sequence_at(_nominal_of(dwell)),
-            covariance=growth * fit.covariance[k],
+            covariance=covariances[k],
             latitude=None if fit.latitude is None else float(fit.latitude) - site.deflection[0],
             latitude_sigma=None
             if fit.latitude_sigma is None
             else float(np.sqrt(growth) * fit.latitude_sigma),
             flags=gap_doubt(dwell.window())
             + saturation_doubt(dwell.label, dwell.window())
-            + heading_doubt(growth * fit.covariance[k])
+            + heading_doubt(covariances[k])
             + shared,
             biases=fit.biases,
             bias_sigmas=bias_sigmas,
         )
         for k, dwell in enumerate(dwells)
     ]
+
+
+def _misplaced(dwells: Ordered[Dwell], fit: PositionFit) -> Array:
+    """What positions that contradict one another add to each one's covariance (n, 3, 3).
+
+    Birge's ratio makes all variances grow alike, but what was not told is mostly one of them: a
+    turn that ends elsewhere. How far the accelerometers see each position off the level that the
+    fit gives it (about n, bias apart) is what its attitude may be wrong by, and about down, where
+    they see nothing, as much as about a level axis in the mean of all positions.
+    """
+    n = len(dwells)
+    if not fit.contradicted:
+        return np.zeros((n, 3, 3))
+    felt = np.array([mean(dwell.window().f_b) for dwell in dwells]) - fit.biases[3:]
+    up = np.einsum("kij,kj->ki", fit.C_nb, felt)
+    off = np.cross(up / np.linalg.norm(up, axis=1)[:, None], [0.0, 0.0, -1.0])
+    usual = float(np.mean(off[:, :2] ** 2))
+    return off[:, :, None] * off[:, None] + usual * np.eye(3)
 
 
 def _bias_sigmas(fit: PositionFit, growth: float, site: Site) -> Array:
@@ -439,7 +460,8 @@ def _doubts(fit: PositionFit) -> tuple[str, ...]:
         flags += (
             f"positions contradict one another: chi-square {float(fit.chi2):.0f} for "
             f"{float(fit.freedom):.0f} degrees of freedom (errors that nobody stated, or other "
-            f"turns than told): sigmas are {float(np.sqrt(fit.growth)):.3g} times as large for it",
+            f"turns than told): sigmas are {float(np.sqrt(fit.growth)):.3g} times as large for it, "
+            "and more by how far each is seen off level",
         )
     return flags
 
