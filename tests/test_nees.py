@@ -173,3 +173,15 @@ def test_positions_that_contradict_are_as_unsure_as_each_is_seen_off_level(off_a
     # what is wrong is within a sigma of what is seen of it: 1 of three degrees of freedom at most,
     # and the heading's own, whose sigma is far more than its error
     assert max(p.mean for p in found) < 1.0
+
+
+def test_zero_offsets_that_contradict_the_sheet_are_in_the_sigma():
+    """A base that leans by a degree of which nobody knows: 0.00088 deg were stated of it."""
+    text = load_procedure("six-position").text
+    at = text.index("[[step]]")
+    wrong = "[table_errors]\nbase_tilt_arc_s = [3600, 0]\n"
+    source = Source("leaning", "leaning.toml", text[:at] + wrong + text[at:])
+    found = promises(short(procedure_from(source), "hg9900"), 4, ["six-position", "rk4"])
+    assert len(found) == 12
+    assert max(p.mean for p in found) < 3.0  # the level part has 2 of 3, the rest its own chance
+    assert all(np.degrees(p.sigma) < 5 for p in found)

@@ -17,6 +17,7 @@ from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gains import Answer, after_offset
 from alignment.information import Stretch
+from alignment.misplaced import misplaced
 from alignment.noise import BLOCKS, check_at_rest, gap_doubt, mean_variance
 from alignment.nominal import (
     nominal_attitude,
@@ -109,7 +110,7 @@ def _track(
     site: Site,
     options: Options,
     last_only: bool,
-) -> AttitudeTrack:
+) -> tuple[AttitudeTrack, tuple[str, ...]]:
     priors = options.priors
     nominal = nominal_attitude(dwell)
     offset = zero_offset(dwell, nominal, site, options.offset_window)
@@ -126,9 +127,12 @@ def _track(
     late = np.maximum(elapsed - options.offset_window, 0.0)
     about_b += 2 * (priors.gyro_instability * late[:, None]) ** 2
     R = nominal.as_matrix()
-    covariance = np.einsum("ij,mj,kj->mik", R, about_b, R) + placed_covariance(priors)
+    beyond, told = misplaced(offset, nominal, site, priors)
+    placed = placed_covariance(priors) + beyond
+    covariance = np.einsum("ij,mj,kj->mik", R, about_b, R) + placed
     sequence = sequence_of(nominal, options.rule)
-    return AttitudeTrack(method, dwell.label, t, C_nb, sequence=sequence, covariance=covariance)
+    track = AttitudeTrack(method, dwell.label, t, C_nb, sequence=sequence, covariance=covariance)
+    return track, told
 
 
 def integrated(
@@ -141,7 +145,8 @@ def integrated(
         for gap in gap_doubt(dwell.window()):
             raise AlignmentError(f"{dwell.label}: {gap}: what the gyros felt there is lost")
         flags = saturation_doubt(dwell.label, dwell.window())
-        track = _track(method, integrator, dwell, site, options, last_only=True)
+        track, told = _track(method, integrator, dwell, site, options, last_only=True)
+        flags += told
         flags += () if dwell.nominal is not None else ("start attitude assumed: heading 0",)
         estimates.append(
             AttitudeEstimate(
@@ -162,7 +167,7 @@ def integrated_tracks(
     method: str, integrator: Integrator, dwell: Dwell, site: Site, options: Options
 ) -> list[AttitudeTrack]:
     """The integrated attitude over the dwell."""
-    return [_track(method, integrator, dwell, site, options, last_only=False)]
+    return [_track(method, integrator, dwell, site, options, last_only=False)[0]]
 
 
 def rk4(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:

@@ -460,8 +460,7 @@ def _doubts(fit: PositionFit) -> tuple[str, ...]:
         flags += (
             f"positions contradict one another: chi-square {float(fit.chi2):.0f} for "
             f"{float(fit.freedom):.0f} degrees of freedom (errors that nobody stated, or other "
-            f"turns than told): sigmas are {float(np.sqrt(fit.growth)):.3g} times as large for it, "
-            "and more by how far each is seen off level",
+            f"turns than told): sigmas are {float(np.sqrt(fit.growth)):.3g} times as large for it",
         )
     return flags
 

@@ -17,6 +17,7 @@ from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gains import Answer, after_offset, compass_gain, from_b
 from alignment.information import Stretch
 from alignment.levelling import attitude_covariance, attitude_from_means
+from alignment.misplaced import misplaced
 from alignment.noise import (
     check_at_rest,
     gap_doubt,
@@ -118,6 +119,8 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     variances = variances + offset.variances + _drift_variances(options.priors)
     G = G * [[1.0], [1.0], [_weaker(fresh, offset, C_nb, site)]]
     covariance = attitude_covariance(nominal, variances, G) + placed_covariance(options.priors)
+    beyond, told = misplaced(offset, nominal, site, options.priors)
+    covariance = covariance + beyond
     estimates.append(
         AttitudeEstimate(
             METHOD,
@@ -128,7 +131,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
             sequence=sequence,
             window="fresh",
             covariance=covariance,
-            flags=flags + heading_doubt(covariance) + rest_doubt(fresh),
+            flags=flags + told + heading_doubt(covariance) + rest_doubt(fresh),
         )
     )
     return estimates
@@ -155,6 +158,7 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
     if dwell.t_to - dwell.t_from - options.offset_window >= 2 * TRACK_LEAD:
         extra = offset.variances + _drift_variances(options.priors)
         parts.append(("fresh", dwell.window(options.offset_window), extra))
+    beyond, _ = misplaced(offset, nominal, site, options.priors)
     tracks = []
     for window, readings, extra in parts:
         ends = track_ends(readings)
@@ -163,7 +167,7 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
         whole = np.concatenate([mean_variance(readings.w_ib_b), mean_variance(readings.f_b)])
         part = ends / len(readings)
         growth = 1 / part - 1 if window == "same" else 1 / part  # "same" ends at its own offset
-        placed = placed_covariance(options.priors)
+        placed = placed_covariance(options.priors) + beyond
         covariance = [attitude_covariance(nominal, whole * g + extra, G) + placed for g in growth]
         tracks.append(
             AttitudeTrack(
