@@ -42,7 +42,19 @@ def told_by_readings(p):
 
 @pytest.mark.parametrize(("procedure", "imu", "method"), CASES)
 def test_what_a_run_claims_is_what_a_rehearsal_predicts(procedure, imu, method):
-    made = settings(procedure, imu, rate_hz=RATE, methods=[method])
+    assert_agreement(settings(procedure, imu, rate_hz=RATE, methods=[method]), method)
+
+
+@pytest.mark.parametrize("latitude", [-80.0, -48.5, 0.5, 75.0])
+@pytest.mark.parametrize(
+    ("procedure", "method"), [("two-position", "two-position"), ("six-position", "multi-position")]
+)
+def test_so_it_is_in_the_south_at_the_equator_and_far_north(procedure, method, latitude):
+    made = settings(procedure, "hg9900", rate_hz=RATE, methods=[method], latitude_deg=latitude)
+    assert_agreement(made, method)
+
+
+def assert_agreement(made, method):
     claimed: dict[tuple[str, str], list[float | None]] = {}
     trials = Trials(made)
     for seed in range(RUNS):
