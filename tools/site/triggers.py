@@ -103,6 +103,13 @@ compare --only S0
 compare --published --only S9
 compare short.toml --format f8le
 compare short.toml --runs 0
+compare short.toml --runs 10000001
+compare short.toml --stretches over.toml
+run short.toml --out short.toml/x
+picture sample --at 75 --camera 0,0,0 --out x.png
+view log.csv --to nan --out x.rrd {OPTIONS}
+import log.csv --wrap 1e300 --out x.mcap {OPTIONS}
+import log.csv --gyro-scale 1e300 --out x.mcap {OPTIONS}
 compare short.toml --runs 1 --keep sample
 compare short.toml --runs 1 --keep log.csv
 compare short.toml --runs 1 --scheduler nowhere
