@@ -656,7 +656,7 @@ def test_a_report_that_cannot_be_written_costs_no_runs(stand_command, half_turn,
     options = ("--imu", "ring-laser", "--rate", 20, "--verify", 3)
     for more in ((), ("--json",)):
         outcome = stand_command(
-            "rehearse", half_turn, *options, "--report", tmp_path / "file" / "report", *more
+            "rehearse", half_turn, *options, "--report", tmp_path / "file", *more
         )
         assert outcome.code == 2
         assert outcome.err.count("\n") == 1
