@@ -12,6 +12,7 @@ from alignment.nominal import ZeroOffset, nominal_readings, placed_covariance
 from alignment.options import Priors
 
 LIKELY = 1e-4  # probability of a larger chi-square by chance
+_ROUNDING = 1e-10  # rad/s, m/s^2: no mean is surer than this
 _LEVEL, _DOWN = slice(0, 2), slice(2, 3)
 
 
@@ -34,7 +35,8 @@ def misplaced(
     G = from_b(compass_gain(site), nominal)
     drifts = np.repeat([priors.gyro_instability, priors.accel_instability], 3) ** 2
     constants = constant_covariance(nominal_readings(nominal, site), priors)
-    likely = G @ (np.diag(offset.variances + drifts) + constants) @ G.T + placed_covariance(priors)
+    own_b = np.diag(offset.variances + drifts + _ROUNDING**2) + constants
+    likely = G @ own_b @ G.T + placed_covariance(priors)
     seen = G @ offset.values
     for part, where in ((_LEVEL, "level"), (_DOWN, "heading")):
         own, off = likely[part, part], seen[part]

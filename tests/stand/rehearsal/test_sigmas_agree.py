@@ -65,6 +65,7 @@ def assert_agreement(made, method):
             for quantity, sigma in (("heading", e.heading_sigma), ("roll", roll), ("pitch", pitch)):
                 claimed.setdefault((e.label, quantity), []).append(sigma)
             if e.label == own[0].label:  # the biases of the first of several fits
+                assert e.bias_sigmas is not None
                 for quantity, sigma in zip(BIASES, e.bias_sigmas, strict=True):
                     claimed.setdefault(("all", quantity), []).append(sigma)
     predicted = {
