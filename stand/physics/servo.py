@@ -30,7 +30,7 @@ from mujoco.batch import Batch
 from alignment.arrays import Array, IntArray
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.motion.polynomial import Motion, smoothed, splined
+from stand.motion.polynomial import Motion, SplinePieces, smoothed
 from stand.physics.dynamics import (
     INPUTS,
     NO_PAYLOAD,
@@ -295,7 +295,7 @@ class Servo:
     def _controls(self, first: int) -> _Controls:
         """What the servos are told over `BLOCK` steps from step `first` on."""
         t = self._start + self.step * np.arange(first - 1, first + BLOCK + 1)
-        demand = self._demand.covering(float(t[0]), float(t[-1])).joints(t)[0]
+        demand = self._demand.covering(float(t[0]), float(t[-1])).angles(t)
         return _Controls(demand, self.drive.controls(demand))
 
     def _stepped(self, controls: _Controls) -> _Stepped:
@@ -324,9 +324,8 @@ class Servo:
 
     def _splined(self, samples: Array) -> _Pieces:
         """A block's pieces; the samples reach `OVERLAP` knots farther on either side."""
-        inner = slice(OVERLAP, OVERLAP + BLOCK + 1)
-        coefficients = splined(samples, self.step).coefficients[:, inner]
-        joined, begins = smoothed(coefficients, self.step, SMOOTH)
+        spline = SplinePieces(samples, self.step, OVERLAP)
+        joined, begins = smoothed(spline, self.step, SMOOTH)
         return _Pieces(joined, begins + self._first - OVERLAP)
 
     def _check(self, first: int, stepped: _Stepped, error: Array) -> None:
