@@ -286,7 +286,8 @@ class Servo:
         except StandError:
             self._ahead = done  # a run that failed fails again
             raise
-        self._account.add(self._first, self._rows(stepped, error))
+        if self._spans:
+            self._account.add(self._first, self._rows(stepped, error))
         samples = np.concatenate([self._tail, stepped.after])
         self._tail = samples[BLOCK:]
         self._pieces.append(self._splined(samples))
