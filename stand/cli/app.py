@@ -16,6 +16,7 @@ from stand.cli.align import align, allan, import_log
 from stand.cli.calibrate import apply, calibrate
 from stand.cli.campaign import campaign
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
+from stand.cli.command import Command
 from stand.cli.film import film, picture
 from stand.cli.progress import Stopped
 from stand.cli.propose import propose
@@ -147,7 +148,7 @@ def application(names: Iterable[str]) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     for name in names:
-        new.command(name)(COMMANDS[name])
+        new.command(name, cls=Command)(COMMANDS[name])
     new.callback(invoke_without_command=True)(_root)
     return new
 
