@@ -240,49 +240,49 @@ def splined(samples: Array, step: float, start: float = 0.0) -> Motion:
 def _weights(samples: Array) -> Array:
     """Of the B-splines (n + 4, joints) that add up to samples (n, joints) less the first."""
     # beyond the ends the B-spline coefficients are the end samples: exact where those rest
-    right = np.array(samples, dtype=float)
-    right -= samples[0]
-    last = right[-1].copy()
-    right[-1] -= last * 27 / 120
-    right[-2] -= last / 120
-    return np.concatenate([np.zeros((2, len(last))), _collocated(right), [last, last]])
+    right = np.array(samples.T, dtype=float, order="C")
+    right -= samples[0][:, None]
+    last = right[:, -1].copy()
+    right[:, -1] -= last * 27 / 120
+    right[:, -2] -= last / 120
+    return np.concatenate([np.zeros((2, len(last))), _collocated(right).T, [last, last]])
 
 
 def _collocated(right: Array) -> Array:
-    """Solution (n, joints) of the banded equations with right sides (n, joints), n >= 2.
+    """Solution (joints, n) of the banded equations with right sides (joints, n), n >= 2.
 
     By factors ``L D L^T``, whose rows no longer change after some: from there on a recursion.
     """
     one, two, pivots = _factors()
-    size = min(len(right), len(pivots))
-    nothing = np.zeros((2, right.shape[1]))
-    y = _eliminated(right[:size], one[:size], two[:size], nothing)
-    feedback = -one[-1], -two[-1]
-    last = np.stack([y[-1], y[-2]], axis=1)
-    y = np.concatenate([y, recursion(feedback, right[size:].T, last).T])
-    y[:size] /= pivots[:size, None]
-    y[size:] /= pivots[-1]
-    after = recursion(feedback, y[: size - 1 : -1].T, nothing.T).T[::-1] if size < len(y) else y[:0]
+    size = min(right.shape[1], len(pivots))
+    nothing, feedback = np.zeros((len(right), 2)), (-one[-1], -two[-1])
+    found = np.empty_like(right)
+    begin, after = found[:, :size], found[:, size:]
+    begin[:] = _eliminated(right[:, :size], one[:size], two[:size], nothing)
+    after[:] = recursion(feedback, right[:, size:], begin[:, :-3:-1])
+    begin /= pivots[:size]
+    after /= pivots[-1]
+    after[:] = recursion(feedback, after[:, ::-1], nothing)[:, ::-1]
     above, twice = (f[np.minimum(np.arange(size) + k, len(f) - 1)] for k, f in ((1, one), (2, two)))
-    reached = np.concatenate([after[:2], nothing])[:2]
-    begin = _eliminated(y[:size][::-1], above[::-1], twice[::-1], reached)[::-1]
-    return np.concatenate([begin, after])
+    reached = np.concatenate([after[:, :2], nothing], axis=1)[:, :2]
+    begin[:] = _eliminated(begin[:, ::-1], above[::-1], twice[::-1], reached)[:, ::-1]
+    return found
 
 
 def _eliminated(rows: Array, one: Array, two: Array, before: Array) -> Array:
-    """Each of `rows` (k, joints) less `one` (k,) of the one before and `two` of that before it.
+    """Each value of `rows` (joints, k) less `one` (k,) of that before and `two` of that before it.
 
-    `before` (2, joints): what the first finds, the nearer one first. Numbers one by one: for so
+    `before` (joints, 2): what the first finds, the nearer one first. Numbers one by one: for so
     few joints that takes half as long as arrays do.
     """
     factors, found = list(zip(one.tolist(), two.tolist(), strict=True)), []
-    for own, (last, second) in zip(rows.T.tolist(), before.T.tolist(), strict=True):
-        column = []
+    for own, (last, second) in zip(rows.tolist(), before.tolist(), strict=True):
+        row = []
         for value, (a, b) in zip(own, factors, strict=True):
             last, second = value - (a * last + b * second), last
-            column.append(last)
-        found.append(column)
-    return np.array(found).T
+            row.append(last)
+        found.append(row)
+    return np.array(found)
 
 
 @cache

@@ -250,8 +250,13 @@ class Servo:
         cut = slice(
             int(np.searchsorted(begins, low, side="right")) - 1, int(np.searchsorted(begins, high))
         )
-        coefficients = np.concatenate([pieces.coefficients for pieces in self._pieces], axis=1)
-        coefficients = np.ascontiguousarray(coefficients[:, cut])
+        before, within = 0, []  # of each block what lies inside: so nothing is copied twice
+        for pieces in self._pieces:
+            within.append(
+                pieces.coefficients[:, max(0, cut.start - before) : max(0, cut.stop - before)]
+            )
+            before += len(pieces.begins)
+        coefficients = np.concatenate(within, axis=1)
         ends = np.append(begins, self._first - OVERLAP)[cut.start : cut.stop + 1]
         knots = self._start + self.step * ends
         knots.flags.writeable = coefficients.flags.writeable = False
