@@ -34,6 +34,7 @@ from alignment.noise import (
     check_rest,
     drift_around,
     drift_of,
+    faint_doubt,
     gap_doubt,
     jitter_of,
 )
@@ -102,7 +103,7 @@ class Rest:
     has. `gyro_drift`, `accel_drift`: steady drifts from end to end [rad/s], [m/s^2];
     `drift_around` (6,) [rad/s], [m/s^2]: of the record that this one is `part` of; `straight`:
     whether accelerometers do so there, which turns heading alike in all parts of it. `apart`: what
-    lies apart from the rest of this one and of that.
+    lies apart from the rest of this one and of that. `faint`: a drift too faint to count, in words.
     """
 
     jitter: Array
@@ -112,6 +113,7 @@ class Rest:
     part: float
     apart: tuple[Apart, ...] = ()
     straight: bool = False
+    faint: tuple[str, ...] = ()
 
     def doubts(self, dwell: Dwell) -> tuple[str, ...]:
         """What is counted of drifts and of what lies apart, in words."""
@@ -119,7 +121,7 @@ class Rest:
         flags += tuple(flag for one in self.apart[:1] for flag in apart_doubt(one))
         around = any(one.off.any() for one in self.apart[1:]) or self.drift_around.any()
         flags += around_doubt(dwell) if around else ()
-        return flags + (ALIKE_DOUBT,) * self.straight
+        return flags + (ALIKE_DOUBT,) * self.straight + self.faint
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -247,7 +249,16 @@ def rest_of(
         one = one.of(parts.gyro, min(parts.accel, around.accel))
         wide = wide * np.repeat([around.gyro, around.accel], 3)
         other = other.of(around.gyro, around.accel)
-    return Rest(jitter, own[:3], own[3:], wide, part, (one, other), bool(straight.any()))
+    return Rest(
+        jitter=jitter,
+        gyro_drift=own[:3],
+        accel_drift=own[3:],
+        drift_around=wide,
+        part=part,
+        apart=(one, other),
+        straight=bool(straight.any()),
+        faint=faint_doubt(readings),
+    )
 
 
 def own_parts(carried: Carried, matched: Match, noise: Noise, gyro_drift: Array) -> Own:
