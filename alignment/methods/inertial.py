@@ -276,9 +276,8 @@ def own_parts(carried: Carried, matched: Match, noise: Noise, gyro_drift: Array)
     settles; what is straight is the sensors'. A drift of gyros (3,) [rad/s] hides in nothing: no
     more of it is theirs than r has of order 3.
     """
-    gyro, accel = (np.full(3, np.sqrt(np.mean(own**2))) for own in (noise.gyro, noise.accel))
-    alike = replace(noise, gyro=gyro, accel=accel)  # no axis counts for more by what it did not do
-    values, by_gyro, by_accel = _told_of_the_base(alike, carried, matched)
+    # of axes alike: none counts for more by what it did not do
+    values, by_gyro, by_accel = _told_of_the_base(_alike(noise), carried, matched)
     straight, alone = _made_by_force(carried, matched)
     inverse = np.linalg.inv(by_gyro + by_accel + noise.jitter**2 * np.eye(len(values)))
     parts = []
@@ -377,9 +376,12 @@ def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
     gyros and accelerometers and by a jitter of velocity up to all of them, which is alike in all
     orders: over parts that are equally likely by their logarithm the mean parts count. Only where
     without jitter the best is beyond the whole by what one record of twenty has: a sway that fills
-    those orders would pass for jitter, and hides the noise, which stays too large.
+    those orders would pass for jitter, and hides the noise, which stays too large. Nor is it the
+    noise by which a motion's spectrum differs from axis to axis: where it is not, all axes of a
+    triad are alike. Else a level gyro's bias, which is no noise of any axis, turns heading.
     """
-    values, by_gyro, by_accel = _told_by_the_curve(noise, carried, matched)
+    alike = _alike(noise)
+    values, by_gyro, by_accel = _told_by_the_curve(alike, carried, matched)
     white, V = np.linalg.eigh(
         _PARTS[:, None, None, None] * by_gyro + _PARTS[:, None, None] * by_accel
     )
@@ -393,7 +395,13 @@ def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
     weight /= weight.sum()
     a, b = weight.sum(axis=(0, 2)) @ _PARTS, weight.sum(axis=(0, 1)) @ _PARTS
     c = weight.sum(axis=(1, 2)) @ jitters
-    return Noise(noise.gyro * np.sqrt(a), noise.accel * np.sqrt(b), float(np.sqrt(c)))
+    return Noise(alike.gyro * np.sqrt(a), alike.accel * np.sqrt(b), float(np.sqrt(c)))
+
+
+def _alike(noise: Noise) -> Noise:
+    """The same noise in the mean, of each triad's axes alike."""
+    gyro, accel = (np.full(3, np.sqrt(np.mean(own**2))) for own in (noise.gyro, noise.accel))
+    return replace(noise, gyro=gyro, accel=accel)
 
 
 def _told_by_the_curve(

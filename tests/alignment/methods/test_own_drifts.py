@@ -131,6 +131,23 @@ def test_a_bias_that_hides_half_of_the_earth_makes_heading_half_as_sure(method):
     assert sigmas[1] / sigmas[0] == pytest.approx(2.0, rel=0.1)  # as finely as noise is told
 
 
+@pytest.mark.parametrize("method", [inertial, fine])
+def test_a_dither_that_differs_from_axis_to_axis_turns_no_heading(method):
+    """Jitter of 1, 1 and 10 arc seconds about X1, Y1, Z1, which stand 0.7 rad off north: a bias of
+    0.2 deg/h along north is noise of none, and took the filter's heading 1.5 deg off, by 20 to 80
+    sigmas. By hand it leaves heading as it is: what is felt across north tells that."""
+    c, s = cos(0.7), sin(0.7)
+    P = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    for seed in range(3):
+        r, rng = readings(seed, arw=2 * ARW), np.random.default_rng(seed + 10)
+        jitter = radians(1 / 3600) * rng.normal(size=(len(r) + 1, 3)) * [1.0, 1.0, 10.0]
+        north = np.array([radians(0.2) / 3600, 0.0, 0.0])
+        w = (r.w_ib_b + north) @ P.T + np.diff(jitter, axis=0) * HZ
+        yaw, sigma = yaw_of(method, ImuReadings(r.t, w, r.f_b @ P.T))
+        assert abs(yaw + 0.7) < 3 * sigma
+        assert sigma < radians(0.2)
+
+
 SLAM = radians(0.05) * 0.1  # rad: 0.05 deg/s for 0.1 s, which the base did not turn by
 
 
