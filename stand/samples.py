@@ -106,6 +106,11 @@ class Sensed:
             if getattr(self, name) is not None:
                 set_owned(self, **{name: (getattr(self, name), (len(self.t_ns), 3), float)})
 
+    @property
+    def ends(self) -> tuple[Array, Array] | None:
+        """`w_end` and `f_end`, where they are known."""
+        return None if self.w_end is None or self.f_end is None else (self.w_end, self.f_end)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuBlock:

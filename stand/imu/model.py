@@ -414,8 +414,9 @@ class Imu:
             warmth = self._temperature.at(t) - self.spec.reference_temperature
         w, f = _rows(sensed.w_ib_b), _rows(sensed.f_b)
         of_gyros = of_accels = None
-        if isinstance(sensed, Sensed) and sensed.w_end is not None and sensed.f_end is not None:
-            w_end, f_end = _rows(sensed.w_end), _rows(sensed.f_end)
+        ends = sensed.ends if isinstance(sensed, Sensed) and self.spec.filtered else None
+        if ends is not None:
+            w_end, f_end = (_rows(values) for values in ends)
             of_gyros, of_accels = (w_end, f_end), (f_end, f_end)
         y, too_fast = self._gyro.report(w, f, t, warmth, of_gyros)
         g, too_hard = self._accel.report(f, f, t, warmth, of_accels)

@@ -402,6 +402,11 @@ class ImuSpec:
         """Where gyros [rad/s] and accelerometers [m/s^2] saturate; infinite where not stated."""
         return self.gyro.range, self.accel.range
 
+    @property
+    def filtered(self) -> bool:
+        """Whether gyros or accelerometers have a low-pass."""
+        return bool(np.isfinite(min(self.gyro.bandwidth, self.accel.bandwidth)))
+
 
 def load_imu(name: str) -> ImuSpec:
     """A preset by catalogue id or path; `StandError` where it is not right."""

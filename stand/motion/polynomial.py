@@ -16,12 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from alignment.arrays import Array, IntArray, owned
 from alignment.fixed_order import product, recursion
+from stand.motion.places import Places, filled
 
 FIT_DEGREE = 9
 FIT_PER_PERIOD = 10  # pieces of a sine: then fitted to 1e-10 of its acceleration
 BLOCK = 4096  # pieces worked out at once: temporary arrays stay small
 _SETTLED = 48  # rows of the splines' equations until their factors change no more
 JOINED, FEWER = 20, 5  # pieces of a spline that may become one
+_FILLED = 0.5  # of a table of places, from which on it is less work than all places by themselves
 SAME_KNOT = 1e-9  # s: knots of several motions nearer than this are one
 
 
@@ -43,10 +45,14 @@ class Motion:
     coefficients : (d + 1, k, 6)
         Of each piece and joint, highest power first, in time since the piece's start [rad/s^i].
         Angle, rate and acceleration are continuous.
+    whole : bool
+        Whether there is no more of it: not a window of a longer one, in which an axis that stands
+        still here may move.
     """
 
     knots: Array
     coefficients: Array
+    whole: bool = True
 
     def __post_init__(self) -> None:
         knots = owned(self.knots, "knots", (None,))
@@ -94,34 +100,25 @@ class Motion:
 
         Notes
         -----
-        Horner's scheme for all at once. SciPy's PPoly is as fast, but takes 0.2 s to import at
-        every start.
+        Horner's scheme for all at once, of the joints that move in these pieces. SciPy's PPoly is
+        as fast, but takes 0.2 s to import at every start.
         """
         t = np.clip(t, self.knots[0], self.knots[-1])
         piece = np.searchsorted(self.knots[1:-1], t, side="right")
         since = t - self.knots[piece]
-        moving = self._moving(piece)
-        if moving is None:
-            return _horner(self.coefficients, piece, since, orders)
-        seen: list[Array] = [
-            np.zeros((len(t), self.coefficients.shape[2])) for _ in range(orders + 1)
-        ]
-        seen[0] += self.coefficients[-1, piece[0]]
-        first, last = piece.min(), piece.max() + 1
-        some = np.take(self.coefficients[:, first:last], moving, axis=2)
-        for own, found in zip(seen, _horner(some, piece - first, since, orders), strict=True):
-            own[:, moving] = found
-        return seen
-
-    def _moving(self, piece: IntArray) -> IntArray | None:
-        """Which joints move in these pieces (n,); None: all, or to tell is as much work."""
-        if not len(piece):
-            return None
-        part = self.coefficients[:, piece.min() : piece.max() + 1]
-        if part.shape[1] > len(piece):
-            return None
-        moves = part[:-1].any(axis=(0, 1)) | (part[-1] != part[-1, 0]).any(axis=0)
-        return None if moves.all() else np.flatnonzero(moves)
+        if not len(t):
+            return [np.zeros((0, self.coefficients.shape[2])) for _ in range(orders + 1)]
+        first, last = int(piece.min()), int(piece.max()) + 1
+        if last - first > len(t):  # each piece by itself
+            some, piece = np.take(self.coefficients, piece, axis=1), np.arange(len(t))
+        else:
+            some, piece = self.coefficients[:, first:last], piece - first
+        moving = np.flatnonzero(some[:-1].any(axis=(0, 1)) | (some[-1] != some[-1, 0]).any(axis=0))
+        seen = [np.zeros((self.coefficients.shape[2], len(t))) for _ in range(orders + 1)]
+        seen[0] += some[-1, 0][:, None]
+        for own, found in zip(seen, _horner(some[:, :, moving], piece, since, orders), strict=True):
+            own[moving] = found
+        return [values.T for values in seen]
 
     def derivative(self) -> "Motion":
         """The motion's rate as a motion: its `joints` are rates, accelerations and jerks."""
@@ -131,21 +128,29 @@ class Motion:
 
 
 def _horner(coefficients: Array, piece: IntArray, since: Array, orders: int) -> list[Array]:
-    """Polynomials and so many derivatives, the k-th over k!, (n, joints) each.
+    """Polynomials and so many derivatives, the k-th over k!, (joints, n) each.
 
     `coefficients` (d + 1, k, joints) as of `Motion`; `piece` (n,), in time `since` (n,) its start.
     """
-    first, *others = coefficients
-    angle = np.take(first, piece, axis=0)
-    tau, term = np.repeat(since[:, None], angle.shape[1], axis=1), np.empty_like(angle)
+    c = np.ascontiguousarray(coefficients.swapaxes(1, 2))
+    places = Places(piece, since) if _in_order(piece) else None
+    tau = since if places is None else places.table
+    terms = c[:, :, piece] if places is None else places.of_pieces(c)
+    angle = np.empty((c.shape[1], *tau.shape))
+    angle[:] = terms[0]
     seen = [angle, *(np.zeros_like(angle) for _ in range(orders))]
-    for own in others:
+    for term in terms[1:]:
         for low, high in zip(seen[-2::-1], seen[:0:-1], strict=True):
             high *= tau
             high += low
         angle *= tau
-        angle += np.take(own, piece, axis=0, out=term, mode="clip")
-    return seen
+        angle += term
+    return [values if places is None else places.flat(values) for values in seen]
+
+
+def _in_order(piece: IntArray) -> bool:
+    """Whether places in these pieces (n,) never go down, and fill a table of them by half."""
+    return bool((piece[1:] >= piece[:-1]).all()) and filled(piece) > _FILLED
 
 
 def fitted(angles: Callable[[Array], Array], knots: Array) -> Motion:

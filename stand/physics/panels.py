@@ -18,6 +18,7 @@ from math import cos, pi
 import numpy as np
 
 from alignment.arrays import Array, IntArray
+from stand.motion.places import Places
 
 CHUNK = 256  # panels worked out at once: temporary arrays stay in cache
 TABLE = 1 << 15  # values of curves at places worked out at once: so too
@@ -77,8 +78,8 @@ class Panels:
         inside = points[0] != self._ends[panel[0]]
         return Cuts(
             panel,
-            _Places(panel[:1], (points[:1] - middle[:1]) / half[:1]) if inside else None,
-            _Places(panel, (points[1:] - middle) / half),
+            _Polynomials(panel[:1], (points[:1] - middle[:1]) / half[:1]) if inside else None,
+            _Polynomials(panel, (points[1:] - middle) / half),
             half=half,
             lengths=np.diff(points),
             starts=np.searchsorted(points, edges[:-1]),
@@ -100,45 +101,35 @@ class Curves:
     first: Array
     series: Array
 
-    def part(self, count: int) -> "Curves":
-        """The first so many."""
-        return Curves(self.first[:count], self.series[:, :count])
+    def part(self, which: slice) -> "Curves":
+        """Some of them."""
+        return Curves(self.first[which], self.series[:, which])
 
 
-class _Places:
-    """Places `at` (m,) in the panels of numbers `panel` (m,), which never go down.
-
-    They lie in a table of a row or column for each panel, filled up where it has fewer than
-    others: so sums go along rows, and what belongs to a panel is fetched once.
+class _Polynomials:
+    """Chebyshev's polynomials at places `at` (m,) in the panels of numbers `panel` (m,), which
+    never go down.
     """
 
     def __init__(self, panel: IntArray, at: Array) -> None:
-        own = panel - panel[0]
-        counts = np.bincount(own)
-        number = np.arange(len(own)) - (np.cumsum(counts) - counts)[own]
-        panels, most = len(counts), int(counts.max())
-        self._panels = slice(panel[0], panel[0] + panels)
-        self._rows = most > panels  # whether a panel has a row, the longer way
-        shape = (panels, most) if self._rows else (most, panels)
-        self._index = own * most + number if self._rows else number * panels + own
-        table = np.zeros(shape)
-        table.flat[self._index] = at
-        self._polynomials = [np.ones(shape), table]
+        self._places = Places(panel, at)
+        self._count = len(at)
+        table = self._places.table
+        self._values = [np.ones(table.shape), table]
 
-    def values(self, series: Array) -> Array:
-        """Values (c, m) of series (n, c, p) of Chebyshev's polynomials."""
-        polynomials = self._polynomials
-        while len(polynomials) < len(series):  # T_(k+1) = 2 u T_k - T_(k-1)
-            polynomials.append(2 * polynomials[1] * polynomials[-1] - polynomials[-2])
-        terms = np.expand_dims(series[:, :, self._panels], 3 if self._rows else 2)
-        values = np.zeros((series.shape[1], len(self._index)))
-        many = max(1, TABLE // polynomials[0].size)
+    def sums(self, series: Array) -> Array:
+        """Values (c, m) of series (n, c, p)."""
+        values = self._values
+        while len(values) < len(series):  # T_(k+1) = 2 u T_k - T_(k-1)
+            values.append(2 * values[1] * values[-1] - values[-2])
+        terms = self._places.of_pieces(series)
+        found = np.zeros((series.shape[1], self._count))
+        many = max(1, TABLE // values[0].size)
         moving = np.flatnonzero(series.any(axis=(0, 2)))
         for first in range(0, len(moving), many):
             some = moving[first : first + many]
-            found = _sum(terms[:, some], polynomials).reshape(len(some), -1)
-            values[some] = np.take(found, self._index, axis=1)
-        return values
+            found[some] = self._places.flat(_sum(terms[:, some], values))
+        return found
 
 
 def _sum(terms: Array, factors: Sequence[Array]) -> Array:
@@ -171,8 +162,8 @@ class Cuts:
     """
 
     panel: IntArray
-    since: _Places | None
-    high: _Places
+    since: _Polynomials | None
+    high: _Polynomials
     half: Array
     lengths: Array
     starts: IntArray
@@ -186,10 +177,10 @@ class Cuts:
         a panel begins.
         """
         sums = _antiderivative(curves.series)
-        until = self.high.values(sums)
+        until = self.high.sums(sums)
         since = np.zeros_like(until)
         if self.since is not None:
-            since[:, :1] = self.since.values(sums)
+            since[:, :1] = self.since.sums(sums)
         goes_on = self.panel[1:] == self.panel[:-1]
         np.multiply(until[:, :-1], goes_on, out=since[:, 1:])
         until -= since
@@ -203,7 +194,7 @@ class Cuts:
 
     def ends(self, curves: Curves) -> Array:
         """Values (c, n) at the samples' ends."""
-        found = self.high.values(curves.series)
+        found = self.high.sums(curves.series)
         found += np.take(curves.first, self.panel, axis=1)
         if len(self.panel) == len(self.starts):
             return found

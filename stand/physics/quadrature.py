@@ -80,6 +80,12 @@ class Law:
         """Whose law it is."""
         return self._motion
 
+    @property
+    def moving(self) -> IntArray:
+        """Numbers of the axes that ever move."""
+        c = self._motion.coefficients
+        return np.flatnonzero(c[:-1].any(axis=(0, 1)) | (c[-1] != c[-1, 0]).any(axis=0))
+
     def choose(self, first: int, whole: np.ndarray) -> tuple[IntArray, IntArray]:
         """Nodes of a panel (n,) and numbers of even panels (n,) of the pieces from `first` on.
 

@@ -255,7 +255,7 @@ class Servo:
         ends = np.append(begins, self._first - OVERLAP)[cut.start : cut.stop + 1]
         knots = self._start + self.step * ends
         knots.flags.writeable = coefficients.flags.writeable = False
-        return Motion(knots, coefficients)
+        return Motion(knots, coefficients, whole=False)
 
     def followed(self) -> list[Followed]:
         """How the axes followed through each span, simulated to the end of the last."""

@@ -40,6 +40,7 @@ from stand.table.table_errors import PERFECT, TableErrors
 
 ARMATURE = 1e15  # kg m^2: dwarfs every real inertia by 1e12, so q'' comes back to rounding
 ROWS = 1000  # evaluations per call: the state rows stay in cache
+_NOD = " nods "  # in names of hinges, behind the axis'
 HINGES = 6  # at most on one body of MuJoCo's
 NANOSECOND = 1_000_000_000
 _REST, _MOVING, _ALONE = range(3)  # kinds of samples: once for all, by panels, each for itself
@@ -77,13 +78,27 @@ class Samples(Instants):
     """Means or instants over n intervals, `q_wb` at their ends.
 
     The axes too are where they are at the ends, and so are `w_end`, `f_end` (n, 3), rates and
-    forces at the places. `encoders`, `encoder_rates` (n, 6): what the drives have there.
+    forces at the places, where they were asked for. `encoders`, `encoder_rates` (n, 6): what the
+    drives have there.
     """
 
-    w_end: Array
-    f_end: Array
     encoders: Array
     encoder_rates: Array
+    w_end: Array | None = None
+    f_end: Array | None = None
+
+    def given(self) -> dict[str, Array]:
+        """The arrays there are, by their names."""
+        named = ((field.name, getattr(self, field.name)) for field in fields(self))
+        return {name: values for name, values in named if values is not None}
+
+    def locked(self) -> "Samples":
+        """Itself, given away, so that nobody copies it."""
+        for values in self.given().values():
+            base: Any = values
+            while isinstance(base, np.ndarray):
+                base.flags.writeable, base = False, base.base
+        return self
 
     def sensed(self, t_ns: IntArray, sampling: Sampling) -> Sensed:
         """What the sensors feel, with these stamps; instants are themselves at their ends."""
@@ -120,7 +135,10 @@ def lean_model(
     with the axis and anchor it has at zero angles; that spares five bodies' arithmetic. More
     than MuJoCo allows on one body go to others in the same place.
     """
-    chain = _chain(model, errors, data)
+    return _compiled(_chain(model, errors, data), site, places)
+
+
+def _compiled(chain: "_Chain", site: Site, places: Array | None) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     spec.option.gravity = C_NW.inv().apply(-site.f_n)
     spec.option.magnetic = C_NW.inv().apply(site.w_ie_n)
@@ -158,6 +176,31 @@ class _Chain(NamedTuple):
     anchors: Array
     origin: Array
     quat: Array
+
+    def less(self, still: IntArray, angles: Array) -> "_Chain":
+        """Without the hinges of these numbers, which stand at `angles` (h,) [rad] of all h.
+
+        Notes
+        -----
+        One that stands, F, goes before those that carry it: ``H F = F (F^-1 H F)`` turns their
+        axes and anchors, and where b is in w takes it in.
+        """
+        axes, anchors, origin = self.axes.copy(), self.anchors.copy(), self.origin
+        C_wb = Rotation.from_quat(self.quat, scalar_first=True).as_matrix()
+        for k in still:
+            C = Rotation.from_rotvec(angles[k] * axes[k]).as_matrix()
+            moved = anchors[k] - product(C, anchors[k])
+            axes[:k] = product(axes[:k], C)
+            anchors[:k] = product(anchors[:k] - moved, C)
+            origin, C_wb = origin + product(C_wb, moved), product(C_wb, C)
+        left = np.delete(np.arange(len(axes)), still)
+        return _Chain(
+            names=tuple(self.names[k] for k in left),
+            axes=axes[left],
+            anchors=anchors[left],
+            origin=origin,
+            quat=Rotation.from_matrix(C_wb).as_quat(scalar_first=True),
+        )
 
 
 def _chain(model: mujoco.MjModel, errors: TableErrors, data: mujoco.MjData | None = None) -> _Chain:
@@ -200,14 +243,66 @@ def _hinges(
         if errors.wobble[number]:
             body = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3)
             first = product(body, across(model.jnt_axis[joint]))
-            yield f"{name}_nod_first", first, anchor
-            yield f"{name}_nod_second", np.cross(axis, first), anchor
+            yield f"{name}{_NOD}first", first, anchor
+            yield f"{name}{_NOD}second", np.cross(axis, first), anchor
+
+
+class Hinges:
+    """A lean model at work: the hinges of `axes` (m,) and of their nods, in one batch of `ROWS`."""
+
+    def __init__(self, chain: _Chain, axes: IntArray, common: "_Common") -> None:
+        self.axes, self.names = axes, chain.names
+        self._lean = _compiled(chain, common.site, common.places)
+        self.batch = Batch(self._lean, ROWS, nthread=common.threads)
+        self._sensors = self.batch.bind("sensordata")
+
+    def take(self, chain: _Chain) -> None:
+        """Be those of another chain of the same names."""
+        _rebuild(self._lean, chain)
+        self.batch.set_models(self._lean)
+
+    def states(self, errors: TableErrors, true: _State, encoders: _State) -> _State:
+        """Angles, rates and accelerations of the hinges, from those of the six axes."""
+        own = true if len(self.axes) == len(JOINTS) else [x[:, self.axes] for x in true]
+        wobbling = self.axes[errors.wobble[self.axes] != 0]
+        if len(wobbling):
+            order = _order(errors, self.axes)
+            nods = errors.nods(*encoders, wobbling)
+            own = [np.hstack(both)[:, order] for both in zip(own, nods, strict=True)]
+        angles, rates, accelerations = own
+        return angles, rates, accelerations
+
+    def sensed(self, joints: Array, rates: Array, accelerations: Array) -> Array:
+        """Sensors (n, s) at states of the hinges."""
+        n = len(joints)
+        raw = np.empty((n, self._sensors.shape[1]))
+        for first in range(0, n, ROWS):
+            part = slice(first, min(first + ROWS, n))
+            raw[part] = self._evaluate(joints[part], rates[part], accelerations[part])
+        return raw
+
+    def _evaluate(self, joints: Array, rates: Array, accelerations: Array) -> Array:
+        n = len(joints)
+        self.batch.qpos[:n] = joints
+        self.batch.qvel[:n] = rates
+        np.multiply(accelerations, ARMATURE, out=self.batch.qfrc_applied[:n])
+        self.batch.forward(None if n == ROWS else np.arange(n))
+        return self._sensors[:n]
+
+
+class _Common(NamedTuple):
+    """What all hinges have in common."""
+
+    site: Site
+    places: Array | None
+    threads: int
 
 
 class Truth:
     """Evaluates perfect sensors at prescribed joint motions.
 
-    One instance per thread: it reuses one batch of `ROWS` states.
+    One instance per thread: it reuses one batch of `ROWS` states, and another of those hinges
+    alone that a motion moves, which take half the work where three axes of six sway.
 
     Parameters
     ----------
@@ -222,6 +317,8 @@ class Truth:
         Of MuJoCo; the results are the same bits.
     data : MjData or None
         As of `lean_model`.
+    ends : bool
+        Whether samples tell what is felt at their ends: a unit without a low-pass does not ask.
     """
 
     def __init__(
@@ -232,33 +329,61 @@ class Truth:
         errors: TableErrors | None = None,
         threads: int = 1,
         data: mujoco.MjData | None = None,
+        ends: bool = True,
     ) -> None:
+        self._ends = ends
         self._places = places if places is not None and places.any() else None
-        self._site, self._data = site, data
-        errors = PERFECT if errors is None else errors
-        self._take(errors)
-        self._lean = lean_model(model, site, self._places, errors, data)
-        self.batch = Batch(self._lean, ROWS, nthread=threads)
-        self._sensors = self.batch.bind("sensordata")
+        self._common, self._data = _Common(site, self._places, threads), data
+        self._take(model, PERFECT if errors is None else errors)
+        self._all = Hinges(self._chain, np.arange(len(JOINTS)), self._common)
+        self._some: Hinges | None = None
 
-    def _take(self, errors: TableErrors) -> None:
-        self._errors, self._perfect, self._order = errors, errors.perfect, _order(errors)
+    def _take(self, model: mujoco.MjModel, errors: TableErrors) -> None:
+        self._errors, self._perfect = errors, errors.perfect
+        self._chain = _chain(model, errors, self._data)
         self._law: Law | None = None  # of the motion met last
+        self._moving: Hinges | None = None  # that it moves
+
+    @property
+    def batch(self) -> Batch:
+        """Of all hinges."""
+        return self._all.batch
 
     def change(self, model: mujoco.MjModel, errors: TableErrors) -> None:
         """Be that of another table from now on, with the bits of a new one and less work.
 
         `model` and `errors` as at first.
         """
-        same = np.array_equal(errors.wobbling, self._errors.wobbling)
-        self._take(errors)
-        if same:
-            _rebuild(self._lean, _chain(model, errors, self._data))
-            self.batch.set_models(self._lean)
-        else:
-            self._lean = lean_model(model, self._site, self._places, errors, self._data)
-            self.batch = Batch(self._lean, ROWS, nthread=self.batch.nthread)
-            self._sensors = self.batch.bind("sensordata")
+        self._take(model, errors)
+        self._all = self._made(self._all, self._chain, self._all.axes)
+
+    def _made(self, before: Hinges | None, chain: _Chain, axes: IntArray) -> Hinges:
+        if before is None or before.names != chain.names:
+            return Hinges(chain, axes, self._common)
+        before.take(chain)
+        return before
+
+    def _moving_in(self, motion: Motion) -> Hinges:
+        """The hinges that a motion moves; all, of a window of a motion: it has other windows."""
+        law = self._law_of(motion)
+        if self._moving is None:
+            axes = law.moving
+            few = motion.whole and 0 < len(axes) < len(JOINTS)
+            self._moving = self._moved_alone(motion, axes) if few else self._all
+        return self._moving
+
+    def _moved_alone(self, motion: Motion, axes: IntArray) -> Hinges:
+        """Hinges of these axes, the others where the motion begins."""
+        q = motion.joints(motion.knots[:1])[0]
+        encoders = q, np.zeros_like(q), np.zeros_like(q)
+        angles, _, _ = self._all.states(self._errors, self._errors.realised(*encoders), encoders)
+        own = {JOINTS[number] for number in axes}
+        still = [
+            k for k, name in enumerate(self._chain.names) if name.partition(_NOD)[0] not in own
+        ]
+        chain = self._chain.less(np.array(still), angles[0])
+        self._some = self._made(self._some, chain, axes)
+        return self._some
 
     def instants(self, joints: Array, rates: Array, accelerations: Array) -> Instants:
         """Sensors at the encoders' angles, rates and accelerations, (n, 6) each, in radians.
@@ -268,16 +393,14 @@ class Truth:
         ValueError
             A value that is not finite (MuJoCo itself would not say so).
         """
-        encoders = joints, rates, accelerations
+        return self._instants((joints, rates, accelerations), self._all)
+
+    def _instants(self, encoders: _State, hinges: Hinges) -> Instants:
+        """As `instants`, where only these hinges move."""
         if not np.isfinite(sum(values.sum() for values in encoders)):
             raise _not_finite(*encoders)
-        n = len(joints)
         true = self._errors.realised(*encoders)
-        states = self._states(true, encoders)
-        raw = np.empty((n, self._sensors.shape[1]))
-        for first in range(0, n, ROWS):
-            part = slice(first, min(first + ROWS, n))
-            raw[part] = self._evaluate(*(s[part] for s in states))
+        raw = hinges.sensed(*hinges.states(self._errors, true, encoders))
         earth, velocity = raw[:, 9:12], raw[:, 6:9]
         f_b = raw[:, 0:3] + 2 * cross(earth, velocity)
         f_places = f_b if self._places is None else self._at_places(raw)
@@ -290,15 +413,6 @@ class Truth:
             joint_rates=true[1],
         )
 
-    def _states(self, true: _State, encoders: _State) -> _State:
-        """Angles, rates and accelerations of the lean model's hinges."""
-        if not len(self._errors.wobbling):
-            return true
-        nods = self._errors.nods(*encoders)
-        both = (np.hstack([t, n])[:, self._order] for t, n in zip(true, nods, strict=True))
-        angles, rates, accelerations = both
-        return angles, rates, accelerations
-
     def _at_places(self, raw: Array) -> Array:
         """Component i of the force at place i, its own Coriolis term included."""
         assert self._places is not None
@@ -308,14 +422,6 @@ class Truth:
             there = velocity + cross(rate, np.broadcast_to(place, rate.shape))
             force[:, i] = raw[:, 16 + 4 * i] + 2 * cross(earth, there)[:, i]
         return force
-
-    def _evaluate(self, joints: Array, rates: Array, accelerations: Array) -> Array:
-        n = len(joints)
-        self.batch.qpos[:n] = joints
-        self.batch.qvel[:n] = rates
-        np.multiply(accelerations, ARMATURE, out=self.batch.qfrc_applied[:n])
-        self.batch.forward(None if n == ROWS else np.arange(n))
-        return self._sensors[:n]
 
     def blocks(
         self, motion: Motion, rate_hz: int, sampling: Sampling, block_s: float = 1.0
@@ -399,18 +505,15 @@ class Truth:
         ]
         found = parts[0]
         if len(parts) > 1:
-            names = [field.name for field in fields(Samples)]
-            found = Samples(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
-        for field in fields(Samples):
-            getattr(found, field.name).flags.writeable = False
-        return found
+            every = [part.given() for part in parts]
+            found = Samples(**{n: np.concatenate([one[n] for one in every]) for n in every[0]})
+        return found.locked()
 
     def _part(self, motion: Motion, edges: Array, kind: int, sampling: Sampling) -> Samples:
         """Samples of one kind."""
         if kind == _REST:
             one, n = self.held(motion, edges[-1:]), len(edges) - 1
-            columns = (getattr(one, field.name) for field in fields(Samples))
-            return Samples(*(_repeated(column, n) for column in columns))
+            return Samples(**{name: _repeated(row, n) for name, row in one.given().items()})
         if kind == _ALONE:
             return self._at(motion, edges[1:])
         if sampling is Sampling.INSTANT:
@@ -421,14 +524,14 @@ class Truth:
         """Samples, a row for each of the times (n,) [s], at which the motion stands still."""
         q = motion.joints(t)[0]
         still = np.zeros_like(q)
-        return self._sampled(q, still, still)
+        return self._sampled((q, still, still), self._all)
 
     def _at(self, motion: Motion, t: Array) -> Samples:
         """At times (n,), evaluated there."""
-        return self._sampled(*motion.joints(t))
+        return self._sampled(motion.joints(t), self._moving_in(motion))
 
-    def _sampled(self, q: Array, v: Array, a: Array) -> Samples:
-        at = self.instants(q, v, a)
+    def _sampled(self, encoders: _State, hinges: Hinges) -> Samples:
+        at = self._instants(encoders, hinges)
         return Samples(
             at.w_ib_b,
             at.f_b,
@@ -436,10 +539,10 @@ class Truth:
             at.f_places,
             joints=at.joints,
             joint_rates=at.joint_rates,
-            w_end=at.w_ib_b,
-            f_end=at.f_places,
-            encoders=q,
-            encoder_rates=v,
+            encoders=encoders[0],
+            encoder_rates=encoders[1],
+            w_end=at.w_ib_b if self._ends else None,
+            f_end=at.f_places if self._ends else None,
         )
 
     def means(self, motion: Motion, edges: Array) -> Samples:
@@ -453,55 +556,76 @@ class Truth:
         no trace; a sample that straddles a knot is the sum of its parts.
         """
         panels, edges = self._law_of(motion).panels(edges)
-        curves, own = self._curves(motion, panels)
+        curves = self._curves(motion, panels)
         cuts = panels.cut(edges)
-        return self._samples(motion, edges, cuts.ends(curves), cuts.means(curves.part(6 + 3 * own)))
+        felt = cuts.means(curves.part(slice(self._felt)))
+        ends = cuts.ends(curves if self._ends else curves.part(slice(self._felt, None)))
+        at_ends, beyond = (ends[: self._felt], ends[self._felt :]) if self._ends else (None, ends)
+        return self._samples(motion, edges, felt, beyond, at_ends)
 
     def _instants_between(self, motion: Motion, edges: Array) -> Samples:
         """Instants at `edges` but the first."""
         panels, at = self._law_of(motion).panels(edges)
-        curves, _ = self._curves(motion, panels)
-        ends = panels.cut(at).ends(curves)
-        return self._samples(motion, edges, ends, ends)
+        ends = panels.cut(at).ends(self._curves(motion, panels))
+        felt = ends[: self._felt]
+        return self._samples(motion, edges, felt, ends[self._felt :], felt if self._ends else None)
 
-    def _curves(self, motion: Motion, panels: Panels) -> tuple[Curves, bool]:
-        """Curves of w, f at the point, f at the places if they are others (which is told), the
-        attitude, and what true angles and rates have beyond the encoders'."""
+    @property
+    def _felt(self) -> int:
+        """How many curves are felt: w, f at the point, and f at the places if they are others."""
+        return 6 if self._places is None else 9
+
+    def _curves(self, motion: Motion, panels: Panels) -> Curves:
+        """Curves of what is felt, of the attitude, and of what true angles and rates of the axes
+        that move have beyond the encoders'."""
         nodes, again = panels.nodes, None
         if self._law_of(motion).repeats:  # what was seen once is not looked at again
             nodes, again = np.unique(nodes, return_inverse=True)
         q, v, a = motion.joints(nodes)
-        at = self.instants(q, v, a)
-        own = self._places is not None
-        seen = [at.w_ib_b, at.f_b, *((at.f_places,) if own else ()), at.q_wb]
+        at = self._instants((q, v, a), self._moving_in(motion))
+        seen = [at.w_ib_b, at.f_b, *((at.f_places,) if self._felt > 6 else ()), at.q_wb]
         if not self._perfect:
-            seen += [at.joints - q, at.joint_rates - v]
+            axes = self._law_of(motion).moving
+            seen += [(at.joints - q)[:, axes], (at.joint_rates - v)[:, axes]]
         columns = np.ascontiguousarray(np.hstack(seen).T)
-        return panels.curves(columns if again is None else columns[:, again]), own
+        return panels.curves(columns if again is None else columns[:, again])
 
-    def _samples(self, motion: Motion, edges: Array, ends: Array, felt: Array) -> Samples:
-        """From curves' values (c, n) at the ends and as felt."""
+    def _samples(
+        self, motion: Motion, edges: Array, felt: Array, beyond: Array, at_ends: Array | None
+    ) -> Samples:
+        """From curves' values (c, n) as felt; of attitude and axes, and felt, at the ends."""
         q, v = motion.angles_and_rates(edges[1:])
-        own = 3 * (self._places is not None)
-        place = slice(3 + own, 6 + own)
-        turned, beyond = ends[6 + own : 10 + own], ends[10 + own :]
-        f_b, f_end = _rows(felt[3:6]), _rows(ends[place])
+        places = slice(self._felt - 3, None)
+        turned = beyond[:4]
+        joints, joint_rates = self._true_axes(motion, q, v, beyond[4:])
         return Samples(
-            _rows(felt[:3]),
-            f_b,
-            _rows(turned / np.sqrt((turned * turned).sum(axis=0))),
-            _rows(felt[place]) if own else f_b,
-            joints=q + beyond[:6].T if len(beyond) else q,
-            joint_rates=v + beyond[6:].T if len(beyond) else v,
-            w_end=_rows(ends[:3]),
-            f_end=f_end,
+            felt[:3].T,
+            felt[3:6].T,
+            (turned / np.sqrt((turned * turned).sum(axis=0))).T,
+            felt[places].T,
+            joints=joints,
+            joint_rates=joint_rates,
             encoders=q,
             encoder_rates=v,
+            w_end=None if at_ends is None else at_ends[:3].T,
+            f_end=None if at_ends is None else at_ends[places].T,
         )
+
+    def _true_axes(self, motion: Motion, q: Array, v: Array, beyond: Array) -> tuple[Array, Array]:
+        """True angles and rates (n, 6) from the encoders' and what those that move have beyond."""
+        if self._perfect:
+            return q, v
+        axes = self._law_of(motion).moving
+        still = np.zeros((1, len(JOINTS)))
+        one = q[:1] + (self._errors.realised(q[:1], still, still)[0] - q[:1])
+        joints, rates = np.repeat(one.T, len(q), axis=1), v.T.copy()
+        joints[axes] = q.T[axes] + beyond[: len(axes)]
+        rates[axes] += beyond[len(axes) :]
+        return joints.T, rates.T
 
     def _law_of(self, motion: Motion) -> Law:
         if self._law is None or self._law.motion is not motion:
-            self._law = Law(motion, self._errors.waves)
+            self._law, self._moving = Law(motion, self._errors.waves), None
         return self._law
 
 
@@ -512,16 +636,12 @@ def _repeated(row: Array, n: int) -> Array:
     return np.broadcast_to(own, (n, row.shape[1]))
 
 
-def _rows(columns: Array) -> Array:
-    return np.ascontiguousarray(columns.T)
-
-
-def _order(errors: TableErrors) -> IntArray:
-    """Columns of the six angles, then the nods, as the lean model's hinges take them."""
+def _order(errors: TableErrors, axes: IntArray) -> IntArray:
+    """Columns of the angles of `axes`, then their nods, as the lean model's hinges take them."""
     order: list[int] = []
-    nods = count(len(JOINTS))
-    for number in range(len(JOINTS)):
-        order += [number, *((next(nods), next(nods)) if errors.wobble[number] else ())]
+    nods = count(len(axes))
+    for place, number in enumerate(axes):
+        order += [place, *((next(nods), next(nods)) if errors.wobble[number] else ())]
     return np.array(order)
 
 

@@ -21,10 +21,10 @@ from stand.report.document import motion_table
 from stand.report.notebook import Shown
 from stand.report.tables import TableData
 from stand.results.recording import Recording
-from stand.samples import AXES, CHANNELS, ImuBlock, TruthBlock
+from stand.samples import AXES, CHANNELS
 from stand.simulation.collector import NS, DwellCollector
 from stand.simulation.settings import Settings, follows_moves, methods_of, run_id
-from stand.simulation.simulation import Simulation, begins_of
+from stand.simulation.simulation import Block, Simulation, begins_of
 from stand.simulation.step_record import StepRecord
 from stand.table.joints import JOINTS
 from stand.table.kinematics import C_NW
@@ -188,6 +188,7 @@ class Simulated(Shown):
 
 _VECTORS = ("w_ib_b", "f_b", "true_w_ib_b", "true_f_b")
 _OTHERS = ("saturated", "q_nb", "joints", "encoders")
+_FLOATS = (*_VECTORS, *_OTHERS[1:])
 _COLUMNS = (
     ("w_ib_b", "_rad_s", AXES),
     ("f_b", "_m_s2", AXES),
@@ -210,30 +211,21 @@ def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulate
         imu=settings.unit,
         stand=simulation.encoders_of,
     )
-    blocks, done = [], 0
-    for block in simulation.blocks():
+    found, done = _room(simulation.total), 0
+    for block in simulation.blocks():  # put in place while the next one's truth is worked out
         collector.add(block.truth, block.readings)
-        blocks.append((block.truth, block.readings))
-        done += len(block.truth)
+        rows = slice(done, done + len(block.truth))
+        for name, values in _named(block).items():
+            found[name][rows] = values
+        done = rows.stop
         progress(done / simulation.total)
     records = simulation.records()
     dwells, attitudes = collector.finish(begins_of(records))
-    truths, readings = zip(*blocks, strict=True)
-
-    def joined(parts: Sequence[TruthBlock | ImuBlock], name: str) -> NDArray[Any]:
-        return _locked(np.concatenate([getattr(part, name) for part in parts]))
-
+    for values in found.values():
+        values.flags.writeable = False  # given away, so that nobody copies it
     return Simulated(
         settings=settings,
-        t=_locked(joined(readings, "t_ns") * NS),
-        w_ib_b=joined(readings, "w_ib_b"),
-        f_b=joined(readings, "f_b"),
-        saturated=joined(readings, "saturated"),
-        true_w_ib_b=joined(truths, "w_ib_b"),
-        true_f_b=joined(truths, "f_b"),
-        q_nb=_locked(multiply(C_NW.as_quat(), joined(truths, "q_wb"))),
-        joints=joined(truths, "joints"),
-        encoders=joined(truths, "encoders"),
+        **found,
         stretches=tuple(dwells),
         attitudes=tuple(attitudes),
         steps=records,
@@ -241,7 +233,24 @@ def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulate
     )
 
 
-def _locked(values: NDArray[Any]) -> NDArray[Any]:
-    """Given away, so that nobody copies it."""
-    values.flags.writeable = False
-    return values
+def _room(n: int) -> dict[str, NDArray[Any]]:
+    """For the samples, by the names of `Simulated`."""
+    widths = {"q_nb": 4, "joints": len(JOINTS), "encoders": len(JOINTS)}
+    room: dict[str, NDArray[Any]] = {name: np.empty((n, widths.get(name, 3))) for name in _FLOATS}
+    return room | {"t": np.empty(n), "saturated": np.empty((n, len(CHANNELS)), bool)}
+
+
+def _named(block: Block) -> dict[str, Any]:
+    """What a block holds, by the names of `Simulated`."""
+    truth, readings = block.truth, block.readings
+    return {
+        "t": readings.t_ns * NS,
+        "w_ib_b": readings.w_ib_b,
+        "f_b": readings.f_b,
+        "saturated": readings.saturated,
+        "true_w_ib_b": truth.w_ib_b,
+        "true_f_b": truth.f_b,
+        "q_nb": multiply(C_NW.as_quat(), truth.q_wb),
+        "joints": truth.joints,
+        "encoders": truth.encoders,
+    }

@@ -225,7 +225,12 @@ class Trials:
             turned = self._built = with_errors(self._model, errors, self._data, self._built)
             if self._truth is None:
                 self._truth = Truth(
-                    turned, settings.site, self._spec.places, errors, data=self._data
+                    turned,
+                    settings.site,
+                    self._spec.places,
+                    errors,
+                    data=self._data,
+                    ends=self._spec.filtered,
                 )
             else:
                 self._truth.change(turned, errors)
@@ -251,7 +256,8 @@ class Trials:
         truth = TruthBlock(
             t_ns=stamps, w_ib_b=three, f_b=three, q_wb=_zeros(n, 4), joints=six, joint_rates=six
         )
-        ends = three if self.settings.sampling is Sampling.MEAN else None
+        told = self._spec.filtered and self.settings.sampling is Sampling.MEAN
+        ends = three if told else None
         return _Sensing(truth, Sensed(stamps, three, three, w_end=ends, f_end=ends))
 
     def _stamps(self, span: _Span) -> IntArray:
@@ -263,13 +269,13 @@ def _held(truth: Truth, planned: Plan, spans: Sequence[_Span], rate_hz: int) -> 
     if not spans:
         return
     every = truth.held(planned.motion, np.array([span.last for span in spans]) / rate_hz)
-    names = [field.name for field in fields(Samples)]
-    for name in names:
-        getattr(every, name).flags.writeable = False  # one row stands for many, without copies
+    named = every.locked().given()  # one row stands for many, without copies
     for k, span in enumerate(spans):
         n = span.last - span.first
-        rows = (getattr(every, name)[k] for name in names)
-        yield Samples(*(np.broadcast_to(row, (n, len(row))) for row in rows))
+        rows = {
+            name: np.broadcast_to(values[k], (n, values.shape[1])) for name, values in named.items()
+        }
+        yield Samples(**rows)
 
 
 def _reported(imu: Imu, every: Iterable[_Sensing]) -> Iterator[tuple[TruthBlock, ImuBlock]]:

@@ -97,6 +97,7 @@ class Simulation:
             self.imu.spec.places,
             self.errors,
             threads=_threads(),
+            ends=self.imu.spec.filtered,
         )
         self._drive: Motion | Servo = self.plan.motion
         if servo:

@@ -212,22 +212,28 @@ class TableErrors:
         if not harmonics:
             return (q + self.placement if self.placement.any() else q), v, a
         angle, slope, bend = q + self.placement, np.ones_like(q), np.zeros_like(q)
-        for axes, order, cosine, sine in harmonics:
-            turned = q[:, axes] * order
-            c, s = np.cos(turned), np.sin(turned)
-            wave = cosine * c + sine * s
-            angle[:, axes] += wave
-            slope[:, axes] += order * (sine * c - cosine * s)
-            bend[:, axes] -= order**2 * wave
+        still = (q == q[:1]).all(axis=0)
+        for whose, at in ((~still, q), (still, q[:1])):  # of an axis that stands still: once
+            for every, *parts in harmonics:
+                own = whose[every]
+                axes, (order, cosine, sine) = every[own], (part[own] for part in parts)
+                turned = at[:, axes] * order
+                c, s = np.cos(turned), np.sin(turned)
+                wave = cosine * c + sine * s
+                angle[:, axes] += wave
+                slope[:, axes] += order * (sine * c - cosine * s)
+                bend[:, axes] -= order**2 * wave
         return angle, slope * v, slope * a + bend * v**2
 
-    def nods(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        """Angles, rates and accelerations (n, 2 m) of the nods of the m axes that wobble.
+    def nods(
+        self, q: Array, v: Array, a: Array, axes: IntArray | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Angles, rates and accelerations (n, 2 m) of the nods of m `axes`: of all that wobble.
 
         About the first, then the second line across each axis; `q`, `v`, `a` (n, 6) as the
         encoders have them.
         """
-        axes = self.wobbling
+        axes = self.wobbling if axes is None else axes
         turned, v, a = q[:, axes] + self.wobble_phase[axes], v[:, axes], a[:, axes]
         first, second = self.wobble[axes] * np.cos(turned), self.wobble[axes] * np.sin(turned)
 
@@ -242,12 +248,14 @@ class TableErrors:
 
     def readings(self, q: Array) -> Array:
         """What the encoders say at angles `q` (n, 6): rounded to their steps."""
-        rounded = self.encoder_step > 0
-        if not rounded.any():
+        if not self.encoder_step.any():
             return q
-        step = self.encoder_step[rounded]
-        said = q.copy()
-        said[:, rounded] = step * np.rint(q[:, rounded] / step)
+        said = q.copy(order="K")
+        for own, whole, step in zip(said.T, q.T, self.encoder_step, strict=True):
+            if step and len(q):
+                still = (whole == whole[0]).all()
+                np.multiply(step, np.rint((whole[:1] if still else whole) / step), out=own)
+        said.flags.writeable = False  # given away
         return said
 
     def record(self) -> dict[str, str]:

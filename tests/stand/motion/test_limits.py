@@ -10,6 +10,7 @@ from stand.errors import StandError
 from stand.motion import limits
 from stand.motion.limits import Peak, check, uses
 from stand.motion.planner import plan
+from stand.motion.polynomial import Motion
 from stand.physics.mjcf import describe, load_model
 from stand.procedure.procedure import procedure_from
 from stand.table.table import Table, load_table, table_from
@@ -229,3 +230,30 @@ def test_torque_is_set_against_the_motors(monkeypatch):
     allowed[3] = 1.5
     assert used(wave, torque)[0]["torque"].slower == math.inf
     assert "slower" not in refusal(wave, torque)
+
+
+@pytest.mark.parametrize("axis", ["base_roll", "base_yaw"])
+@pytest.mark.parametrize("frequency", [0.02, 0.6])
+def test_a_step_is_refused_beyond_its_limits_and_only_there(axis, frequency):
+    """Slow sines break the angle, quick ones acceleration or jerk: whatever tells that they do not,
+    just within passes, just beyond not, and far within too."""
+    full = max(peak.ratio for peak in used(sine(1.0, frequency, axis))[0].values())
+    for part in (0.01, 0.3, 0.5, 0.7, 0.9, 0.999):
+        steps = sine(part / full, frequency, axis)
+        procedure = procedure_from(Source("p", "p.toml", HEAD + steps))
+        check(procedure, plan(procedure, STAND, TABLE), TABLE)
+    for part in (1.001, 1.1, 3.0):
+        assert f'step 1 "rock", {axis}: ' in refusal(sine(part / full, frequency, axis))
+
+
+def test_the_torque_of_a_step_well_within_its_other_limits_counts():
+    line = refusal(sine(0.1, 0.1), lambda q, v, a: np.full(q.shape, 1e9))
+    assert "torque 1e+09 N m" in line
+
+
+def test_what_the_sizes_of_terms_tell_is_not_looked_over(monkeypatch):
+    """Half a degree at 0.1 Hz; a jerk is looked over as the rate's acceleration."""
+    procedure = procedure_from(Source("p", "p.toml", HEAD + sine(0.5, 0.1)))
+    planned = plan(procedure, STAND, TABLE)
+    monkeypatch.setattr(Motion, "derivative", lambda motion: pytest.fail("looked over"))
+    check(procedure, planned, TABLE)

@@ -247,12 +247,9 @@ def test_slow_sampling_is_as_exact_as_fast(model):
     assert np.abs(slow.f_b - fast.f_b.reshape(n, 50, 3).mean(axis=1)).max() < 1e-10
 
 
-def test_dwells_cost_one_evaluation(model, monkeypatch):
+def test_dwells_cost_one_evaluation(model, rows):
     motion = Motion(np.array([0.0, 100.0]), np.zeros((4, 1, 6)))
     truth = Truth(model, site(10.0))
-    rows = []
-    original = truth.instants
-    monkeypatch.setattr(truth, "instants", lambda q, v, a: rows.append(len(q)) or original(q, v, a))
     assert sum(len(b) for b in truth.blocks(motion, 1000, Sampling.MEAN)) == 100_000
     assert sum(rows) == 100  # one per block of a second
 
@@ -635,12 +632,10 @@ def test_windows_of_a_motion_give_what_the_whole_gives(model):
     np.testing.assert_array_equal(part.w_ib_b, felt.w_ib_b)
 
 
-def test_a_window_costs_two_evaluations_a_step(model, monkeypatch):
+def test_a_window_costs_two_evaluations_a_step(model, rows):
     """Knots at 0.001 k s and samples at k / 200 s meet though they differ by rounding. Clear of
     the fades, whose jerk may ask for three."""
-    truth, rows = Truth(model, site(10.0)), []
-    original = truth.instants
-    monkeypatch.setattr(truth, "instants", lambda q, v, a: rows.append(len(q)) or original(q, v, a))
+    truth = Truth(model, site(10.0))
     truth.block(window(servo_like(8.0), 3000, 4000), 200, Sampling.MEAN, 600, 800)
     assert rows == [2001]
 
