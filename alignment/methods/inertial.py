@@ -59,6 +59,7 @@ _JITTERS = np.geomspace(1e-3, 1.0, 7)  # of the mean square of the velocities th
 _CERTAIN = 3.0  # of log likelihood: chi-square of two degrees of freedom at one in twenty
 _BEYOND = 3.0  # sigmas from which a slow force is no noise
 _BENT = 0.5  # of a drift's straight part, the bend of one that settles
+_SEEN = 0.01  # of the Earth's level rate: a bias along north that is remarked
 _TURNED = 0.5  # of what bends there: the sensors' own part below which the base does
 _ARM_ORDERS = 4  # Legendre orders of velocity that attitude errors and biases make
 _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
@@ -103,7 +104,8 @@ class Rest:
     has. `gyro_drift`, `accel_drift`: steady drifts from end to end [rad/s], [m/s^2];
     `drift_around` (6,) [rad/s], [m/s^2]: of the record that this one is `part` of; `straight`:
     whether accelerometers do so there, which turns heading alike in all parts of it. `apart`: what
-    lies apart from the rest of this one and of that. `faint`: a drift too faint to count, in words.
+    lies apart from the rest of this one and of that. `faint`: a drift too faint to count, `biased`:
+    what an unstated bias shows of itself, in words.
     """
 
     jitter: Array
@@ -114,6 +116,7 @@ class Rest:
     apart: tuple[Apart, ...] = ()
     straight: bool = False
     faint: tuple[str, ...] = ()
+    biased: tuple[str, ...] = ()
 
     def doubts(self, dwell: Dwell) -> tuple[str, ...]:
         """What is counted of drifts and of what lies apart, in words."""
@@ -121,7 +124,7 @@ class Rest:
         flags += tuple(flag for one in self.apart[:1] for flag in apart_doubt(one))
         around = any(one.off.any() for one in self.apart[1:]) or self.drift_around.any()
         flags += around_doubt(dwell) if around else ()
-        return flags + (ALIKE_DOUBT,) * self.straight + self.faint
+        return flags + (ALIKE_DOUBT,) * self.straight + self.faint + self.biased
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -258,6 +261,25 @@ def rest_of(
         apart=(one, other),
         straight=bool(straight.any()),
         faint=faint_doubt(readings),
+        biased=_bias_doubt(*seen, priors),
+    )
+
+
+def _bias_doubt(carried: Carried, matched: Match, noise: Noise, priors: Priors) -> tuple[str, ...]:
+    """A flag where the Earth's level rate seems of another size, by more than noise and 1 %.
+
+    That is a bias along north; one along east, of which nothing shows, passes for heading.
+    """
+    left, C_ni = left_of_the_turn(carried, matched, priors), matched.C_ni.as_matrix()
+    along = attitude_weights(carried, matched)[:, 2:] @ _ALONG
+    felt = sensitivity(along, C_ni, carried)
+    variance = float(functional_covariance(*felt, C_ni, carried, noise, priors)[0, 0])
+    variance += noise.jitter**2 * float(np.sum(along**2 / carried.spans[:, None, None]))
+    if abs(left - 1) <= max(_BEYOND * np.sqrt(variance), _SEEN):
+        return ()
+    return (
+        f"the Earth's level rate seems {left:.2f} of what it is: a gyro bias along north; as much "
+        f"along east, which nothing shows, turns heading by {np.degrees(abs(left - 1)):.2g} deg",
     )
 
 

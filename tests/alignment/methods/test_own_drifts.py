@@ -156,6 +156,21 @@ def test_a_bias_along_north_neither_tilts_nor_turns_what_the_filter_finds():
 
 
 @pytest.mark.parametrize("method", [inertial, fine])
+@pytest.mark.parametrize(
+    ("bias", "told"), [(0.2, "seems 1.02 of"), (-3.0, "seems 0.68 of"), (0, "")]
+)
+def test_what_shows_of_a_bias_is_said_of_what_does_not(method, bias, told):
+    """By hand: ``W cos lat`` is 9.465 deg/h at 51 deg, which 0.2 and -3 make 1.021 and 0.683 of
+    itself; as much to the east turns heading by 1.2 and 18 deg."""
+    r = readings(2)
+    w = r.w_ib_b + np.array([radians(bias) / 3600, 0.0, 0.0])
+    (one,) = method([Dwell("p", 0.0, SPAN, ImuReadings(r.t, w, r.f_b))], HERE, Options())
+    flags = [flag for flag in one.flags if "level rate seems" in flag]
+    assert bool(flags) == bool(told)
+    assert all(told in flag for flag in flags)
+
+
+@pytest.mark.parametrize("method", [inertial, fine])
 def test_a_dither_that_differs_from_axis_to_axis_turns_no_heading(method):
     """Jitter of 1, 1 and 10 arc seconds about X1, Y1, Z1, which stand 0.7 rad off north: a bias of
     0.2 deg/h along north is noise of none, and took the filter's heading 1.5 deg off, by 20 to 80
