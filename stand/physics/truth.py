@@ -15,6 +15,7 @@ the chain rule, and an axis that wobbles has two small hinges across it, prescri
 # mujoco fills its namespace from C, unseen by pyright.
 # pyright: reportAttributeAccessIssue=false
 
+import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from itertools import count, pairwise
@@ -343,6 +344,14 @@ class Truth:
         self._chain = _chain(model, errors, self._data)
         self._law: Law | None = None  # of the motion met last
         self._moving: Hinges | None = None  # that it moves
+
+    def beside(self, motion: Motion) -> "Truth":
+        """Another one for another thread, which shares what is known of a motion."""
+        self._law_of(motion)
+        other = copy.copy(self)
+        other._all = Hinges(self._chain, self._all.axes, self._common)
+        other._some = other._moving = None
+        return other
 
     @property
     def batch(self) -> Batch:
