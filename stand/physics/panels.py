@@ -55,19 +55,21 @@ class Panels:
             for part in np.array_split(own, -(-len(own) // CHUNK)):
                 yield part, self._at[part, None] + np.arange(count), places_of(int(count))
 
-    def curves(self, seen: Array) -> "Curves":
-        """What is `seen` (c, k) at the nodes, as curves.
+    def curves(self, seen: Array, again: IntArray | None = None) -> "Curves":
+        """What is `seen` (c, k) at the nodes, as curves; node i is as that of number `again[i]`.
 
         What stands still is that number, to the bit.
         """
         series = np.zeros((self._counts.max(), len(seen), len(self._counts)))
         for own, rows, places in self._alike():
-            first, *others = (seen[:, row] for row in rows.T)
-            terms = np.zeros((len(places), *first.shape))
-            for weights, values in zip(_to_series(len(places))[1:], others, strict=True):
-                terms += weights[:, None, None] * (values - first)
-            series[: len(places), :, own] = terms
-        return Curves(seen[:, self._at[:-1]], series)
+            if again is None:
+                series[: len(places), :, own] = _series(seen, rows, places)
+            else:  # of panels that show the same, which one inner node tells, one is worked out
+                rows = again[rows]
+                _, first, which = np.unique(rows[:, 1], return_index=True, return_inverse=True)
+                series[: len(places), :, own] = _series(seen, rows[first], places)[:, :, which]
+        begins = self._at[:-1]
+        return Curves(seen[:, begins if again is None else again[begins]], series)
 
     def cut(self, edges: Array) -> "Cuts":
         """Where samples between the `edges` (n + 1,) [s], within the panels, lie in them."""
@@ -130,6 +132,15 @@ class _Polynomials:
             some = moving[first : first + many]
             found[some] = self._places.flat(_sum(terms[:, some], values))
         return found
+
+
+def _series(seen: Array, rows: IntArray, places: Array) -> Array:
+    """Of what is `seen` (c, k) at the nodes `rows` (m, n), less the first: (n, c, m)."""
+    first, *others = (seen[:, row] for row in rows.T)
+    terms = np.zeros((len(places), *first.shape))
+    for weights, values in zip(_to_series(len(places))[1:], others, strict=True):
+        terms += weights[:, None, None] * (values - first)
+    return terms
 
 
 def _sum(terms: Array, factors: Sequence[Array]) -> Array:

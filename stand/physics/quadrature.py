@@ -174,7 +174,7 @@ class Law:
             if not len(new):
                 return
             ahead = np.arange(new[-1] + 1, min(new[0] + _CHUNK, len(self._known)))
-            new = np.concatenate([new, ahead])
+            new = np.unique(np.concatenate([new, self._first[ahead]]))
             for first in range(0, len(new), _CHUNK):
                 part = new[first : first + _CHUNK]
                 self._known[part] = self._judged(part)

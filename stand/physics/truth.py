@@ -597,7 +597,7 @@ class Truth:
             axes = self._law_of(motion).moving
             seen += [(at.joints - q)[:, axes], (at.joint_rates - v)[:, axes]]
         columns = np.ascontiguousarray(np.hstack(seen).T)
-        return panels.curves(columns if again is None else columns[:, again])
+        return panels.curves(columns, again)
 
     def _samples(
         self, motion: Motion, edges: Array, felt: Array, beyond: Array, at_ends: Array | None
