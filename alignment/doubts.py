@@ -6,6 +6,10 @@ from alignment.apart import Apart
 from alignment.arrays import Array
 from alignment.units import DEG_PER_HOUR, STANDARD_GRAVITY
 
+ALIKE_DOUBT = (
+    "accelerometers drift straight along the record around it: heading is off alike in all of it"
+)
+
 
 def heading_doubt(covariance: Array) -> tuple[str, ...]:
     """A flag when heading is too unsure for first-order theory (sigma above 8 deg)."""

@@ -31,6 +31,7 @@ _FAR_LESS = 0.35  # of the whole: chance makes that of the lower half of orders 
 _DRIFT_ORDERS = 8
 _WHOLE = 0.98  # part of a record from which a dwell is all of it
 _FEWEST_WINDOWS = 5  # from which their scatter tells something: a record has at least as many
+_DISTURBED = 2.0  # usual sigmas: that of a window which is no measure of the others
 _NOTHING = Apart(0.0, 0.0, np.zeros(6))
 _DRIFTS = 15.0  # mean F (1, 10 degrees of freedom) of three axes: 1 in 10 000 records of noise
 
@@ -201,8 +202,9 @@ def _wander_around(dwell: Dwell) -> Array:
 
 @lru_cache(maxsize=1)  # the windows of one record ask one after the other
 def _wander_at_rest(readings: ImuReadings, count: int) -> Array:
-    """As `_wander_around`, of so many windows; of a triad whose ratios of found to expected are, on
-    average, within three standard errors of one: zeros."""
+    """As `_wander_around`, of so many windows but those that drift or are disturbed: they excuse no
+    other. Zeros of a triad whose ratios of found to expected are, on average, within three
+    standard errors of one."""
     try:
         check_rest(readings, "")
     except NotAtRest:
@@ -211,9 +213,10 @@ def _wander_at_rest(readings: ImuReadings, count: int) -> Array:
     starts = (t_from + span * np.arange(count)).tolist()
     windows = [Dwell("", start, start + span, readings) for start in starts]
     shown = [mean_and_variance(window.window()) for window in windows]
-    found = np.var([means for means, _ in shown], axis=0, ddof=1)
-    told = [own + _told_around(w) for w, (_, own) in zip(windows, shown, strict=True)]
-    expected = np.mean(told, axis=0)
+    told = np.array([own + _told_around(w) for w, (_, own) in zip(windows, shown, strict=True)])
+    calm = told <= _DISTURBED**2 * np.median(told, axis=0)
+    found = np.var([means for means, _ in shown], axis=0, ddof=1, where=calm)
+    expected = np.mean(told, axis=0, where=calm)
     ratios = np.divide(found, expected, out=np.zeros(6), where=expected > 0).reshape(2, 3)
     beyond = ratios.mean(axis=1) > 1 + 3 * np.sqrt(2 / (3 * (count - 1)))
     return np.repeat(beyond, 3) * np.maximum(found - expected, 0.0)

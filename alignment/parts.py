@@ -8,6 +8,7 @@ once, as for a median, a record of more than `MOST` rows is told by excerpts.
 
 import mmap
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -16,15 +17,17 @@ from numpy.typing import NDArray
 
 PART = 2**20  # rows at once
 MOST = 2**22  # rows that are held at once: over an hour at 1 kHz
+_AT_ONCE = 2**13  # rows that a processor's cache takes
 _EXCERPT = 4096  # rows of one excerpt
 _FEW = 1024  # rows apart: 64 KiB of the file come with each
 
 Values = NDArray[Any]
 
 
-def parts(n: int) -> Iterator[slice]:
-    """Successive rows of `n`, `PART` at most."""
-    return (slice(first, min(first + PART, n)) for first in range(0, n, PART))
+def parts(n: int, most: int = MOST) -> Iterator[slice]:
+    """Successive rows of `n`, `PART` and so many at most."""
+    size = min(most, PART)
+    return (slice(first, min(first + size, n)) for first in range(0, n, size))
 
 
 def in_parts(values: Values) -> Iterator[Values]:
@@ -91,10 +94,15 @@ def mean(values: Values) -> Values:
     """Mean (k,) of `values` (n, k) over the rows, with the bits of ``values.mean(axis=0)``."""
     if len(values) <= PART:
         return np.asarray(values.mean(axis=0))
-    total = np.zeros(values.shape[1:])
+    # as numpy does, row by row; einsum of few columns in a fourth of the time
+    added = np.add.reduce if values.shape[1] == 1 else partial(np.einsum, "ij->j")
+    rows = np.zeros((1 + _AT_ONCE, values.shape[1]))
     for part in in_parts(values):
-        total = np.add.reduce(np.concatenate([total[None], part]))  # as numpy does: row by row
-    return np.asarray(total / len(values))
+        for first in range(0, len(part), _AT_ONCE):
+            some = part[first : first + _AT_ONCE]
+            rows[1 : 1 + len(some)] = some
+            rows[0] = added(rows[: 1 + len(some)])
+    return rows[0] / len(values)
 
 
 def sums_between(values: Values, edges: Values) -> Values:

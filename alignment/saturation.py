@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alignment.arrays import Array
+from alignment.cores import over_cores
 from alignment.errors import Saturated
 from alignment.once import once
-from alignment.parts import excerpts, in_parts, parts, release
+from alignment.parts import PART, excerpts, in_parts, parts, release
 from alignment.readings import ImuReadings
 from alignment.sampling import step_of
 
@@ -76,7 +77,9 @@ def saturation_doubt(label: str, readings: ImuReadings) -> tuple[str, ...]:
 def _clipped_counts(readings: ImuReadings) -> tuple[int, ...]:
     """How many samples of each channel are clipped."""
     triads = zip((readings.w_ib_b, readings.f_b), readings.ranges, strict=True)
-    return tuple(_at_full_scale(channel, stated) for triad, stated in triads for channel in triad.T)
+    channels = [(channel, stated) for triad, stated in triads for channel in triad.T]
+    each = over_cores if len(readings) > PART else map
+    return tuple(each(lambda one: _at_full_scale(*one), channels))
 
 
 def clipped(readings: ImuReadings) -> NDArray[np.bool_]:

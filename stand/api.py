@@ -778,13 +778,14 @@ def rehearse(
     >>> answer.feasible, round(answer.duration.total)
     (True, 600)
     """
+    from stand.arguments import MOST_RUNS
     from stand.errors import whole
     from stand.rehearsal.advice import with_advice
     from stand.report.notebook import shown
     from stand.results.rehearsed import Rehearsed
 
     if verify is not None:
-        whole("verify", verify, 1)
+        whole("verify", verify, 1, MOST_RUNS)
     answer = with_advice(_checked(settings), _quiet if verify or propose else progress)
     if propose:
         from stand.proposal.advice import with_proposal
@@ -842,14 +843,15 @@ def compare(
     >>> [(t.method, t.runs, t.refused) for t in found.tallies]
     [('triad', 4, 0)]
     """
+    from stand.arguments import MOST_RUNS, MOST_WORKERS
     from stand.errors import whole
     from stand.evaluation.comparison import compare as compare_methods
     from stand.report.notebook import shown
     from stand.results.compared import Compared
 
-    whole("runs", runs, 1)
+    whole("runs", runs, 1, MOST_RUNS)
     if workers is not None:
-        whole("workers", workers, 1)
+        whole("workers", workers, 1, MOST_WORKERS)
     file = None if keep is None else Path(keep)
     found = compare_methods(_checked(settings), runs, progress, workers, _engine(scheduler), file)
     return shown(Compared, found)
@@ -924,12 +926,13 @@ def campaign(
     >>> sorted({str(q) for q in columns["quantity"][columns["method"] == "triad"]})
     ['NEES', 'heading', 'latitude', 'pitch', 'roll', 'yaw']
     """
+    from stand.arguments import MOST_WORKERS
     from stand.campaigns.sweep import load_sweep
     from stand.errors import whole
     from stand.results.campaigned import Campaigned
 
     if workers is not None:
-        whole("workers", workers, 1)
+        whole("workers", workers, 1, MOST_WORKERS)
     engine = None
     if scheduler is not None:
         from stand.simulation.cluster import engine_at

@@ -16,6 +16,8 @@ from stand.errors import StandError, unknown
 HIGHEST_RATE_HZ = 10_000
 ALLAN_TERMS = ("N", "B", "K", "Q", "R")
 LOWEST_M, HIGHEST_M = -1000, 10_000  # of a site
+MOST_RUNS = 10_000_000
+MOST_WORKERS = 1024  # processes of one machine: beyond, it is a slip
 
 Choice = TypeVar("Choice", bound=Enum)
 Named = str | PathLike[str]

@@ -33,8 +33,8 @@ def printable(text: str) -> str:
     return text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
 
 
-def whole(name: str, value: Any, least: int = 0) -> int:
-    """A whole number that is not below `least`; anything else is refused by its name."""
+def whole(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
+    """A whole number from `least` to `most`; anything else is refused by its name."""
     try:
         number = operator.index(value)
     except TypeError:
@@ -42,6 +42,8 @@ def whole(name: str, value: Any, least: int = 0) -> int:
         raise StandError(message) from None
     if number < least:
         raise StandError(f"{name} = {number}: must be {least} or more")
+    if most is not None and number > most:
+        raise StandError(f"{name} = {number}: must be {most} or less")
     return number
 
 

@@ -35,7 +35,9 @@ class Entry(BaseModel):
     Strict: text or a boolean is not taken for a number.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, strict=True, defer_build=True
+    )
 
     @model_validator(mode="before")
     @classmethod

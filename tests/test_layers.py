@@ -46,6 +46,7 @@ STOREYS = (
         "samples",
         "room",
         "threads",
+        "unneeded",
         "table",
         "procedure",
         "imu",

@@ -243,22 +243,26 @@ def analyse(
     for number, (_, part) in enumerate(parts, 1):
         label = "record" if len(parts) == 1 else f"stretch {number}"
         notes += saturation_doubt(label, part)
-    stretches = tuple(_stretch(part, step) for step, part in parts)
+    intervals = [step for step, _ in parts]
 
-    def of_sensor(sensor: str) -> tuple[list[str], list[Channel]]:
+    def of_sensor(sensor: str) -> tuple[list[Array], list[str], list[Seen]]:
         triads = [p.w_ib_b if sensor == "gyro" else p.f_b for _, p in parts]
-        step, triads, told = _new_ones(sensor, triads, [s.interval for s in stretches])
-        told += peculiar(sensor, [part for _, part in parts], stretches[0].interval)
-        known, own = (bandwidths or {}).get(sensor, np.inf), []
-        for k, axis in enumerate(AXES):
-            signals = [triad[:, k] for triad in triads]
-            own.append(channel(sensor, axis, signals, step, sheet, known))
-        return told, own
+        means = [mean(triad) for triad in triads]
+        step, triads, told = _new_ones(sensor, triads, intervals)
+        told += peculiar(sensor, [part for _, part in parts], intervals[0])
+        columns = [[triad[:, k] for triad in triads] for k in range(len(AXES))]
+        return means, told, [(signals, deviation(signals, step)) for signals in columns]
 
     channels: list[Channel] = []
-    for told, own in over_cores(of_sensor, SENSORS):
+    found = over_cores(of_sensor, SENSORS)
+    for sensor, (_, told, seen) in zip(SENSORS, found, strict=True):
         notes += told
-        channels += own
+        known = (bandwidths or {}).get(sensor, np.inf)
+        # fits are of few numbers: threads that ask for the interpreter all the time would wait
+        for axis, (signals, curve) in zip(AXES, seen, strict=True):
+            channels.append(_channel(sensor, axis, signals, curve, sheet, known))
+    means = zip(*(means for means, _, _ in found), strict=True)
+    stretches = tuple(_stretch(*part, *own) for part, own in zip(parts, means, strict=True))
     result = Analysis(tuple(channels), stretches, tuple(events), tuple(notes))
     for term in asked:
         _refuse_unless_shown(term, result.channels, result.duration)
@@ -266,6 +270,7 @@ def analyse(
 
 
 Part = tuple[float, ImuReadings]  # a stretch with the interval of its samples [s]
+Seen = tuple[list[Array], Deviation]  # a channel's stretches with its curve
 
 
 def _stretches(rests: Sequence[ImuReadings]) -> tuple[list[Part], list[Interruption], list[str]]:
@@ -330,8 +335,7 @@ def _at_rest(pieces: list[Part], label: str) -> tuple[list[Part], list[str]]:
     return still, [f"left out, not at rest: {', '.join(sorted(moved))}"] if moved else []
 
 
-def _stretch(part: ImuReadings, step: float) -> RestRecord:
-    w_ib_b, f_b = mean(part.w_ib_b), mean(part.f_b)
+def _stretch(step: float, part: ImuReadings, w_ib_b: Array, f_b: Array) -> RestRecord:
     times = float(part.t[0]), float(part.t[-1])
     return RestRecord(*times, len(part), step, w_ib_b=w_ib_b, f_b=f_b)
 
@@ -376,7 +380,19 @@ def channel(
         Fewer than 96 samples.
     """
     signals = [signal] if isinstance(signal, np.ndarray) else list(signal)
-    curve = deviation(signals, step)
+    return _channel(sensor, axis, signals, deviation(signals, step), sheet, bandwidth)
+
+
+def _channel(
+    sensor: str,
+    axis: str,
+    signals: list[Array],
+    curve: Deviation,
+    sheet: Sheet | None,
+    bandwidth: float,
+) -> Channel:
+    """The same of a curve that is known."""
+    step = curve.interval
     if curve.silent:
         return _silent(sensor, axis, curve)
     stated = {key: (sheet or {}).get((sensor, key), 0.0) for key in KEYS}

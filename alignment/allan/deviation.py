@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from alignment.allan.covariance import octaves, shares, stride
-from alignment.allan.running import Grid, running_sum, second_differences
+from alignment.allan.running import Grid, pieces, running_sum, second_differences, windows
 from alignment.arrays import Array, set_owned
 from alignment.errors import TooShort
-from alignment.parts import in_parts
 
 FEWEST = 96  # samples: four octaves, 1 to 8 samples, with 12 averages at the longest
 CANCELLED = 1e-12  # of the largest variance: less is a pattern that repeats
@@ -95,19 +94,14 @@ def deviation(signal: Array | Sequence[Array], interval: float) -> Deviation:
 
 def _variances(signal: Array, m: np.ndarray) -> Array:
     """Of one stretch; all zero where it is constant but for rounding."""
-    first, span, size, total = float(signal[0]), 0.0, 0.0, 0.0
-    for part in in_parts(signal):
-        offset = part - first
-        span, size = max(span, largest(offset)), max(size, largest(part))
-        total += float(offset.sum())
-    if span <= SILENT * size:
+    first, total = float(signal[0]), 0.0
+    low = high = first
+    for piece in pieces(signal):
+        low, high = min(low, float(piece.min())), max(high, float(piece.max()))
+        total += float((piece - first).sum())
+    if max(high - first, first - low) <= SILENT * max(high, -low):
         return np.zeros(len(m))
     return variances(running_sum(signal, first, total / len(signal)), m)
-
-
-def largest(values: Array) -> float:
-    """Largest size of values (n,), without a copy of them."""
-    return float(max(values.max(), -values.min()))
 
 
 def variances(phase: Iterable[Array], m: np.ndarray) -> Array:
@@ -117,12 +111,12 @@ def variances(phase: Iterable[Array], m: np.ndarray) -> Array:
     longest: dict[int, int] = {}
     for step, lag in zip(steps, lags, strict=True):
         longest[step] = max(lag, longest.get(step, 0))
-    grids = {step: Grid(step, lag) for step, lag in longest.items()}
+    rows = [[row for row, own in enumerate(steps) if own == step] for step in longest]
+    grids = [Grid(*one) for one in longest.items()]
     squares, counts = np.zeros(len(m)), np.zeros(len(m), np.int64)
-    for piece in phase:
-        windows = {step: grid.window(piece) for step, grid in grids.items()}
-        for row, (step, lag) in enumerate(zip(steps, lags, strict=True)):
-            for some in second_differences(*windows[step], lag):
+    for grid, window, held in windows(phase, grids):
+        for row in rows[grid]:
+            for some in second_differences(window, held, lags[row]):
                 squares[row] += np.einsum("i,i", some, some)
                 counts[row] += len(some)
     return squares / counts / (2.0 * (np.array(lags) * steps) ** 2)

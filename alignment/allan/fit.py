@@ -345,6 +345,16 @@ def solve(
     A walk and a ramp look alike at the few longest taus, so there can be several optima: with and
     without either is tried, or a solution `near`, and the likeliest is taken.
     """
+    return _solved(posed, fixed, at, near)[0]
+
+
+Solved = tuple[Array, "White", float]  # weights, the problem at their covariance, their cost there
+
+
+def _solved(
+    posed: Problem, fixed: int | None = None, at: float = 0.0, near: Array | None = None
+) -> Solved:
+    """As `solve`."""
     free = np.array([k for k in range(len(TERMS)) if k != fixed])
     ways = _STARTS if near is None else (None,)
     starts = [_start(posed, free, without, fixed, at) for without in ways]
@@ -357,7 +367,7 @@ def solve(
     for start in starts:
         if all(np.any(np.abs(start - other) > 1e-3 * other) for other in found):
             found.append(start)
-    return min((_iterated(posed, w, free) for w in found), key=lambda w: posed.whiten(w).cost(w))
+    return min((_iterated(posed, w, free) for w in found), key=lambda one: one[2])
 
 
 def _start(
@@ -383,7 +393,7 @@ def _positive(posed: Problem, weights: Array, free: IntArray) -> Array:
     return weights
 
 
-def _iterated(posed: Problem, weights: Array, free: IntArray) -> Array:
+def _iterated(posed: Problem, weights: Array, free: IntArray) -> Solved:
     """Fisher scoring on the likelihood, no weight below zero, every step an improvement."""
     white = posed.whiten(weights)
     cost = white.cost(weights)
@@ -398,12 +408,12 @@ def _iterated(posed: Problem, weights: Array, free: IntArray) -> Array:
                 break
             part /= 3
         else:
-            return weights
+            break
         gained = cost - cost_there
         weights, white, cost = moved, white_there, cost_there
         if gained < _SETTLED:
-            return weights
-    return weights
+            break
+    return weights, white, cost
 
 
 def against(fitted: Fit, term: int, at: float) -> float:
@@ -439,21 +449,29 @@ def holding(posed: Problem, best: Array, term: int) -> tuple[Problem, Array]:
 
 def worse_with(posed: Problem, best: Array, term: int, at: float) -> float:
     """How much worse a fit is with a term held `at` a weight: chi-square of 1 if that is true."""
-    asked, own = holding(posed, best, term)
-    held = solve(asked, term, at, near=np.maximum(own, 0.0))
-    white = asked.whiten(held)
-    likelihood = white.cost(held) - asked.whiten(own).cost(own)
-    residuals = white.chi2(held) - white.chi2(own)
-    return min(likelihood, max(residuals, LENIENT * likelihood))
+    return _worse(*holding(posed, best, term), term)(at)
+
+
+def _worse(asked: Problem, own: Array, term: int) -> Callable[[float], float]:
+    """The same as a function of the weight, of what `holding` says."""
+    near, least = np.maximum(own, 0.0), asked.whiten(own).cost(own)
+
+    def worse(at: float) -> float:
+        held, white, cost = _solved(asked, term, at, near)
+        likelihood = cost - least
+        residuals = white.chi2(held) - white.chi2(own)
+        return min(likelihood, max(residuals, LENIENT * likelihood))
+
+    return worse
 
 
 def _interval(posed: Problem, best: Array, term: int, limit: float) -> tuple[float, float]:
     asked, own = holding(posed, best, term)
     peak = float(np.cbrt(max(own[term], 0.0)))
+    worse = _worse(asked, own, term)
 
     def beyond(cube_root: float) -> float:
-        worse = worse_with(posed, best, term, cube_root**3)
-        return float(np.sqrt(max(worse, 0.0)) - np.sqrt(limit))
+        return math.sqrt(max(worse(cube_root**3), 0.0)) - math.sqrt(limit)
 
     if peak == 0.0 and beyond(0.0) > 0:  # a low-pass for certain, no quantisation
         return 0.0, 0.0

@@ -2,20 +2,22 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 from scipy.special import chdtri
 
 from alignment.allan.covariance import stride
-from alignment.allan.running import Grid, running_sum, second_differences
+from alignment.allan.running import PIECE, Grid, pieces, running_sum, second_differences, windows
 from alignment.arrays import Array, IntArray
-from alignment.parts import in_parts, mean, parts, release
+from alignment.parts import in_parts, parts, release
 from alignment.readings import ImuReadings
 from alignment.sampling import every, some_of
 
 AXES = ("x", "y", "z")
 BLOCK = 64  # samples whose scatter is read about their own mean
+AT_ONCE = 512  # blocks: a quarter of a MB
 SHAKEN = 25.0  # times the median variance in such a block: no chance, but a knock or a vibration
 FAR = 8.0  # usual deviations from the mean of both neighbours: no chance in any record
 SILENT = 1e-13  # of the signal's size: less is rounding
@@ -42,11 +44,11 @@ def scatter(values: Array) -> Array:
 def _scatter(values: Array) -> Array:
     """Variances (b, k) of values (n, k), so many blocks at a time as a processor's cache takes."""
     found = np.empty((len(values) // BLOCK, values.shape[1]))
-    for k, column in enumerate(np.ascontiguousarray(values.T)):
-        blocks = column.reshape(-1, BLOCK)
-        for a in range(0, len(blocks), BLOCK):
-            off = blocks[a : a + BLOCK] - blocks[a : a + BLOCK].mean(axis=1, keepdims=True)
-            found[a : a + BLOCK, k] = np.einsum("ij,ij->i", off, off) / (BLOCK - 1)
+    for a in range(0, len(found), AT_ONCE):
+        for k, column in enumerate(values[a * BLOCK : (a + AT_ONCE) * BLOCK].T):
+            blocks = np.ascontiguousarray(column).reshape(-1, BLOCK)
+            off = blocks - blocks.mean(axis=1, keepdims=True)
+            found[a : a + AT_ONCE, k] = np.einsum("ij,ij->i", off, off) / (BLOCK - 1)
     return found
 
 
@@ -146,7 +148,7 @@ def _farther(values: Array, allowed: float) -> tuple[Array, IntArray]:
     the second on."""
     found: list[Array] = [np.empty(0)]
     numbers: list[IntArray] = [np.empty(0, np.int64)]
-    for rows in parts(len(values) - 2):
+    for rows in parts(len(values) - 2, PIECE):
         off = _off(values[rows.start : rows.stop + 2])
         far = np.flatnonzero(off > allowed)
         found.append(off[far])
@@ -186,10 +188,9 @@ def _steps(name: str, t: Array, values: Array) -> Iterator[str]:
     """
     n, levels = len(values), _levels(len(values))
     grids = [Grid(level.step, level.lag) for level in levels]
-    for piece in running_sum(values, float(mean(values[:, None])[0])):
-        for level, grid in zip(levels, grids, strict=True):
-            for some in second_differences(*grid.window(piece), level.lag):
-                level.add(some)
+    for grid, window, held in windows(running_sum(values, _level(values)), grids):
+        for some in second_differences(window, held, levels[grid].lag):
+            levels[grid].add(some)
     for level in levels:
         usual = float(np.median(np.concatenate(level.some))) / NORMAL
         m = level.step * level.lag
@@ -201,6 +202,11 @@ def _steps(name: str, t: Array, values: Array) -> Iterator[str]:
         if apart > level.most / m / 2:
             yield f"{name}: jumps near {t[at]:.6g} s and stays there: a walk or plateau is of that"
             return
+
+
+def _level(values: Array) -> float:
+    """Near enough the mean of values (n,) that their running sum stays small."""
+    return sum(float(piece.sum()) for piece in pieces(values)) / len(values)
 
 
 def _levels(n: int) -> list[_Apart]:
@@ -255,14 +261,23 @@ def _segments(n: int) -> tuple[int, int]:
 
 def _spectrum(values: Array, count: int, n: int) -> Array:
     """Mean power (n // 2 + 1,) of so many segments of n samples, spread evenly, windowed."""
-    window, total = np.hanning(n), np.zeros(n // 2 + 1)
+    window, total = _window(n), np.zeros(n // 2 + 1)
+    own, transform = np.empty(n), np.empty(n // 2 + 1, complex)  # new memory takes as long as FFTs
     for first in np.linspace(0, len(values) - n, count).astype(int).tolist():
-        own = np.ascontiguousarray(values[first : first + n])
-        own = own - own.mean()
+        own[:] = values[first : first + n]
+        own -= own.mean()
         own *= window
-        halves = np.fft.rfft(own).view(float).reshape(-1, 2)
+        halves = np.fft.rfft(own, out=transform).view(float).reshape(-1, 2)
         halves *= halves
         total += halves[:, 0]
         total += halves[:, 1]
         release(values)
     return total
+
+
+@lru_cache(maxsize=1)
+def _window(n: int) -> Array:
+    """Hann's, of all channels of a record."""
+    window = np.hanning(n)
+    window.flags.writeable = False
+    return window

@@ -4,7 +4,7 @@ A signal goes by in pieces that a processor's cache takes; of the sum only what 
 is kept.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -43,15 +43,36 @@ class Grid:
     def __init__(self, step: int, lag: int) -> None:
         self._step, self._most = step, 2 * lag
         self._held, self._next = np.empty(0), 0
+        self._new: list[Array] = []
+        self._count = 0
 
-    def window(self, piece: Array) -> tuple[Array, int]:
-        """Values at the grid up to the end of the stream's next piece, and how many of them are
-        of pieces before."""
-        held = len(self._held)
-        window = np.concatenate([self._held, piece[self._next :: self._step]])
+    def add(self, piece: Array) -> bool:
+        """Take the stream's next piece; whether there are so many new values that they are worth
+        a look."""
+        own = piece[self._next :: self._step]
+        self._new.append(own if self._step == 1 else own.copy())  # a view would hold all of it
         self._next = (self._next - len(piece)) % self._step
+        self._count += len(own)
+        return self._count >= BLOCK
+
+    def window(self) -> tuple[Array, int]:
+        """Values at the grid up to the end of what was taken, and how many of them were in the
+        window before."""
+        held = len(self._held)
+        window = np.concatenate([self._held, *self._new])
+        self._new, self._count = [], 0
         self._held = window[max(0, len(window) - self._most) :].copy()
         return window, held
+
+
+def windows(stream: Iterable[Array], grids: Sequence[Grid]) -> Iterator[tuple[int, Array, int]]:
+    """Windows of a stream on several grids, each with the number of its grid."""
+    for piece in stream:
+        for k, grid in enumerate(grids):
+            if grid.add(piece):
+                yield k, *grid.window()
+    for k, grid in enumerate(grids):
+        yield k, *grid.window()
 
 
 def second_differences(window: Array, held: int, lag: int) -> Iterator[Array]:

@@ -11,6 +11,7 @@ and J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Contr
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -21,7 +22,7 @@ from alignment.around import by_direction, less_turned, whole_circle
 from alignment.arrays import Array
 from alignment.constant_errors import constant_columns, constant_form
 from alignment.cross import cross_matrix
-from alignment.doubts import apart_doubt, drift_doubt, heading_doubt
+from alignment.doubts import ALIKE_DOUBT, apart_doubt, drift_doubt, heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
@@ -57,6 +58,7 @@ _JITTERS = np.geomspace(1e-3, 1.0, 7)  # of the mean square of the velocities th
 _CERTAIN = 3.0  # of log likelihood: chi-square of two degrees of freedom at one in twenty
 _BEYOND = 3.0  # sigmas from which a slow force is no noise
 _BENT = 0.5  # of a drift's straight part, the bend of one that settles
+_TURNED = 0.5  # of what bends there: the sensors' own part below which the base does
 _ARM_ORDERS = 4  # Legendre orders of velocity that attitude errors and biases make
 _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
 _WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarked
@@ -80,13 +82,26 @@ class Noise:
     jitter: float = 0.0
 
 
+class Own(NamedTuple):
+    """Parts of what drifts at rest that are the sensors' own: of `gyro`, of `accel`, whatever its
+    shape, and of accelerometers as far as they `bent` from a straight line."""
+
+    gyro: float
+    accel: float
+    bent: float
+
+
+_ALL = Own(1.0, 1.0, 1.0)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Rest:
     """What a record at rest shows beside white noise, of each axis (3,); zeros where it moves.
 
     `jitter`: variance of the angle about what noise makes of it [rad^2], which the last sample
     has. `gyro_drift`, `accel_drift`: steady drifts from end to end [rad/s], [m/s^2];
-    `drift_around` (6,) [rad/s], [m/s^2]: of the record that this one is `part` of. `apart`: what
+    `drift_around` (6,) [rad/s], [m/s^2]: of the record that this one is `part` of; `straight`:
+    whether accelerometers do so there, which turns heading alike in all parts of it. `apart`: what
     lies apart from the rest of this one and of that.
     """
 
@@ -96,13 +111,15 @@ class Rest:
     drift_around: Array
     part: float
     apart: tuple[Apart, ...] = ()
+    straight: bool = False
 
     def doubts(self, dwell: Dwell) -> tuple[str, ...]:
         """What is counted of drifts and of what lies apart, in words."""
         flags = drift_doubt(self.gyro_drift, self.accel_drift)
         flags += tuple(flag for one in self.apart[:1] for flag in apart_doubt(one))
         around = any(one.off.any() for one in self.apart[1:]) or self.drift_around.any()
-        return flags + (around_doubt(dwell) if around else ())
+        flags += around_doubt(dwell) if around else ()
+        return flags + (ALIKE_DOUBT,) * self.straight
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,7 +219,8 @@ def rest_of(
     """What the readings show beside white noise, where they are at rest and no sheet tells it.
 
     Drifts are those that are the sensors' own, by what is `seen` of the base in these readings and
-    in the record around them: see `own_parts`.
+    in the record around them: see `own_parts`. That tells of how the windows' drifts differ whether
+    the base turned; of what is straight from end to end of it, it does not.
     """
     nothing = Rest(*np.zeros((3, 3)), drift_around=np.zeros(6), part=1.0)
     if not priors.noise_only or len(readings) < LEAST_SPECTRUM:
@@ -217,21 +235,22 @@ def rest_of(
     own = np.maximum(steady, np.concatenate([np.zeros(3), _slow_force(*seen)]))
     wide, part = drift_around(dwell)
     one, other = apart_of(readings), apart_around(dwell)
+    straight = np.zeros(3)
     if own.any() or wide.any() or one.off.any() or other.off.any():
-        gyro, accel = own_parts(*seen, own[:3])
-        if wide.any() or other.off.any():
-            around = _own_parts_around(dwell.readings, site)
-            wide = wide * np.repeat(around, 3)
-            other = other.of(*around)
-            accel = min(accel, around[1])
-        own = own * np.repeat([gyro, accel], 3)
-        one = one.of(gyro, accel)
-    return Rest(jitter, own[:3], own[3:], wide, part, (one, other))
+        parts = own_parts(*seen, own[:3])
+        around = own_parts_around(dwell, site)
+        straight = np.minimum(own[3:], part * wide[3:])
+        bent = around.bent * (own[3:] - straight)
+        straight = around.accel * straight
+        own = own * np.repeat([min(parts.gyro, around.gyro), parts.accel], 3)
+        own[3:] = np.minimum(own[3:], np.hypot(straight, bent))
+        one = one.of(parts.gyro, min(parts.accel, around.accel))
+        wide = wide * np.repeat([around.gyro, around.accel], 3)
+        other = other.of(around.gyro, around.accel)
+    return Rest(jitter, own[:3], own[3:], wide, part, (one, other), bool(straight.any()))
 
 
-def own_parts(
-    carried: Carried, matched: Match, noise: Noise, gyro_drift: Array
-) -> tuple[float, float]:
+def own_parts(carried: Carried, matched: Match, noise: Noise, gyro_drift: Array) -> Own:
     """Which part of the drifts that gyros and accelerometers show at rest is their own.
 
     Notes
@@ -246,7 +265,9 @@ def own_parts(
     settles; what is straight is the sensors'. A drift of gyros (3,) [rad/s] hides in nothing: no
     more of it is theirs than r has of order 3.
     """
-    values, by_gyro, by_accel = _told_of_the_base(noise, carried, matched)
+    gyro, accel = (np.full(3, np.sqrt(np.mean(own**2))) for own in (noise.gyro, noise.accel))
+    alike = replace(noise, gyro=gyro, accel=accel)  # no axis counts for more by what it did not do
+    values, by_gyro, by_accel = _told_of_the_base(alike, carried, matched)
     straight, alone = _made_by_force(carried, matched)
     inverse = np.linalg.inv(by_gyro + by_accel + noise.jitter**2 * np.eye(len(values)))
     parts = []
@@ -255,8 +276,8 @@ def own_parts(
         part = float(x @ inverse @ values) / told if told > 0 else 1.0
         parts.append(min(1.0, float(np.sqrt(part**2 + 1 / told))) if told > 0 else 1.0)
     bent = min(1.0, float(alone @ alone / (_BENT**2 * straight @ straight)))
-    gyro = min(parts[0], _seen_of(gyro_drift, values[:2], carried, matched))
-    return gyro, float(np.sqrt(1 - bent * (1 - parts[1] ** 2)))
+    of_gyro = min(parts[0], _seen_of(gyro_drift, values[:2], carried, matched))
+    return Own(of_gyro, float(np.sqrt(1 - bent * (1 - parts[1] ** 2))), parts[1])
 
 
 def _seen_of(drift: Array, values: Array, carried: Carried, matched: Match) -> float:
@@ -286,14 +307,29 @@ def _slow_force(carried: Carried, matched: Match, noise: Noise) -> Array:
     return np.asarray(np.abs(straight / ramp @ C_nb[:2]))
 
 
+def own_parts_around(dwell: Dwell, site: Site) -> Own:
+    """As `own_parts`, of the whole record that a dwell is cut from; all is the sensors' where that
+    is the dwell, moves or lost readings."""
+    whole = len(dwell.window()) == len(dwell.readings)
+    return _ALL if whole else _own_parts_at_rest(dwell.readings, site)
+
+
 @lru_cache(maxsize=1)  # the windows of one record ask one after the other
-def _own_parts_around(readings: ImuReadings, site: Site) -> tuple[float, float]:
-    """As `own_parts`, of a whole record at rest."""
+def _own_parts_at_rest(readings: ImuReadings, site: Site) -> Own:
     if gap_doubt(readings):
-        return 1.0, 1.0
-    carried = carry(readings, block_of(readings))
-    matched, noise, _ = laid(readings, carried, site, Priors())
+        return _ALL
+    try:
+        check_rest(readings, "")
+        carried = carry(readings, block_of(readings))
+        matched, noise, _ = laid(readings, carried, site, Priors())
+    except AlignmentError:  # it moves, or is too short to tell
+        return _ALL
     return own_parts(carried, matched, noise, drift_of(readings.w_ib_b))
+
+
+def base_turns(dwell: Dwell, site: Site) -> bool:
+    """Whether gyros see the base turn by what accelerometers see it tilt in a record at rest."""
+    return _own_parts_at_rest(dwell.readings, site).bent < _TURNED
 
 
 def _told_of_the_base(noise: Noise, carried: Carried, matched: Match) -> tuple[Array, Array, Array]:

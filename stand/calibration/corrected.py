@@ -9,6 +9,7 @@ import numpy as np
 
 from alignment import ImuReadings, Priors
 from alignment.calibration import Calibration, correct
+from stand.bounds import COLDEST_C, HOTTEST_C
 from stand.calibration.file import CalibrationRecord, load_calibration, record_to_json
 from stand.errors import StandError, located
 from stand.folder import file_beside, refuse_files
@@ -145,6 +146,10 @@ def corrected(
     if by_warmth and temperature_C is None:
         raise StandError(
             "the calibration has terms of temperature: give --temperature C of the unit"
+        )
+    if temperature_C is not None and not COLDEST_C <= temperature_C <= HOTTEST_C:
+        raise StandError(
+            f"temperature = {temperature_C:g} C: must be {COLDEST_C:g} to {HOTTEST_C:g}"
         )
     warmth = 0.0 if temperature_C is None else temperature_C - calibration.reference_temperature
     return correct(calibration, readings, warmth)

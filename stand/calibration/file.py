@@ -170,7 +170,7 @@ def _nuisance(n: Nuisance) -> dict[str, Any]:
 class _Read(BaseModel):
     """Base of what is read back: finite numbers, none of them as text; more keys pass."""
 
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False, strict=True)
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False, strict=True, defer_build=True)
 
 
 _Share = Annotated[float, Field(ge=0, le=1)]

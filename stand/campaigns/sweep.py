@@ -22,6 +22,7 @@ from pydantic import Field, field_validator, model_validator
 from alignment.arrays import Array
 from alignment.earth import Site
 from stand import toml_files as catalogue
+from stand.arguments import MOST_RUNS
 from stand.bounds import LARGEST_STATED
 from stand.campaigns.keys import FILES, changed, place_of, stated
 from stand.errors import StandError, located, whole
@@ -35,7 +36,6 @@ from stand.table.table import Table, table_from
 from stand.toml_files import Source
 
 MOST_CASES = 100_000
-MOST_RUNS = 10_000_000
 LAST_SEED = 2**39  # with the most runs below 2^40: a case and a seed are one whole number
 DIGITS = 12  # of values that a range makes: 0.001, not 0.0010000000000000002
 

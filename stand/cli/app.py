@@ -16,6 +16,7 @@ from stand.cli.align import align, allan, import_log
 from stand.cli.calibrate import apply, calibrate
 from stand.cli.campaign import campaign
 from stand.cli.catalogue import check_imu, check_table, list_entries, new
+from stand.cli.command import Command
 from stand.cli.film import film, picture
 from stand.cli.progress import Stopped
 from stand.cli.propose import propose
@@ -25,21 +26,13 @@ from stand.cli.stretches import stretches
 from stand.cli.study import compare, export, rehearse
 from stand.physics import set_driver_aside
 from stand.threads import set_one_thread
+from stand.unneeded import put_off_the_unneeded
 from stand.versions import VERSION
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
-
-app = typer.Typer(
-    name="stand",
-    help="Virtual IMU test stand: rehearse a turntable test, record it, align from readings.\n\n"
-    "Start with: stand run six-position",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
 
 COMMANDS = {
     "run": run,
@@ -65,17 +58,18 @@ COMMANDS = {
     "new": new,
     "view": view,
 }
-for name, command in COMMANDS.items():
-    app.command(name)(command)
 
 
 def main() -> None:
     """Entry point: known faults become one line and exit code 2."""
     set_driver_aside()
     set_one_thread()
+    put_off_the_unneeded()
     _set_streams()
     signal.signal(signal.SIGTERM, _interrupt)
-    sys.exit(guarded(lambda: app(standalone_mode=False)))
+    asked = sys.argv[1:2]  # typer builds every command that it has before it looks which is asked
+    own = application(asked) if set(asked) <= COMMANDS.keys() and asked else app
+    sys.exit(guarded(lambda: own(standalone_mode=False)))
 
 
 def _set_streams() -> None:
@@ -133,7 +127,6 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback(invoke_without_command=True)
 def _root(
     context: typer.Context,
     version: Annotated[
@@ -142,3 +135,22 @@ def _root(
 ) -> None:
     if context.invoked_subcommand is None:
         print(context.get_help())
+
+
+def application(names: Iterable[str]) -> typer.Typer:
+    """The command line with these of `COMMANDS`."""
+    new = typer.Typer(
+        name="stand",
+        help="Virtual IMU test stand: rehearse a turntable test, record it, align from readings."
+        "\n\nStart with: stand run six-position",
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    for name in names:
+        new.command(name, cls=Command)(COMMANDS[name])
+    new.callback(invoke_without_command=True)(_root)
+    return new
+
+
+app = application(COMMANDS)

@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
+from stand.cli.command import refuse_given
 from stand.cli.options import ForceOption, JsonOption, SchedulerOption, quick_imports
 from stand.cli.progress import Stopped, print_json, progress, working
 from stand.cli.run import show_run
 
 
 def campaign(
+    context: typer.Context,
     what: Annotated[
         str,
         typer.Argument(
@@ -58,15 +60,20 @@ def campaign(
     """
     from stand.errors import StandError
 
+    running = {"resume", "workers", "scheduler", "plan"}
     if what == "record":
+        refuse_given(context, "for one run, which is recorded", running)
         _record(folder, case, seed, out, force, as_json)
         return
     for option, given in (("DIR", folder), ("--case", case), ("--seed", seed)):
         if given is not None:
             raise StandError(f"{option}: of stand campaign record")
+    refuse_given(context, "for a campaign: --resume goes on with one", {"force"})
     if Path(what).is_dir():
+        refuse_given(context, "for a campaign's folder, which is only read", running | {"out"})
         _read(Path(what), as_json)
     elif plan:
+        refuse_given(context, "beside --plan", {"scheduler"})
         _plan(what, out, resume, workers, as_json)
     else:
         _run(what, out, resume, workers, scheduler, as_json)

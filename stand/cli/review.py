@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from stand.cli.command import refuse_given
 from stand.cli.log_options import takes_log_form
 from stand.cli.options import ForceOption, JsonOption, LatitudeOption, quick_imports
 from stand.cli.progress import print_json, progress, working
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 @takes_log_form
 def report(
+    context: typer.Context,
     recording: Annotated[
         Path, typer.Argument(help="Folder of stand run, its run.mcap, or any log.")
     ],
@@ -66,6 +68,8 @@ def report(
     with working("reading", False):
         log = api.read(recording, topic=topic, stretches=stretches, form=form)
     of_run = log.simulated and stretches is None
+    if of_run:
+        refuse_given(context, "for a recorded run, which says its unit", {"imu"})
     if film and not of_run:
         raise StandError("--film: of a recorded run; stand film shows a log with joints")
     if film:
@@ -150,7 +154,7 @@ def view(
     from stand.recording.viewer import KINDS
     from stand.recording.viewer import view as open_viewer
 
-    whole = t_from is None and t_to is None and out is None
+    whole = t_from is None and t_to is None and out is None and topic is None
     if whole and recording.is_dir() and (recording / "run.rrd").is_file():
         open_viewer(recording / "run.rrd", browser=browser)
     elif whole and recording.suffix in KINDS:

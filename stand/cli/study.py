@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stand.cli.command import refuse_given
 from stand.cli.log_options import takes_log_form
 from stand.cli.options import (
     ForceOption,
@@ -26,8 +27,16 @@ if TYPE_CHECKING:
     from stand.recording.log_form import LogForm
 
 
+_RUNS = {
+    *("table", "runs", "motion", "true_table", "without", "height", "rate", "seed"),
+    *("keep", "scheduler", "out"),
+}
+"""What only runs have that are simulated."""
+
+
 @takes_log_form
 def compare(
+    context: typer.Context,
     procedure: Annotated[
         str | None,
         typer.Argument(
@@ -112,11 +121,17 @@ def compare(
     A log of others among them is read by the last options, as stand align does.
     """
     if other is not None:
+        refuse_given(context, "beside two recordings", _RUNS | {"published", "only"})
         pair = (str(procedure), other)
         _compare_recordings(pair, form, imu, words(methods), stretches, latitude, as_json)
         return
     _refuse_form(form, "compare")
     if published:
+        refuse_given(
+            context,
+            "beside --published",
+            _RUNS - {"out"} | {"imu", "methods", "stretches", "latitude"},
+        )
         _compare_published(only, out, as_json)
         return
     with quick_imports():
@@ -127,6 +142,7 @@ def compare(
         raise stand.StandError("--only: of --published, which is not given")
     if procedure is None:
         raise stand.StandError("compare: name a procedure (stand list procedures), or --published")
+    refuse_given(context, "for a procedure, whose steps are known", {"stretches"})
     settings = stand.settings(
         procedure,
         imu or "stim300",
@@ -218,6 +234,7 @@ def _compare_published(only: str, out: Path | None, as_json: bool) -> None:
 
 
 def rehearse(
+    context: typer.Context,
     procedure: Annotated[
         str, typer.Argument(help="Catalogue id (stand list procedures) or a TOML file.")
     ],
@@ -277,6 +294,8 @@ def rehearse(
         from stand.rehearsal.result import Verdict
         from stand.rehearsal.result_json import rehearsal_json
 
+    if verify is None:
+        refuse_given(context, "without --verify N", {"motion", "keep", "scheduler"})
     settings = stand.settings(
         procedure,
         imu,
@@ -323,6 +342,7 @@ def rehearse(
 
 @takes_log_form
 def export(
+    context: typer.Context,
     what: Annotated[
         str,
         typer.Argument(
@@ -370,6 +390,7 @@ def export(
     """
     if what.endswith(".json"):
         _refuse_form(form, what)
+        refuse_given(context, "for a calibration", {"table", "seed", "topic"})
         from stand.calibration.exports import exported as calibration_exported
         from stand.calibration.file import load_calibration
 
@@ -378,6 +399,7 @@ def export(
         return
     kind = out_format or out.suffix.lower().lstrip(".") or "csv"
     if _is_recording(what):
+        refuse_given(context, "for a recording", {"table", "seed"})
         from stand import api
         from stand.recording.export import WRITERS, export_log
 
@@ -388,6 +410,7 @@ def export(
             print(path)
         return
     _refuse_form(form, what)
+    refuse_given(context, "for a procedure", {"topic"})
     with quick_imports():
         import stand
         from stand.errors import unknown

@@ -15,8 +15,10 @@ from scipy.special import chdtri
 
 from alignment import AttitudeEstimate, Dwell, ImuReadings, Options, Priors, Site, Turn
 from alignment.arrays import Array
+from alignment.doubts import ALIKE_DOUBT
 from alignment.errors import NotAtRest
 from alignment.estimate import ANGLE_LIMIT, LATITUDE_LIMIT
+from alignment.methods.inertial import base_turns
 from alignment.noise import check_at_rest
 from alignment.readings import Grain
 from alignment.rounding import rounding_variance, steps_of
@@ -38,6 +40,7 @@ HIDDEN = "a part of sigma is common to all windows: a scatter below it says noth
 CAREFUL = "scatter below sigma: noise is taken for more than windows show"
 MOST = 0.5  # of a variance
 ALIKE = 0.5  # of their scatter by which estimates with and without constant errors may differ
+LEVEL = ("roll", "pitch")
 DISTURBED = 2.0  # usual sigmas: that of a window that something moved
 BASE_MOVES = "the base moves, and so does what is estimated"
 NOISE_ONLY = "noise only"
@@ -164,10 +167,13 @@ def scatters(
             raise StandError(f"windows of {seconds:g} s: the longest stretch has {longest:.1f} s")
         together = [[part[k] for part in parts if k < len(part)] for k in range(most)]
         moving = {dwell.label for dwell in dwells if dwell.turn is None and not _rests(dwell)}
+        tilting = {dwell.label for dwell in dwells if dwell.turn is None and _tilts(dwell, site)}
         for method in methods:
             estimates, refused = _estimated(method, together, site, options)
             changing = _changing(method, together, site, options)
-            found += _summed(method, seconds, (estimates, changing), moving, options.priors)
+            found += _summed(
+                method, seconds, (estimates, changing), (moving, tilting), options.priors
+            )
             if refused:
                 refusals.append(_refusal(method, seconds, refused, most))
     return found, refusals
@@ -179,6 +185,12 @@ def _rests(dwell: Dwell) -> bool:
     except NotAtRest:
         return False
     return True
+
+
+def _tilts(dwell: Dwell, site: Site) -> bool:
+    if site.latitude is None or not _rests(dwell):
+        return False
+    return base_turns(dwell, site)
 
 
 def _refusal(method: str, seconds: float, refused: Sequence[str], most: int) -> Refusal:
@@ -228,9 +240,11 @@ def _summed(
     method: str,
     seconds: float,
     both: tuple[Sequence[AttitudeEstimate], Sequence[AttitudeEstimate]],
-    moving: set[str],
+    motion: tuple[set[str], set[str]],
     priors: Priors,
 ) -> Iterator[Scatter]:
+    """`motion`: which stretches move, and of which the base tilts though they rest."""
+    moving, tilting = motion
     groups, others = (_grouped(estimates) for estimates in both)
     for (label, window), members in groups.items():
         own = {q: pair for q, *pair in _quantities(others.get((label, window), []))}
@@ -259,7 +273,9 @@ def _summed(
                 remark="",
             )
             hidden = other is not None and not same
-            yield _remarked(row, priors.noise_only, label in moving, hidden)
+            hidden |= any(ALIKE_DOUBT in e.flags for e in members)
+            moves = label in moving or (label in tilting and quantity in LEVEL)
+            yield _remarked(row, priors.noise_only, moves, hidden)
 
 
 def _grouped(

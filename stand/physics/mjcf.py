@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from alignment.arrays import Array
 from stand.errors import StandError
+from stand.physics.copies import spec_of
 from stand.table.joints import JOINTS, Body, Geom, Joint, StandModel
 
 MAIN = "turntable.xml"
@@ -185,7 +186,7 @@ def _bytes(path: Path) -> bytes:
 def _compiled(path: Path, sha256: str) -> mujoco.MjModel:
     """The model of files of this hash, which travels with it as a text."""
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        spec = _spec(path)
         spec.add_text(name=HASH, data=sha256)
         model = _compile(spec)
         _check(model)
@@ -193,6 +194,13 @@ def _compiled(path: Path, sha256: str) -> mujoco.MjModel:
         said = " ".join(str(error).removeprefix("MJCF: ").split())
         raise StandError(f"{path}: {said}") from error
     return model
+
+
+def _spec(path: Path) -> mujoco.MjSpec:
+    """As MuJoCo reads it; the shipped one in a fifth of the time."""
+    if path == models_folder() / MAIN:
+        return spec_of(MAIN, contents_of(path))
+    return mujoco.MjSpec.from_file(str(path))
 
 
 def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:

@@ -85,7 +85,8 @@ def floor_time(like: Settings, limit: float) -> float:
     """Data [s] below which no test tells a heading to `limit` [rad]: by white noise alone."""
     horizontal = EARTH_RATE * cos(like.site.known_latitude())
     noise = float(np.min(like.unit.gyro.noise))
-    return (noise / (horizontal * limit)) ** 2 if horizontal else inf
+    with np.errstate(over="ignore"):  # a limit that is next to nothing takes for ever
+        return float(np.divide(noise, horizontal * limit) ** 2) if horizontal * limit else inf
 
 
 @dataclass(frozen=True, slots=True)

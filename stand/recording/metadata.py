@@ -199,7 +199,7 @@ class LoggedStretch:
 class _Record(BaseModel):
     """Base of the records as they are read: numbers as text or as JSON, finite; more keys pass."""
 
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 # Stamps of ROS end in 2038: no recording lasts longer, and nanoseconds stay within int64.

@@ -1,5 +1,6 @@
 """The samples of any log as a review: all of it, or a stretch at full rate."""
 
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,9 @@ def write_review(log: Log, out: Path, t_from: float | None, t_to: float | None) 
 
 
 def _between(log: Log, t_from: float | None, t_to: float | None) -> ImuReadings:
+    for name, value in (("from", t_from), ("to", t_to)):
+        if value is not None and not isfinite(value):
+            raise StandError(f"--{name} {value}: must be a number of seconds")
     r = log.readings
     a = float(r.t[0]) if t_from is None else t_from
     b = float(r.t[-1]) if t_to is None else t_to

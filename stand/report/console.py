@@ -76,9 +76,8 @@ def _text(cell: str) -> Text:
 def fitted(out: Console, table: TableData) -> TableData:
     """The table with as many of its optional columns as there is room for."""
     boundless = out.options.update(width=10_000)
-    while Measurement.get(out, boundless, _grid(table)).maximum > out.width:
-        narrower = table.narrower()
-        if narrower is None:
+    while (narrower := table.narrower()) is not None:
+        if Measurement.get(out, boundless, _grid(table)).maximum <= out.width:
             break
         table = narrower
     return table

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from stand.rehearsal.result import Prediction, Rehearsal, Verdict
 from stand.rehearsal.verification import AGREES, Achieved, Verification
 from stand.report.tables import TableData
-from stand.report.verified import outcome
 from stand.report.wording import chance_text, predicted_text
 
 _NAMED = 4  # contributions of a prediction that are told
@@ -18,6 +17,8 @@ def headline(result: Rehearsal) -> str:
     asked = "" if result.judgements else " (nothing is required: no [require] in the procedure)"
     verdict = result.verdict.value
     if result.verification is not None and result.verdict is Verdict.CONTRADICTED:
+        from stand.report.verified import outcome  # draws figures too, and takes its time to import
+
         verdict += f": {outcome(result.verification)[:-1]}"
     return (
         f"{verdict}: {i.procedure_title}; {i.imu_title}; {i.table_title}; {can}, "

@@ -126,7 +126,7 @@ _ByAxis = Annotated[dict[str, _Size], AfterValidator(_all_axes)]
 class _Read(BaseModel):
     """Base of what is read back: finite numbers; more keys pass."""
 
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 class _Step(_Read):

@@ -2,6 +2,8 @@
 noise. By hand, and how often chance makes one.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -105,6 +107,17 @@ def test_windows_that_scatter_by_more_than_their_noise():
     np.testing.assert_allclose(counted[:3], 1e-12 * 10 / 9, rtol=0.2)  # 2 sigma: 0.16 x 1.1
     assert not counted[3:].any()
     assert any("scatter by more" in flag for flag in around_doubt(dwell))
+
+
+def test_a_disturbed_window_hides_no_scatter_of_the_others():
+    """One of ten has a slam that moves its mean by ten times as much, and counts by its own: the
+    nine at +-1e-6, five of one sign, scatter by 80/81 x 9/8 = 10/9 e-12."""
+    dwell = stepped(1e-6)
+    r = dwell.readings
+    w = r.w_ib_b.copy()
+    w[150] += 160 * 1e-5
+    counted = around_variance(replace(dwell, readings=ImuReadings(r.t, w, r.f_b)))
+    np.testing.assert_allclose(counted[:3], 1e-12 * 10 / 9, rtol=0.2)
 
 
 def test_windows_of_noise_scatter_by_their_noise():

@@ -4,12 +4,16 @@ Counted in modules, not in time, which a busy machine stretches. To see the time
 ``python -X importtime -m stand align recordings/sample``.
 """
 
+import os
 import subprocess
 import sys
 from functools import cache
 from pathlib import Path
 
 import pytest
+
+from stand.cli.app import app, application, guarded
+from stand.unneeded import MODULES
 
 SAMPLE = Path(__file__).resolve().parents[3] / "recordings" / "sample"
 TOLD = """
@@ -46,9 +50,8 @@ COMMANDS = {
     ),
     "rehearse": (
         {"numpy", "scipy", "pydantic", "rich", "mujoco", "ruckig"},
-        # the law of quadrature; thinned curves; what its pages have in common with its tables
-        {"alignment", "stand.simulation.settings", "stand.rehearsal", "stand.physics.truth"}
-        | {"stand.recording", "stand.report.page"},
+        # the law of quadrature
+        {"alignment", "stand.simulation.settings", "stand.rehearsal", "stand.physics.truth"},
     ),
     "run": (
         {"numpy", "scipy", "pydantic", "rich", "mcap", "zstandard", "lz4", "mujoco", "ruckig"}
@@ -94,6 +97,40 @@ def test_a_command_loads_no_library_that_it_does_not_use(command):
 def test_a_command_enters_no_room_that_it_does_not_use(command):
     name, modules = command
     assert {room for room in ROOMS if room in modules} - COMMANDS[name][1] == set()
+
+
+def test_what_libraries_bring_along_for_nobody_is_not_run(command):
+    """Of each the module is there, as libraries import it, and its parts are not."""
+    _, modules = command
+    parts = {f"{name}." for name in MODULES}
+    assert [m for m in modules if any(m.startswith(part) for part in parts)] == []
+
+
+def test_what_is_put_off_is_there_when_it_is_asked_for():
+    code = (
+        "import os, sys\nfrom stand.unneeded import put_off_the_unneeded\n"
+        "put_off_the_unneeded()\nimport numpy.f2py, numpy.testing\n"
+        "print('numpy.f2py.f2py2e' in sys.modules, callable(numpy.f2py.get_include))\n"
+        "numpy.testing.assert_array_equal([1], [1])\n"
+        "print(os.environ['PYDANTIC_DISABLE_PLUGINS'])"
+    )
+    own = os.environ | {"PYDANTIC_DISABLE_PLUGINS": "one"}
+    for given, told in ((own, "one"), (None, "__all__")):
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=given
+        )
+        assert done.stdout.split() == ["False", "True", told]
+
+
+@pytest.mark.parametrize("name", ["rehearse", "list"])
+def test_a_command_alone_says_what_it_says_among_all(name, capsys):
+    told = []
+    for made in (application([name]), app):
+        for arguments in ([name, "--help"], [name, "--no-such-option"]):
+            guarded(lambda made=made, arguments=arguments: made(arguments, standalone_mode=False))
+        told.append(capsys.readouterr())
+    assert told[0] == told[1]
+    assert f" {name} [OPTIONS]" in told[0].out
 
 
 def test_of_scipy_a_command_loads_what_rotations_bring_along(command, tmp_path):

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from stand.errors import StandError
 from stand.physics import mjcf
+from stand.physics.copies import spec_of
 from stand.table.joints import JOINTS, StandModel
 
 MODELS = mjcf.models_folder()
@@ -263,6 +264,30 @@ def test_loads_from_any_folder_and_leaves_nothing_there(tmp_path, monkeypatch):
     mjcf._compiled.cache_clear()
     assert mjcf.load_model().njnt == 6
     assert list(tmp_path.iterdir()) == []
+
+
+def test_its_copies_written_out_are_those_that_mujoco_makes():
+    """The same model to the byte; what this reading does not know is left to MuJoCo."""
+    assert _bytes_of(spec_of("turntable.xml", mjcf.contents_of(MODELS / "turntable.xml"))) == (
+        _bytes_of(mujoco.MjSpec.from_file(str(MODELS / "turntable.xml")))
+    )
+    others = (
+        '<replicate count="3" euler="0 0 9" offset="0 1 0"><geom name="a" size="1"/></replicate>'
+        '<replicate count="11" euler="7 0 9" ><site name="b"/></replicate>'
+        '<replicate count="2" euler="0 0 9"><body><geom size="1" pos="1 0 0"/></body></replicate>'
+        '<replicate count="2" euler="0 8 0"><replicate count="10" euler="1 2 3">'
+        '<geom name="c" size="1" pos="1 2 0"/></replicate></replicate>'
+    )
+    text = f"<mujoco><worldbody>{others}</worldbody></mujoco>"
+    ours = spec_of("other.xml", {"other.xml": text.encode()})
+    assert _bytes_of(ours) == _bytes_of(mujoco.MjSpec.from_string(text))
+
+
+def _bytes_of(spec: mujoco.MjSpec) -> bytes:
+    model = spec.compile()
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
 
 
 def test_the_loaded_model_is_the_callers_own():
