@@ -14,29 +14,33 @@ class Places:
     Attributes
     ----------
     table : (pieces, most) or (most, pieces)
+        Two places or more.
     pieces : slice
         Which have a row or column.
+    rows : bool
+        Whether they have rows.
     """
 
     def __init__(self, piece: IntArray, at: Array) -> None:
         own = piece - piece[0]
         counts = np.bincount(own)
         pieces, most = len(counts), int(counts.max())
+        most = max(most, 2) if pieces == 1 else most
         self.pieces = slice(int(piece[0]), int(piece[0]) + pieces)
-        self._rows = most > pieces  # whether a piece has a row, the longer way
-        shape = (pieces, most) if self._rows else (most, pieces)
-        if self._rows and len(own) == pieces * most:
+        self.rows = most > pieces  # the longer way
+        shape = (pieces, most) if self.rows else (most, pieces)
+        if self.rows and len(own) == pieces * most:
             self._index = None
             self.table = at.reshape(shape)
             return
         number = np.arange(len(own)) - (np.cumsum(counts) - counts)[own]
-        self._index = own * most + number if self._rows else number * pieces + own
+        self._index = own * most + number if self.rows else number * pieces + own
         self.table = np.zeros(shape)
         self.table.flat[self._index] = at
 
     def of_pieces(self, values: Array) -> Array:
         """Values (..., k) of all pieces, as they go with the table."""
-        return np.expand_dims(values[..., self.pieces], -1 if self._rows else -2)
+        return np.expand_dims(values[..., self.pieces], -1 if self.rows else -2)
 
     def flat(self, found: Array) -> Array:
         """What was found (c, *) at the table's places, (c, m)."""

@@ -10,7 +10,7 @@ what they are made of. Products and sums go term by term, without BLAS: a sample
 on every processor and in whatever block it is asked for.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from math import cos, pi
@@ -21,7 +21,6 @@ from alignment.arrays import Array, IntArray
 from stand.motion.places import Places
 
 CHUNK = 256  # panels worked out at once: temporary arrays stay in cache
-TABLE = 1 << 15  # values of curves at places worked out at once: so too
 _ROUNDS = 20  # of Newton's iteration from Chebyshev's nodes: 4 of them settle it
 
 
@@ -116,22 +115,45 @@ class _Polynomials:
     def __init__(self, panel: IntArray, at: Array) -> None:
         self._places = Places(panel, at)
         self._count = len(at)
-        table = self._places.table
-        self._values = [np.ones(table.shape), table]
+        self._values = np.empty((0, *self._places.table.shape))
 
     def sums(self, series: Array) -> Array:
         """Values (c, m) of series (n, c, p)."""
-        values = self._values
-        while len(values) < len(series):  # T_(k+1) = 2 u T_k - T_(k-1)
-            values.append(2 * values[1] * values[-1] - values[-2])
-        terms = self._places.of_pieces(series)
-        found = np.zeros((series.shape[1], self._count))
-        many = max(1, TABLE // values[0].size)
+        if len(self._values) < len(series):
+            self._values = _chebyshev(self._places.table, len(series))
         moving = np.flatnonzero(series.any(axis=(0, 2)))
-        for first in range(0, len(moving), many):
-            some = moving[first : first + many]
-            found[some] = self._places.flat(_sum(terms[:, some], values))
-        return found
+        terms = np.ascontiguousarray(series[:, moving, self._places.pieces])
+        found = _sum(terms, self._values[: len(series)], self._places.rows)
+        if len(moving) == series.shape[1]:
+            return self._places.flat(found)
+        values = np.zeros((series.shape[1], self._count))
+        values[moving] = self._places.flat(found)
+        return values
+
+
+def _chebyshev(u: Array, count: int) -> Array:
+    """The first so many polynomials (count, *) at places u (*): T_(k+1) = 2 u T_k - T_(k-1)."""
+    values = np.empty((count, *u.shape))
+    values[0], values[1] = 1.0, u
+    twice = 2 * u
+    for before, last, following in zip(values, values[1:], values[2:], strict=False):
+        np.multiply(twice, last, out=following)
+        following -= before
+    return values
+
+
+def _sum(terms: Array, factors: Array, rows: bool) -> Array:
+    """Of products of `terms` (n, c, p) and `factors` (n, p, m), or (n, m, p) where not `rows`.
+
+    Notes
+    -----
+    Along the last axis of the factors, term after term: each product is added to the sum of those
+    before it, whatever the sizes. One call, in which other threads go on: half the time of its
+    multiplications and additions one by one.
+    """
+    if not terms.shape[1]:
+        return np.empty((0, *factors.shape[1:]))
+    return np.einsum("kcp,kpm->cpm" if rows else "kcp,kmp->cmp", terms, factors)
 
 
 def _series(seen: Array, rows: IntArray, places: Array) -> Array:
@@ -141,16 +163,6 @@ def _series(seen: Array, rows: IntArray, places: Array) -> Array:
     for weights, values in zip(_to_series(len(places))[1:], others, strict=True):
         terms += weights[:, None, None] * (values - first)
     return terms
-
-
-def _sum(terms: Array, factors: Sequence[Array]) -> Array:
-    """Of products, each made and added by itself: a sum in one go rounds as a processor likes."""
-    total = terms[0] * factors[0]
-    product = np.empty_like(total)
-    for term, factor in zip(terms[1:], factors[1:], strict=False):
-        np.multiply(term, factor, out=product)
-        total += product
-    return total
 
 
 @dataclass(frozen=True, slots=True, eq=False)
