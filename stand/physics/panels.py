@@ -73,8 +73,12 @@ class Panels:
     def cut(self, edges: Array) -> "Cuts":
         """Where samples between the `edges` (n + 1,) [s], within the panels, lie in them."""
         ends = self._ends[(self._ends > edges[0]) & (self._ends < edges[-1])]
-        points = np.sort(np.concatenate([edges, ends[edges[np.searchsorted(edges, ends)] != ends]]))
-        panel = np.searchsorted(self._ends, points[:-1], side="right") - 1
+        at = np.searchsorted(edges, ends)
+        between = edges[at] != ends
+        points = np.insert(edges, at[between], ends[between]) if between.any() else edges
+        begin = np.searchsorted(points[:-1], self._ends)
+        counts = np.diff(begin, prepend=0, append=len(points) - 1)
+        panel = np.repeat(np.arange(-1, len(begin)), counts)
         middle, half = self._middle[panel], self._half[panel]
         inside = points[0] != self._ends[panel[0]]
         return Cuts(

@@ -442,10 +442,12 @@ def _not_finite(joints: Array, rates: Array, accelerations: Array) -> ValueError
 
 def rest_of(motion: Motion, edges: Array) -> np.ndarray:
     """Whether the motion stands still over each of the n intervals of `edges` (n + 1,)."""
-    piece = np.clip(np.searchsorted(motion.knots, edges[:-1], side="right") - 1, 0, None)
-    piece = np.minimum(piece, len(motion.knots) - 2)
-    first = piece[0]
-    moving = np.any(motion.coefficients[:-1, first : piece[-1] + 1], axis=0).any(axis=1)
+    last = len(motion.knots) - 2
+    first, end = np.clip(np.searchsorted(motion.knots, edges[[0, -2]], side="right") - 1, 0, last)
+    moving = np.any(motion.coefficients[:-1, first : end + 1], axis=0).any(axis=1)
+    if moving.all():
+        return np.zeros(len(edges) - 1, bool)
+    piece = np.clip(np.searchsorted(motion.knots, edges[:-1], side="right") - 1, 0, last)
     resting = np.logical_not(moving)[piece - first]
     return resting & (edges[1:] <= motion.knots[piece + 1])
 
