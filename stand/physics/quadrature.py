@@ -84,6 +84,12 @@ class Law:
         return self._motion
 
     @property
+    def distinct(self) -> int:
+        """How many pieces move, each another way."""
+        own = self._first == np.arange(len(self._first))
+        return int(np.count_nonzero(own & ~self._motion.at_rest))
+
+    @property
     def moving(self) -> IntArray:
         """Numbers of the axes that ever move."""
         c = self._motion.coefficients

@@ -35,6 +35,7 @@ from stand.table.joints import JOINTS
 from stand.table.table_errors import PERFECT, TableErrors
 
 NANOSECOND = 1_000_000_000
+MANY = 200  # pieces, from which on fewer hinges are worth a model of their own, which takes 1.5 ms
 _REST, _MOVING, _ALONE = range(3)  # kinds of samples: once for all, by panels, each for itself
 
 
@@ -164,11 +165,12 @@ class Truth:
         return before
 
     def _moving_in(self, motion: Motion) -> Hinges:
-        """The hinges that a motion moves; all, of a window of a motion: it has other windows."""
+        """The hinges that a motion moves; all, of one of few pieces, and of a window of a motion,
+        which has other windows."""
         law = self._law_of(motion)
         if self._moving is None:
             axes = law.moving
-            few = motion.whole and 0 < len(axes) < len(JOINTS)
+            few = motion.whole and 0 < len(axes) < len(JOINTS) and law.distinct > MANY
             self._moving = self._moved_alone(motion, axes) if few else self._all
         return self._moving
 

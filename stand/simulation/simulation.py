@@ -13,6 +13,8 @@ from itertools import islice
 from queue import SimpleQueue
 from typing import NamedTuple
 
+import numpy as np
+
 from alignment import ESTIMATORS
 from alignment.arrays import Array
 from stand.errors import StandError
@@ -92,6 +94,7 @@ class Simulation:
             settings.sampling,
         )
         servo = settings.motion is MotionKind.SERVO
+        two = not servo and self._worth_two()
         built = with_errors(model, self.errors)
         self.built: StandModel = describe(built)
         self._truth = Truth(
@@ -99,9 +102,10 @@ class Simulation:
             settings.site,
             self.imu.spec.places,
             self.errors,
-            threads=1 if self._by_two else _threads(),
+            threads=1 if two else _threads(),
             ends=self.imu.spec.filtered,
         )
+        self._by_two = two
         self._drive: Motion | Servo = self.plan.motion
         if servo:
             spans = [StepSpan(s.t_from, s.t_to, s.kind == "dwell") for s in self.plan.steps]
@@ -132,12 +136,10 @@ class Simulation:
 
     def blocks(self) -> Iterator[Block]:
         """The samples in order of time, once; the truth is worked out a block ahead, or two."""
-        longest = BLOCK_S if isinstance(self._drive, Motion) else SERVO_BLOCK_S
-        rate_hz = self.settings.rate_hz
-        size = min(max(BLOCK, rate_hz), round(longest * rate_hz))
+        size = self._block(BLOCK_S if isinstance(self._drive, Motion) else SERVO_BLOCK_S)
         free: SimpleQueue[Truth] = SimpleQueue()
         free.put(self._truth)
-        if self._by_two and self.total > 2 * size:
+        if self._by_two:
             free.put(self._truth.beside(self.plan.motion))
         workers = free.qsize()
 
@@ -157,11 +159,19 @@ class Simulation:
                 readings = self.imu.report(sensed.sensed)
                 yield Block(sensed.truth, readings, sensed.motion, sensed.sensed)
 
-    @property
-    def _by_two(self) -> bool:
-        """Whether two threads share the truth: no block of it waits for the one before."""
-        in_order = self.settings.motion is MotionKind.SERVO or not self.imu.spec.clock.perfect
-        return _threads() > 1 and not in_order
+    def _block(self, longest_s: float) -> int:
+        """Samples of a block that may take so long [s]."""
+        rate_hz = self.settings.rate_hz
+        return min(max(BLOCK, rate_hz), round(longest_s * rate_hz))
+
+    def _worth_two(self) -> bool:
+        """Whether two threads share the truth of ideal motion: where it moves for more than two
+        blocks, none of which waits for the one before as those of a clock that trembles do."""
+        if _threads() < 2 or not self.imu.spec.clock.perfect:
+            return False
+        motion = self.plan.motion
+        moving_s = np.diff(motion.knots)[~motion.at_rest].sum()
+        return bool(moving_s * self.settings.rate_hz > 2 * self._block(BLOCK_S))
 
     def _sensing(self, evaluator: Truth, first: int, size: int) -> "_Sensing":
         """Truth, and what the sensors feel, of up to `size` samples after the `first`."""
