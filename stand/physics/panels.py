@@ -126,7 +126,7 @@ class _Polynomials:
         if len(self._values) < len(series):
             self._values = _chebyshev(self._places.table, len(series))
         moving = np.flatnonzero(series.any(axis=(0, 2)))
-        terms = np.ascontiguousarray(series[:, moving, self._places.pieces])
+        terms = self._places.of_pieces(series[:, moving])
         found = _sum(terms, self._values[: len(series)], self._places.rows)
         if len(moving) == series.shape[1]:
             return self._places.flat(found)
