@@ -35,6 +35,8 @@ _DISTURBED = 2.0  # usual sigmas: that of a window which is no measure of the ot
 _NOTHING = Apart(0.0, 0.0, np.zeros(6))
 _DRIFTS = 15.0  # mean F (1, 10 degrees of freedom) of three axes: 1 in 10 000 records of noise
 
+_FAINT = 5.0  # mean F (1, 28) of twenty orders: 1 in 200 records of noise
+
 _STATED = 3.0  # standard deviations of a stated drift: one of 400 is beyond
 
 GAP = 10.0  # usual steps: a longer one is a gap
@@ -111,8 +113,9 @@ def _part_means(sums: Array, edges: np.ndarray) -> Array:
 
 
 @once
-def _means_and_shown(readings: ImuReadings) -> tuple[Array, Array, Array, Apart]:
-    """Means (6,), their variances but for drifts, drifts (6,), and what lies apart.
+def _means_and_shown(readings: ImuReadings) -> tuple[Array, Array, Array, Apart, Array]:
+    """Means (6,), their variances but for drifts, drifts (6,), what lies apart, and drifts (6,) of
+    triads that may have one, too faint to count.
 
     Of all channels together, which is faster, where they are not many.
     """
@@ -124,7 +127,12 @@ def _means_and_shown(readings: ImuReadings) -> tuple[Array, Array, Array, Apart]
     cosines, sines, sixteen = (np.hstack([one[k] for one in shown]) for k in (1, 2, 3))
     triads = slice(3), slice(3, 6)
     drifts = [_drift(cosines[:, own], sines[:, own], n) for own in triads]
-    return means, variances, np.concatenate(drifts), _apart(readings, sixteen)
+    faint = [
+        _faint(cosines[:, own], sines[:, own], n) * (not drift.any())
+        for own, drift in zip(triads, drifts, strict=True)
+    ]
+    one = _apart(readings, sixteen)
+    return means, variances, np.concatenate(drifts), one, np.concatenate(faint)
 
 
 def _apart(readings: ImuReadings, means: Array) -> Apart:
@@ -147,7 +155,7 @@ def apart_of(readings: ImuReadings) -> Apart:
 @once
 def mean_and_variance(readings: ImuReadings) -> tuple[Array, Array]:
     """Means (6,) of rates and forces, and the variances (6,) of those means, as `mean_variance`."""
-    means, variances, drifts, one = _means_and_shown(readings)
+    means, variances, drifts, one, _ = _means_and_shown(readings)
     variances = variances + drifts**2 + (one.off / PARTS) ** 2
     means.flags.writeable = variances.flags.writeable = False  # there is one for all who ask
     return means, variances
@@ -353,22 +361,49 @@ def _integral_variance(sums: Array, edges: np.ndarray) -> Array:
 
 
 def _drift(cosines: Array, sines: Array, n: int) -> Array:
-    sines, pairs = sines[:_DRIFT_ORDERS], _pairs(cosines[2:_DRIFT_ORDERS])
+    drift, ratio = _ramp(cosines[:_DRIFT_ORDERS], sines[:_DRIFT_ORDERS], n)
+    return drift if ratio > _DRIFTS else np.zeros_like(drift)
+
+
+def _faint(cosines: Array, sines: Array, n: int) -> Array:
+    drift, ratio = _ramp(cosines, sines, n)
+    return drift if ratio > _FAINT and len(sines) == _ORDERS else np.zeros_like(drift)
+
+
+def _ramp(cosines: Array, sines: Array, n: int) -> tuple[Array, float]:
+    """The ramp from end to end (k,) that these orders hold, and the mean over columns of its square
+    over the variance that what it leaves of them makes of it."""
+    pairs = _pairs(cosines[2:])
     ramp = 1 / np.arange(1, len(sines) + 1)
     fit = ramp @ sines / (ramp @ ramp)
     left = np.sum((sines - np.outer(ramp, fit)) ** 2, axis=0) + np.sum(pairs**2, axis=0)
     left /= len(sines) - 1 + len(pairs)
     there = np.any(sines, axis=0)
     ratios = np.divide(fit**2 * (ramp @ ramp), left, out=np.zeros_like(left), where=there)
-    if not ratios.mean() > _DRIFTS:
-        return np.zeros_like(fit)
-    return np.asarray(2 * np.pi / n * np.abs(fit))
+    return np.asarray(2 * np.pi / n * np.abs(fit)), float(ratios.mean())
 
 
 def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
     """Flags where readings at rest drift, as `drift_of` has it, or a part of them lies apart."""
-    _, _, drifts, one = _means_and_shown(readings)
+    _, _, drifts, one, _ = _means_and_shown(readings)
     return drift_doubt(drifts[:3], drifts[3:]) + apart_doubt(one)
+
+
+def faint_doubt(readings: ImuReadings) -> tuple[str, ...]:
+    """A flag where readings at rest may drift: as much shows in one record of noise in a hundred.
+
+    Notes
+    -----
+    Noise that makes a mean good to s makes ramps of ``sqrt(12) s`` from end to end, and a ramp D
+    takes the mean D/2 away from what either end has. `drift_of` is certain of three ramps from 4 of
+    their sigmas, of one axis alone from 8: what it leaves out may be six sigmas of the mean. Of
+    ramps that this leaves unsaid one in ten is above 3 and 5.
+    """
+    means, _, _, _, faint = _means_and_shown(readings)
+    if np.linalg.norm(means[:3]) > REST_RATE:  # a steady turn, of which the Earth's rate is a wave
+        return ()
+    told = drift_words(faint[:3], faint[3:])
+    return (f"may drift from end to end, {told}: too faint to count in sigma",) if told else ()
 
 
 @once

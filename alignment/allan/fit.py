@@ -38,6 +38,7 @@ does not help, the least relative model error common to all taus that explains t
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -88,10 +89,8 @@ class Problem:
 
     def allowing(self, lowpass: float) -> "Problem":
         """The same with another least weight of Q."""
-        mixing = np.eye(len(TERMS))
-        mixing[_Q, _N] = self.lowpass - lowpass
-        T = np.einsum("pa,qb,pqij->abij", mixing, mixing, self.T)
-        return replace(self, design=self.design @ mixing, T=T, lowpass=lowpass)
+        mixing = _mixing(self.lowpass - lowpass)
+        return replace(self, design=self.design @ mixing, T=_mixed(self.T, mixing), lowpass=lowpass)
 
     def physical(self, weights: Array) -> Array:
         """The terms' own weights: that of Q may be negative."""
@@ -252,10 +251,31 @@ def _smoothing(found: Fit) -> float:
 def problem(curve: Deviation, first: int = 0, onset: float = 0.0) -> Problem:
     """The problem of a curve from its tau number `first` on; `onset` [samples] of its plateau."""
     m = tuple(int(k) for k in curve.m)
-    T = pooled(curve.lengths, m)[:, :, first:, first:].copy()
+    lowpass = m[first] / SHORTEST
+    columns = design(curve.m[first:], onset) @ _mixing(-lowpass)
+    T = _covariances(curve.lengths, m, first)
+    return Problem(columns, curve.variance[first:], T, lowpass=lowpass)
+
+
+@lru_cache(maxsize=64)
+def _covariances(lengths: tuple[int, ...], m: tuple[int, ...], first: int) -> Array:
+    """`Problem.T` of every curve with these taus."""
+    T = pooled(lengths, m)[:, :, first:, first:].copy()
     T[_B, _B] += PLATEAU**2 * np.eye(len(m) - first)
-    plain = Problem(design(curve.m[first:], onset), curve.variance[first:], T)
-    return plain.allowing(m[first] / SHORTEST)
+    T = _mixed(T, _mixing(-m[first] / SHORTEST))
+    T.flags.writeable = False
+    return T
+
+
+def _mixing(lowpass: float) -> Array:
+    """From weights (5,) to those whose Q may be less by so many of N."""
+    mixing = np.eye(len(TERMS))
+    mixing[_Q, _N] = lowpass
+    return mixing
+
+
+def _mixed(T: Array, mixing: Array) -> Array:
+    return np.einsum("pa,qb,pqij->abij", mixing, mixing, T)
 
 
 def _fit(curve: Deviation, first: int, least: int = LEAST_PLATEAU) -> Fit:

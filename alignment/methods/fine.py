@@ -148,9 +148,9 @@ class Model:
     """What does not change from pass to pass.
 
     `names`: the constants that are states, whose walks are `walks` (k,) [per root second];
-    `drifts`: the processes that are, after them, each of a sensor, along three axes; `_SIZE` is
-    one of no sensor: what the Earth's level rate is found to be larger by. `whole`: what every
-    update found is told, else of the last alone.
+    `drifts`: the processes that are, after them, each of a sensor, along three axes; `_SIZE`, the
+    last, is one of no sensor: what the Earth's level rate is found to be larger by. `whole`: what
+    every update found is told, else of the last alone.
     """
 
     readings: ImuReadings
@@ -305,7 +305,9 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
         errors and ``lever_arm`` become states where their prior is above 0, of a stretch that turns
         or rocks misalignment and non-orthogonality too. Where neither
         accelerometer constant has one, gravity's size is free within 1 %: an unstated bias along
-        the vertical would else pass for sway.
+        the vertical would else pass for sway. Where gyro biases have none, the size of the Earth's
+        level rate is free: one along north would else tilt the answer, and turn it where the gyros'
+        noises differ.
 
     Returns
     -------
@@ -409,10 +411,10 @@ def _by_size(model: Model, reference: _Reference, run: _Pass, variance: float) -
     pass takes the rate's size for unknown, and both parts are laid on the circle that it is on.
     """
     rate = model.site.horizontal_rate()
-    size = (_SIZE, GaussMarkov(_ANY_SIZE * rate, _FOREVER))
     apart = _COARSE * model.update
     coarse = _about(model, _at_end(reference), reference, apart)
-    wider = replace(model, drifts=(*model.drifts, size))
+    sized = any(sensor == _SIZE for sensor, _ in model.drifts)
+    wider = model if sized else replace(model, drifts=(*model.drifts, _any_size(model.site)))
     free = _filter(wider, coarse, variance * model.update / apart)
     own, x = -3, free.x[-1]  # north's, of the last three
     both = free.heading[own] / rate
@@ -446,6 +448,7 @@ def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) ->
         for sensor, level in (("gyro", noise.gyro), ("accel", noise.accel))
     )
     names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
+    free = (_any_size(site),) * (priors.gyro_bias == 0)
     walks = {"gyro_bias": gyro.walk, "accel_bias": accel.walk}
     return Model(
         readings=readings,
@@ -458,8 +461,13 @@ def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) ->
         priors=replace(priors, gyro_bias=gyro.bias, accel_bias=accel.bias),
         names=names,
         walks=tuple(walks.get(name, 0.0) for name in names),
-        drifts=(*(("gyro", p) for p in gyro.states), *(("accel", p) for p in accel.states)),
+        drifts=(*(("gyro", p) for p in gyro.states), *(("accel", p) for p in accel.states), *free),
     )
+
+
+def _any_size(site: Site) -> tuple[str, GaussMarkov]:
+    """As good as no knowledge of how large the Earth's level rate is."""
+    return _SIZE, GaussMarkov(_ANY_SIZE * site.horizontal_rate(), _FOREVER)
 
 
 def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
@@ -647,7 +655,8 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
     careful = min(_CAREFUL, m)
     # an update or more after whole blocks; as fast one by one where more than errors move
-    one_by_one = model.whole or any(model.walks) or model.drifts
+    drifting = any(sensor != _SIZE for sensor, _ in model.drifts)
+    one_by_one = model.whole or any(model.walks) or drifting
     blocks = careful
     if m > careful and not one_by_one:
         blocks += (m - careful - 1) // _BLOCK * _BLOCK

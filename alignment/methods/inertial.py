@@ -34,6 +34,7 @@ from alignment.noise import (
     check_rest,
     drift_around,
     drift_of,
+    faint_doubt,
     gap_doubt,
     jitter_of,
 )
@@ -58,6 +59,7 @@ _JITTERS = np.geomspace(1e-3, 1.0, 7)  # of the mean square of the velocities th
 _CERTAIN = 3.0  # of log likelihood: chi-square of two degrees of freedom at one in twenty
 _BEYOND = 3.0  # sigmas from which a slow force is no noise
 _BENT = 0.5  # of a drift's straight part, the bend of one that settles
+_SEEN = 0.01  # of the Earth's level rate: a bias along north that is remarked
 _TURNED = 0.5  # of what bends there: the sensors' own part below which the base does
 _ARM_ORDERS = 4  # Legendre orders of velocity that attitude errors and biases make
 _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
@@ -102,7 +104,8 @@ class Rest:
     has. `gyro_drift`, `accel_drift`: steady drifts from end to end [rad/s], [m/s^2];
     `drift_around` (6,) [rad/s], [m/s^2]: of the record that this one is `part` of; `straight`:
     whether accelerometers do so there, which turns heading alike in all parts of it. `apart`: what
-    lies apart from the rest of this one and of that.
+    lies apart from the rest of this one and of that. `faint`: a drift too faint to count, `biased`:
+    what an unstated bias shows of itself, in words.
     """
 
     jitter: Array
@@ -112,6 +115,8 @@ class Rest:
     part: float
     apart: tuple[Apart, ...] = ()
     straight: bool = False
+    faint: tuple[str, ...] = ()
+    biased: tuple[str, ...] = ()
 
     def doubts(self, dwell: Dwell) -> tuple[str, ...]:
         """What is counted of drifts and of what lies apart, in words."""
@@ -119,7 +124,7 @@ class Rest:
         flags += tuple(flag for one in self.apart[:1] for flag in apart_doubt(one))
         around = any(one.off.any() for one in self.apart[1:]) or self.drift_around.any()
         flags += around_doubt(dwell) if around else ()
-        return flags + (ALIKE_DOUBT,) * self.straight
+        return flags + (ALIKE_DOUBT,) * self.straight + self.faint + self.biased
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -247,7 +252,35 @@ def rest_of(
         one = one.of(parts.gyro, min(parts.accel, around.accel))
         wide = wide * np.repeat([around.gyro, around.accel], 3)
         other = other.of(around.gyro, around.accel)
-    return Rest(jitter, own[:3], own[3:], wide, part, (one, other), bool(straight.any()))
+    return Rest(
+        jitter=jitter,
+        gyro_drift=own[:3],
+        accel_drift=own[3:],
+        drift_around=wide,
+        part=part,
+        apart=(one, other),
+        straight=bool(straight.any()),
+        faint=faint_doubt(readings),
+        biased=_bias_doubt(*seen, priors),
+    )
+
+
+def _bias_doubt(carried: Carried, matched: Match, noise: Noise, priors: Priors) -> tuple[str, ...]:
+    """A flag where the Earth's level rate seems of another size, by more than noise and 1 %.
+
+    That is a bias along north; one along east, of which nothing shows, passes for heading.
+    """
+    left, C_ni = left_of_the_turn(carried, matched, priors), matched.C_ni.as_matrix()
+    along = attitude_weights(carried, matched)[:, 2:] @ _ALONG
+    felt = sensitivity(along, C_ni, carried)
+    variance = float(functional_covariance(*felt, C_ni, carried, noise, priors)[0, 0])
+    variance += noise.jitter**2 * float(np.sum(along**2 / carried.spans[:, None, None]))
+    if abs(left - 1) <= max(_BEYOND * np.sqrt(variance), _SEEN):
+        return ()
+    return (
+        f"the Earth's level rate seems {left:.2f} of what it is: a gyro bias along north; as much "
+        f"along east, which nothing shows, turns heading by {np.degrees(abs(left - 1)):.2g} deg",
+    )
 
 
 def own_parts(carried: Carried, matched: Match, noise: Noise, gyro_drift: Array) -> Own:
@@ -265,9 +298,8 @@ def own_parts(carried: Carried, matched: Match, noise: Noise, gyro_drift: Array)
     settles; what is straight is the sensors'. A drift of gyros (3,) [rad/s] hides in nothing: no
     more of it is theirs than r has of order 3.
     """
-    gyro, accel = (np.full(3, np.sqrt(np.mean(own**2))) for own in (noise.gyro, noise.accel))
-    alike = replace(noise, gyro=gyro, accel=accel)  # no axis counts for more by what it did not do
-    values, by_gyro, by_accel = _told_of_the_base(alike, carried, matched)
+    # of axes alike: none counts for more by what it did not do
+    values, by_gyro, by_accel = _told_of_the_base(_alike(noise), carried, matched)
     straight, alone = _made_by_force(carried, matched)
     inverse = np.linalg.inv(by_gyro + by_accel + noise.jitter**2 * np.eye(len(values)))
     parts = []
@@ -366,9 +398,12 @@ def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
     gyros and accelerometers and by a jitter of velocity up to all of them, which is alike in all
     orders: over parts that are equally likely by their logarithm the mean parts count. Only where
     without jitter the best is beyond the whole by what one record of twenty has: a sway that fills
-    those orders would pass for jitter, and hides the noise, which stays too large.
+    those orders would pass for jitter, and hides the noise, which stays too large. Nor is it the
+    noise by which a motion's spectrum differs from axis to axis: where it is not, all axes of a
+    triad are alike. Else a level gyro's bias, which is no noise of any axis, turns heading.
     """
-    values, by_gyro, by_accel = _told_by_the_curve(noise, carried, matched)
+    alike = _alike(noise)
+    values, by_gyro, by_accel = _told_by_the_curve(alike, carried, matched)
     white, V = np.linalg.eigh(
         _PARTS[:, None, None, None] * by_gyro + _PARTS[:, None, None] * by_accel
     )
@@ -382,7 +417,13 @@ def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
     weight /= weight.sum()
     a, b = weight.sum(axis=(0, 2)) @ _PARTS, weight.sum(axis=(0, 1)) @ _PARTS
     c = weight.sum(axis=(1, 2)) @ jitters
-    return Noise(noise.gyro * np.sqrt(a), noise.accel * np.sqrt(b), float(np.sqrt(c)))
+    return Noise(alike.gyro * np.sqrt(a), alike.accel * np.sqrt(b), float(np.sqrt(c)))
+
+
+def _alike(noise: Noise) -> Noise:
+    """The same noise in the mean, of each triad's axes alike."""
+    gyro, accel = (np.full(3, np.sqrt(np.mean(own**2))) for own in (noise.gyro, noise.accel))
+    return replace(noise, gyro=gyro, accel=accel)
 
 
 def _told_by_the_curve(

@@ -27,6 +27,7 @@ from alignment.noise import (
     around_doubt,
     check_at_rest,
     dwell_mean_and_variance,
+    faint_doubt,
     gap_doubt,
     rest_doubt,
 )
@@ -216,6 +217,7 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         + saturation_doubt(dwell.label, dwell.window())
         + heading_doubt(covariance)
         + rest_doubt(dwell.window())
+        + faint_doubt(dwell.window()) * options.priors.noise_only
         + around_doubt(dwell)
         + _rate_doubt(means[:3]),
     )

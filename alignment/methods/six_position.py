@@ -19,6 +19,7 @@ from alignment.information import Stretch
 from alignment.levelling import attitude_covariance, attitude_from_means
 from alignment.noise import (
     check_at_rest,
+    faint_doubt,
     gap_doubt,
     mean_and_variance,
     mean_variance,
@@ -128,7 +129,10 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
             sequence=sequence,
             window="fresh",
             covariance=covariance,
-            flags=flags + heading_doubt(covariance) + rest_doubt(fresh),
+            flags=flags
+            + heading_doubt(covariance)
+            + rest_doubt(fresh)
+            + faint_doubt(fresh) * options.priors.noise_only,
         )
     )
     return estimates

@@ -29,6 +29,7 @@ from alignment.noise import (
     around_doubt,
     around_variance,
     drift_of,
+    faint_doubt,
     gap_doubt,
     integral_variance,
     low_density,
@@ -299,6 +300,7 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
         + saturation_doubt(dwell.label, readings)
         + heading_doubt(covariance)
         + around_doubt(dwell)
+        + faint_doubt(readings) * options.priors.noise_only
         + _doubts(readings, sway, latitude),
         sway=asdict(sway) | {"bound": sway_bound(sway, latitude)},
     )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cache
 from math import comb, cos, factorial, pi
+from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import chebyshev, polynomial
@@ -88,6 +89,11 @@ class Motion:
         angle, rate, half_acceleration = self._seen(t, 2)
         half_acceleration *= 2
         return angle, rate, half_acceleration
+
+    def angles(self, t: ArrayLike) -> Array:
+        """As `joints`, to the bit, without rates and accelerations: less work."""
+        (angle,) = self._seen(t, 0)
+        return angle
 
     def angles_and_rates(self, t: ArrayLike) -> tuple[Array, Array]:
         """As `joints`, to the bit, without accelerations: less work."""
@@ -222,38 +228,55 @@ def splined(samples: Array, step: float, start: float = 0.0) -> Motion:
     Cardinal B-splines: coefficients from the banded collocation matrix (1, 26, 66, 26, 1)/120,
     which forgets at 0.43 per step: a knot 48 steps away counts 3e-18.
     """
+    return b_spline(_weights(samples), step, start, samples[0])
+
+
+def _weights(samples: Array) -> Array:
+    """Of the B-splines (n + 4, joints) that add up to samples (n, joints) less the first."""
     # beyond the ends the B-spline coefficients are the end samples: exact where those rest
-    right = np.array(samples, dtype=float)
-    right -= samples[0]
-    last = right[-1].copy()
-    right[-1] -= last * 27 / 120
-    right[-2] -= last / 120
-    c = _collocated(right)
-    ends = np.zeros((2, c.shape[1])), np.repeat(last[None], 2, axis=0)
-    return b_spline(np.concatenate([ends[0], c, ends[1]]), step, start, samples[0])
+    right = np.array(samples.T, dtype=float, order="C")
+    right -= samples[0][:, None]
+    last = right[:, -1].copy()
+    right[:, -1] -= last * 27 / 120
+    right[:, -2] -= last / 120
+    return np.concatenate([np.zeros((2, len(last))), _collocated(right).T, [last, last]])
 
 
 def _collocated(right: Array) -> Array:
-    """Solution (n, joints) of the banded equations with right sides (n, joints), n >= 2.
+    """Solution (joints, n) of the banded equations with right sides (joints, n), n >= 2.
 
     By factors ``L D L^T``, whose rows no longer change after some: from there on a recursion.
     """
     one, two, pivots = _factors()
-    size = min(len(right), len(pivots))
-    y = np.array(right[:size])
-    for k in range(1, size):
-        y[k] -= one[k] * y[k - 1] + (two[k] * y[k - 2] if k > 1 else 0.0)
-    feedback = -one[-1], -two[-1]
-    last = np.stack([y[-1], y[-2]], axis=1)
-    y = np.concatenate([y, recursion(feedback, right[size:].T, last).T])
-    y[:size] /= pivots[:size, None]
-    y[size:] /= pivots[-1]
-    none = np.zeros((y.shape[1], 2))
-    after = recursion(feedback, y[: size - 1 : -1].T, none).T[::-1] if size < len(y) else y[size:]
-    c = np.concatenate([y[:size], after, np.zeros((2, y.shape[1]))])
-    for k in range(size - 1, -1, -1):
-        c[k] -= one[min(k + 1, len(one) - 1)] * c[k + 1] + two[min(k + 2, len(two) - 1)] * c[k + 2]
-    return c[:-2]
+    size = min(right.shape[1], len(pivots))
+    nothing, feedback = np.zeros((len(right), 2)), (-one[-1], -two[-1])
+    found = np.empty_like(right)
+    begin, after = found[:, :size], found[:, size:]
+    begin[:] = _eliminated(right[:, :size], one[:size], two[:size], nothing)
+    after[:] = recursion(feedback, right[:, size:], begin[:, :-3:-1])
+    begin /= pivots[:size]
+    after /= pivots[-1]
+    after[:] = recursion(feedback, after[:, ::-1], nothing)[:, ::-1]
+    above, twice = (f[np.minimum(np.arange(size) + k, len(f) - 1)] for k, f in ((1, one), (2, two)))
+    reached = np.concatenate([after[:, :2], nothing], axis=1)[:, :2]
+    begin[:] = _eliminated(begin[:, ::-1], above[::-1], twice[::-1], reached)[:, ::-1]
+    return found
+
+
+def _eliminated(rows: Array, one: Array, two: Array, before: Array) -> Array:
+    """Each value of `rows` (joints, k) less `one` (k,) of that before and `two` of that before it.
+
+    `before` (joints, 2): what the first finds, the nearer one first. Numbers one by one: for so
+    few joints that takes half as long as arrays do.
+    """
+    factors, found = list(zip(one.tolist(), two.tolist(), strict=True)), []
+    for own, (last, second) in zip(rows.tolist(), before.tolist(), strict=True):
+        row = []
+        for value, (a, b) in zip(own, factors, strict=True):
+            last, second = value - (a * last + b * second), last
+            row.append(last)
+        found.append(row)
+    return np.array(found)
 
 
 @cache
@@ -293,7 +316,7 @@ def b_spline(
         Odd.
     """
     k = len(weights) - degree
-    to_powers = _cardinal(degree) / np.array([[step**power] for power in range(degree, -1, -1)])
+    to_powers = _to_powers(degree, step)
     coefficients = np.empty((degree + 1, k, weights.shape[1]))
     for first in range(0, k, BLOCK):
         block = weights[first : first + BLOCK + degree]
@@ -302,6 +325,11 @@ def b_spline(
     coefficients[-1] += level
     coefficients.flags.writeable = False
     return Motion(start + step * np.arange(k + 1), coefficients)
+
+
+def _to_powers(degree: int, step: float) -> Array:
+    """As `_cardinal` to powers of time since the piece's start [1/s^i]."""
+    return _cardinal(degree) / np.array([[step**power] for power in range(degree, -1, -1)])
 
 
 @cache
@@ -321,13 +349,21 @@ def hermite(t: Array, angle: Array, rate: Array, acceleration: Array) -> Array:
 
     `t` (n,) [s]; their coefficients are as those of `Motion`.
     """
-    h = np.diff(t)[:, None]
-    p, v, a = angle[:-1], rate[:-1], acceleration[:-1]
+    begin, end = ((angle[k], rate[k], acceleration[k]) for k in (np.s_[:-1], np.s_[1:]))
+    coefficients = _quintics(np.diff(t)[:, None], begin, end)
+    coefficients.flags.writeable = False
+    return coefficients
+
+
+def _quintics(h: Array, begin: Sequence[Array], end: Sequence[Array]) -> Array:
+    """Those (6, m, joints) through angle, rate and acceleration (m, joints) `h` (m, 1) apart."""
+    p, v, a = begin
+    angle, rate, acceleration = end
     # what angle, rate (h) and acceleration (h^2) at the end have beyond the parabola's
-    d = angle[1:] - p - h * v - h**2 * a / 2
-    e = h * (rate[1:] - v - h * a)
-    f = h**2 * (acceleration[1:] - a)
-    coefficients = np.stack(
+    d = angle - p - h * v - h**2 * a / 2
+    e = h * (rate - v - h * a)
+    f = h**2 * (acceleration - a)
+    return np.stack(
         [
             (6 * d - 3 * e + f / 2) / h**5,
             (-15 * d + 7 * e - f) / h**4,
@@ -337,17 +373,60 @@ def hermite(t: Array, angle: Array, rate: Array, acceleration: Array) -> Array:
             p,
         ]
     )
-    coefficients.flags.writeable = False
-    return coefficients
 
 
-def smoothed(coefficients: Array, step: float, tolerance: float) -> tuple[Array, IntArray]:
+class SplinePieces:
+    """Of the spline that `splined` makes, those pieces that are asked for, with the same bits.
+
+    Parameters
+    ----------
+    samples : (n + 1 + 2 margin, joints) rad
+    step : float
+        Between them [s].
+    margin : int
+        Steps at either end that are not told: step 0 is that after so many.
+    """
+
+    def __init__(self, samples: Array, step: float, margin: int) -> None:
+        self.count = len(samples) - 1 - 2 * margin
+        self._to_powers, self._level = _to_powers(5, step), samples[0]
+        self._weights = _weights(samples)[margin : margin + self.count + len(self._to_powers)]
+
+    def coefficients(self, numbers: IntArray, first: int = 0) -> Array:
+        """Of the pieces that begin with steps (m,), from power number `first` on: (..., m, joints).
+
+        That of step n tells where the others end.
+        """
+        windows = self._weights[numbers + np.arange(len(self._to_powers))[:, None]]
+        found = np.einsum("pi,ikj->pkj", self._to_powers[first:], windows)
+        found[-1] += self._level
+        return found
+
+    def accelerations(self) -> Array:
+        """At steps 0 to n (n + 1, joints) [rad/s^2]."""
+        factors = 2 * self._to_powers[3]
+        total = factors[0] * self._weights[: self.count + 1]
+        for i in range(1, len(factors) - 1):  # the last has none
+            total += factors[i] * self._weights[i : i + self.count + 1]
+        return total
+
+
+class AnyPieces(Protocol):
+    """As `SplinePieces`."""
+
+    count: int
+
+    def coefficients(self, numbers: IntArray, first: int = 0) -> Array: ...
+    def accelerations(self) -> Array: ...
+
+
+def smoothed(spline: AnyPieces, step: float, tolerance: float) -> tuple[Array, IntArray]:
     """Pieces of a quintic spline at even steps [s], joined where one says the same as several.
 
     Parameters
     ----------
-    coefficients : (6, n + 1, joints)
-        Of the pieces, n a whole number of `JOINED` pieces; the last only tells where they end.
+    spline : SplinePieces
+        Of a whole number of `JOINED` pieces.
     step : float
     tolerance : float
         Of the acceleration at the steps [rad/s^2].
@@ -363,21 +442,34 @@ def smoothed(coefficients: Array, step: float, tolerance: float) -> tuple[Array,
     `JOINED` or `FEWER` pieces become the quintic through angle, rate and acceleration at both
     ends: the motion is as smooth as it was. Which become one is told by their own place alone.
     """
-    made, begins = coefficients[:, :-1].copy(), np.ones(coefficients.shape[1] - 1, bool)
-    states = coefficients[[5, 4, 3]] * np.array([1, 1, 2])[:, None, None]
-    for size in (FEWER, JOINED):
-        times = step * np.arange(0, len(begins) + 1, size)
-        whole = hermite(times, *states[:, ::size])
-        seen = states[2, :-1].reshape(-1, size, states.shape[2])
-        inside = (step * np.arange(1, size))[:, None, None]
+    seen, told = spline.accelerations(), []
+    left = np.arange(0, spline.count, JOINED)  # steps from which on nobody has told
+    for size in (JOINED, FEWER):
+        left = (left[:, None] + np.arange(0, JOINED, size)).ravel()
+        inside = np.arange(1, size)[:, None]
+        whole = _whole(spline, left, left + size, step)
         c = whole[:4] * np.array([20, 12, 6, 2])[:, None, None]
-        said = ((c[0] * inside + c[1]) * inside + c[2]) * inside + c[3]
-        off = np.abs(said - seen[:, 1:].swapaxes(0, 1)).max(axis=(0, 2))
-        same = off <= tolerance
-        made[:, ::size][:, same] = whole[:, same]
-        begins.reshape(-1, size)[same, 1:] = False
-    numbers = np.flatnonzero(begins)
-    return made[:, numbers], numbers
+        at = (step * inside)[:, :, None]
+        off = ((c[0] * at + c[1]) * at + c[2]) * at + c[3]
+        off -= seen[inside + left]
+        same = np.abs(off, out=off).max(axis=(0, 2)) <= tolerance
+        told.append((left[same], whole[:, same]))
+        left = left[~same]
+    left = (left[:, None] + np.arange(FEWER)).ravel()
+    told.append((left, spline.coefficients(left)))
+    numbers = np.concatenate([steps for steps, _ in told])
+    order = np.argsort(numbers)
+    made = np.concatenate([pieces for _, pieces in told], axis=1)
+    return made[:, order], numbers[order]
+
+
+def _whole(spline: AnyPieces, begins: IntArray, ends: IntArray, step: float) -> Array:
+    """Quintics (6, m, joints) from steps `begins` (m,) to `ends`."""
+    states = []
+    for at in (begins, ends):
+        half_acceleration, rate, angle = spline.coefficients(at, 3)
+        states.append((angle, rate, 2 * half_acceleration))
+    return _quintics((step * ends - step * begins)[:, None], *states)
 
 
 def summed(motions: Sequence[Motion]) -> Motion:

@@ -30,7 +30,7 @@ from mujoco.batch import Batch
 from alignment.arrays import Array, IntArray
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.motion.polynomial import Motion, smoothed, splined
+from stand.motion.polynomial import Motion, SplinePieces, smoothed
 from stand.physics.dynamics import (
     INPUTS,
     NO_PAYLOAD,
@@ -250,8 +250,13 @@ class Servo:
         cut = slice(
             int(np.searchsorted(begins, low, side="right")) - 1, int(np.searchsorted(begins, high))
         )
-        coefficients = np.concatenate([pieces.coefficients for pieces in self._pieces], axis=1)
-        coefficients = np.ascontiguousarray(coefficients[:, cut])
+        before, within = 0, []  # of each block what lies inside: so nothing is copied twice
+        for pieces in self._pieces:
+            within.append(
+                pieces.coefficients[:, max(0, cut.start - before) : max(0, cut.stop - before)]
+            )
+            before += len(pieces.begins)
+        coefficients = np.concatenate(within, axis=1)
         ends = np.append(begins, self._first - OVERLAP)[cut.start : cut.stop + 1]
         knots = self._start + self.step * ends
         knots.flags.writeable = coefficients.flags.writeable = False
@@ -286,7 +291,8 @@ class Servo:
         except StandError:
             self._ahead = done  # a run that failed fails again
             raise
-        self._account.add(self._first, self._rows(stepped, error))
+        if self._spans:
+            self._account.add(self._first, self._rows(stepped, error))
         samples = np.concatenate([self._tail, stepped.after])
         self._tail = samples[BLOCK:]
         self._pieces.append(self._splined(samples))
@@ -295,7 +301,7 @@ class Servo:
     def _controls(self, first: int) -> _Controls:
         """What the servos are told over `BLOCK` steps from step `first` on."""
         t = self._start + self.step * np.arange(first - 1, first + BLOCK + 1)
-        demand = self._demand.covering(float(t[0]), float(t[-1])).joints(t)[0]
+        demand = self._demand.covering(float(t[0]), float(t[-1])).angles(t)
         return _Controls(demand, self.drive.controls(demand))
 
     def _stepped(self, controls: _Controls) -> _Stepped:
@@ -324,9 +330,8 @@ class Servo:
 
     def _splined(self, samples: Array) -> _Pieces:
         """A block's pieces; the samples reach `OVERLAP` knots farther on either side."""
-        inner = slice(OVERLAP, OVERLAP + BLOCK + 1)
-        coefficients = splined(samples, self.step).coefficients[:, inner]
-        joined, begins = smoothed(coefficients, self.step, SMOOTH)
+        spline = SplinePieces(samples, self.step, OVERLAP)
+        joined, begins = smoothed(spline, self.step, SMOOTH)
         return _Pieces(joined, begins + self._first - OVERLAP)
 
     def _check(self, first: int, stepped: _Stepped, error: Array) -> None:

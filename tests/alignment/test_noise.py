@@ -13,9 +13,11 @@ from alignment.noise import (
     block_means,
     check_at_rest,
     drift_of,
+    faint_doubt,
     mean_and_unstated,
     mean_and_variance,
     mean_variance,
+    rest_doubt,
 )
 from alignment.readings import Dwell, ImuReadings
 
@@ -242,3 +244,23 @@ def test_short_dwells_are_still_split_in_two():
     f[25:] = [G * sin(radians(2)), G * cos(radians(2)), 0.0]
     with pytest.raises(NotAtRest, match=r"tilt 1\.0"):
         check_at_rest(dwell_of(t, w, f))
+
+
+def drifting(sigmas, seed):
+    """Noise of 1, of a mean good to 0.05, with ramps of so many (3,) of their sigmas, 0.173."""
+    n, rng = 400, np.random.default_rng(seed)
+    ramp = np.linspace(-0.5, 0.5, n)[:, None] * np.asarray(sigmas) * np.sqrt(12 / n)
+    w, f = ramp + rng.normal(size=(n, 3)), rng.normal(size=(n, 3))
+    return ImuReadings(np.arange(1, n + 1) / 10, 1e-5 * w, [0.0, G, 0.0] + 1e-3 * f)
+
+
+def test_a_drift_too_faint_to_count_is_said():
+    """Of one axis 5 of its sigmas, 8.7 of the mean at either end: counted in a quarter at most of
+    records, else said in most. Of noise one in a hundred is: of 400 more than 12 are 1 in 1000."""
+    seen = [(rest_doubt(r), faint_doubt(r)) for r in (drifting([0, 5, 0], k) for k in range(40))]
+    assert not any(counted and said for counted, said in seen)
+    assert sum(bool(counted) for counted, _ in seen) < 16
+    assert sum(bool(counted or said) for counted, said in seen) > 30
+    assert sum(bool(faint_doubt(drifting([0, 0, 0], k))) for k in range(400)) <= 12
+    flag = next(said for _, (said, *_) in filter(lambda pair: pair[1], seen))
+    assert flag.startswith("may drift from end to end, gyros by ")

@@ -10,6 +10,7 @@ from math import cos, radians, sin
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError
@@ -129,6 +130,61 @@ def test_a_bias_that_hides_half_of_the_earth_makes_heading_half_as_sure(method):
         w = r.w_ib_b - np.array([part * W * cos(LAT), 0.0, 0.0])
         sigmas.append(yaw_of(method, ImuReadings(r.t, w, r.f_b))[1])
     assert sigmas[1] / sigmas[0] == pytest.approx(2.0, rel=0.1)  # as finely as noise is told
+
+
+def test_a_bias_along_north_neither_tilts_nor_turns_what_the_filter_finds():
+    """Of gyros of unlike noise, 1, 1 and 2 times 0.0007 deg/rt-h, 0.7 rad off north, it took
+    heading 38 sigmas off and tilt about north 18: 0.2 deg/h, of which 300 s make 60 arc seconds.
+
+    Chi-square of 12 degrees of freedom within one in 1000 on either side.
+    """
+    c, s = cos(0.7), sin(0.7)
+    P = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])  # to X1, Y1, Z1 from north, up, east
+    truth = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]]) @ P.T
+    north, squares = np.array([radians(0.2) / 3600, 0.0, 0.0]), []
+    for seed in range(12):
+        r, rng = readings(seed), np.random.default_rng(seed + 50)
+        w = (r.w_ib_b + north) @ P.T
+        w[:, 2] += np.sqrt(3 * HZ) * ARW * rng.normal(size=len(r))
+        one = fine([Dwell("p", 0.0, SPAN, ImuReadings(r.t, w, r.f_b @ P.T))], HERE, Options())[0]
+        assert one.C_nb is not None
+        assert one.covariance is not None
+        error = Rotation.from_matrix(one.C_nb.as_matrix() @ truth.T).as_rotvec()
+        squares.append(error**2 / np.diag(one.covariance))
+    found = np.sum(squares, axis=0)
+    assert np.all((found > 2.2) & (found < 32.9)), found
+
+
+@pytest.mark.parametrize("method", [inertial, fine])
+@pytest.mark.parametrize(
+    ("bias", "told"), [(0.2, "seems 1.02 of"), (-3.0, "seems 0.68 of"), (0, "")]
+)
+def test_what_shows_of_a_bias_is_said_of_what_does_not(method, bias, told):
+    """By hand: ``W cos lat`` is 9.465 deg/h at 51 deg, which 0.2 and -3 make 1.021 and 0.683 of
+    itself; as much to the east turns heading by 1.2 and 18 deg."""
+    r = readings(2)
+    w = r.w_ib_b + np.array([radians(bias) / 3600, 0.0, 0.0])
+    (one,) = method([Dwell("p", 0.0, SPAN, ImuReadings(r.t, w, r.f_b))], HERE, Options())
+    flags = [flag for flag in one.flags if "level rate seems" in flag]
+    assert bool(flags) == bool(told)
+    assert all(told in flag for flag in flags)
+
+
+@pytest.mark.parametrize("method", [inertial, fine])
+def test_a_dither_that_differs_from_axis_to_axis_turns_no_heading(method):
+    """Jitter of 1, 1 and 10 arc seconds about X1, Y1, Z1, which stand 0.7 rad off north: a bias of
+    0.2 deg/h along north is noise of none, and took the filter's heading 1.5 deg off, by 20 to 80
+    sigmas. By hand it leaves heading as it is: what is felt across north tells that."""
+    c, s = cos(0.7), sin(0.7)
+    P = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    for seed in range(3):
+        r, rng = readings(seed, arw=2 * ARW), np.random.default_rng(seed + 10)
+        jitter = radians(1 / 3600) * rng.normal(size=(len(r) + 1, 3)) * [1.0, 1.0, 10.0]
+        north = np.array([radians(0.2) / 3600, 0.0, 0.0])
+        w = (r.w_ib_b + north) @ P.T + np.diff(jitter, axis=0) * HZ
+        yaw, sigma = yaw_of(method, ImuReadings(r.t, w, r.f_b @ P.T))
+        assert abs(yaw + 0.7) < 3 * sigma
+        assert sigma < radians(0.2)
 
 
 SLAM = radians(0.05) * 0.1  # rad: 0.05 deg/s for 0.1 s, which the base did not turn by

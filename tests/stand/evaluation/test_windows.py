@@ -357,6 +357,18 @@ def test_scatter_is_of_the_order_of_the_sigma(motion, methods, noise):
     assert all(0.2 < value < 3 for value in found.values()), found
 
 
+@pytest.mark.parametrize(
+    ("motion", "noise"),
+    [(STILL, wandering(ARW / 4, 1e-4, ARW / 1200)), (ROCKING, white(ARW / 4, 1e-4))],
+    ids=["wandering", "rocking"],
+)
+def test_scatter_of_windows_of_five_minutes(motion, noise):
+    """Ten of 300 s, in which a bias walks by half of what noise makes of its mean."""
+    found = ratios(motion, 300.0, 10, 10, ("inertial", "fine"), noise, 1)
+    assert len(found) == 4
+    assert all(0.2 < value < 3 for value in found.values()), found
+
+
 LN100 = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "real" / "ln100"
 
 

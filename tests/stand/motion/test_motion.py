@@ -3,6 +3,8 @@
 What is fitted, splined or summed is smooth at its knots and goes where it was told to.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,6 +15,7 @@ from stand.motion.polynomial import (
     FIT_PER_PERIOD,
     SAME_KNOT,
     Motion,
+    SplinePieces,
     b_spline,
     fitted,
     smoothed,
@@ -370,12 +373,41 @@ def test_knots_that_only_rounding_parts_are_one():
     np.testing.assert_array_equal(total.joints([0.5, 1.5])[0], [[2.0, 4.0], [2.0, 4.0]])
 
 
+@dataclass
+class Given:
+    """Pieces whose coefficients (6, n + 1, joints) are known, the last tells where they end."""
+
+    every: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return self.every.shape[1] - 1
+
+    def coefficients(self, numbers, first=0):
+        return self.every[first:, numbers]
+
+    def accelerations(self):
+        return 2 * self.every[3]
+
+
+def test_pieces_of_a_spline_are_those_of_the_whole_to_the_bit():
+    samples = np.random.default_rng(5).normal(size=(60 + 1 + 2 * 7, 3)).cumsum(axis=0)
+    whole = splined(samples, 1e-3).coefficients[:, 7 : 7 + 61]
+    pieces = SplinePieces(samples, 1e-3, 7)
+    assert pieces.count == 60
+    np.testing.assert_array_equal(pieces.coefficients(np.arange(61)), whole)
+    np.testing.assert_array_equal(
+        pieces.coefficients(np.array([0, 41, 60]), 3), whole[3:, [0, 41, 60]]
+    )
+    np.testing.assert_array_equal(pieces.accelerations(), 2 * whole[3])
+
+
 def test_pieces_of_one_quintic_are_joined():
     """Sixty of t^5/120, each about its own beginning, are three of twenty."""
     h = 0.01
     t = h * np.arange(61)
     powers = [t**0 / 120, t / 24, t**2 / 12, t**3 / 12, t**4 / 24, t**5 / 120]
-    made, begins = smoothed(np.array(powers)[:, :, None], h, 1e-9)
+    made, begins = smoothed(Given(np.array(powers)[:, :, None]), h, 1e-9)
     np.testing.assert_array_equal(begins, [0, 20, 40])
     # angles below 1e-3 round by 1e-19, over 0.2 s to the fifth by 1e-15
     for power, row in zip(powers, made[:, :, 0], strict=True):
@@ -390,8 +422,8 @@ def test_a_kick_stays_where_it_was():
     spline[4] = 0.1  # a turn at constant rate
     spline[5, :, 0] = 0.1 * h * np.arange(81)
     spline[3, 47] = 1e-3 / 2
-    made, begins = smoothed(spline, h, 1e-7)
+    made, begins = smoothed(Given(spline), h, 1e-7)
     assert list(begins) == [0, 20, 40, 45, 46, 47, 48, 49, 50, 55, 60]
     np.testing.assert_array_equal(made[:, 3:8], spline[:, 45:50])
-    _, all_joined = smoothed(spline, h, 2e-3)
+    _, all_joined = smoothed(Given(spline), h, 2e-3)
     assert list(all_joined) == [0, 20, 40, 60]
