@@ -420,7 +420,10 @@ class Imu:
             of_gyros, of_accels = (w_end, f_end), (f_end, f_end)
         y, too_fast = self._gyro.report(w, f, t, warmth, of_gyros)
         g, too_hard = self._accel.report(f, f, t, warmth, of_accels)
-        return ImuBlock(sensed.t_ns, y.T, g.T, np.vstack([too_fast, too_hard]).T)
+        flags = np.vstack([too_fast, too_hard])
+        for made in (y, g, flags):
+            made.flags.writeable = False  # given away, as columns
+        return ImuBlock(sensed.t_ns, y.T, g.T, flags.T)
 
 
 class Clock:

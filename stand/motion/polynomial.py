@@ -17,14 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from alignment.arrays import Array, IntArray, owned
 from alignment.fixed_order import product, recursion
-from stand.motion.places import Places, filled
+from stand.motion.places import Places
 
 FIT_DEGREE = 9
 FIT_PER_PERIOD = 10  # pieces of a sine: then fitted to 1e-10 of its acceleration
 BLOCK = 4096  # pieces worked out at once: temporary arrays stay small
 _SETTLED = 48  # rows of the splines' equations until their factors change no more
 JOINED, FEWER = 20, 5  # pieces of a spline that may become one
-_FILLED = 0.5  # of a table of places, from which on it is less work than all places by themselves
 SAME_KNOT = 1e-9  # s: knots of several motions nearer than this are one
 
 
@@ -139,9 +138,9 @@ def _horner(coefficients: Array, piece: IntArray, since: Array, orders: int) -> 
     `coefficients` (d + 1, k, joints) as of `Motion`; `piece` (n,), in time `since` (n,) its start.
     """
     c = np.ascontiguousarray(coefficients.swapaxes(1, 2))
-    places = Places(piece, since) if _in_order(piece) else None
+    places = Places(piece, since) if (piece[1:] >= piece[:-1]).all() else None
     tau = since if places is None else places.table
-    terms = c[:, :, piece] if places is None else places.of_pieces(c)
+    terms = c[:, :, piece] if places is None else places.beside(c)
     angle = np.empty((c.shape[1], *tau.shape))
     angle[:] = terms[0]
     seen = [angle, *(np.zeros_like(angle) for _ in range(orders))]
@@ -152,11 +151,6 @@ def _horner(coefficients: Array, piece: IntArray, since: Array, orders: int) -> 
         angle *= tau
         angle += term
     return [values if places is None else places.flat(values) for values in seen]
-
-
-def _in_order(piece: IntArray) -> bool:
-    """Whether places in these pieces (n,) never go down, and fill a table of them by half."""
-    return bool((piece[1:] >= piece[:-1]).all()) and filled(piece) > _FILLED
 
 
 def fitted(angles: Callable[[Array], Array], knots: Array) -> Motion:

@@ -10,7 +10,7 @@ what they are made of. Products and sums go term by term, without BLAS: a sample
 on every processor and in whatever block it is asked for.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from math import cos, pi
@@ -21,7 +21,6 @@ from alignment.arrays import Array, IntArray
 from stand.motion.places import Places
 
 CHUNK = 256  # panels worked out at once: temporary arrays stay in cache
-TABLE = 1 << 15  # values of curves at places worked out at once: so too
 _ROUNDS = 20  # of Newton's iteration from Chebyshev's nodes: 4 of them settle it
 
 
@@ -55,25 +54,31 @@ class Panels:
             for part in np.array_split(own, -(-len(own) // CHUNK)):
                 yield part, self._at[part, None] + np.arange(count), places_of(int(count))
 
-    def curves(self, seen: Array) -> "Curves":
-        """What is `seen` (c, k) at the nodes, as curves.
+    def curves(self, seen: Array, again: IntArray | None = None) -> "Curves":
+        """What is `seen` (c, k) at the nodes, as curves; node i is as that of number `again[i]`.
 
         What stands still is that number, to the bit.
         """
         series = np.zeros((self._counts.max(), len(seen), len(self._counts)))
         for own, rows, places in self._alike():
-            first, *others = (seen[:, row] for row in rows.T)
-            terms = np.zeros((len(places), *first.shape))
-            for weights, values in zip(_to_series(len(places))[1:], others, strict=True):
-                terms += weights[:, None, None] * (values - first)
-            series[: len(places), :, own] = terms
-        return Curves(seen[:, self._at[:-1]], series)
+            if again is None:
+                series[: len(places), :, own] = _series(seen, rows, places)
+            else:  # of panels that show the same, which one inner node tells, one is worked out
+                rows = again[rows]
+                _, first, which = np.unique(rows[:, 1], return_index=True, return_inverse=True)
+                series[: len(places), :, own] = _series(seen, rows[first], places)[:, :, which]
+        begins = self._at[:-1]
+        return Curves(seen[:, begins if again is None else again[begins]], series)
 
     def cut(self, edges: Array) -> "Cuts":
         """Where samples between the `edges` (n + 1,) [s], within the panels, lie in them."""
         ends = self._ends[(self._ends > edges[0]) & (self._ends < edges[-1])]
-        points = np.sort(np.concatenate([edges, ends[edges[np.searchsorted(edges, ends)] != ends]]))
-        panel = np.searchsorted(self._ends, points[:-1], side="right") - 1
+        at = np.searchsorted(edges, ends)
+        between = edges[at] != ends
+        points = np.insert(edges, at[between], ends[between]) if between.any() else edges
+        begin = np.searchsorted(points[:-1], self._ends)
+        counts = np.diff(begin, prepend=0, append=len(points) - 1)
+        panel = np.repeat(np.arange(-1, len(begin)), counts)
         middle, half = self._middle[panel], self._half[panel]
         inside = points[0] != self._ends[panel[0]]
         return Cuts(
@@ -114,32 +119,54 @@ class _Polynomials:
     def __init__(self, panel: IntArray, at: Array) -> None:
         self._places = Places(panel, at)
         self._count = len(at)
-        table = self._places.table
-        self._values = [np.ones(table.shape), table]
+        self._values = np.empty((0, *self._places.table.shape))
 
     def sums(self, series: Array) -> Array:
         """Values (c, m) of series (n, c, p)."""
-        values = self._values
-        while len(values) < len(series):  # T_(k+1) = 2 u T_k - T_(k-1)
-            values.append(2 * values[1] * values[-1] - values[-2])
-        terms = self._places.of_pieces(series)
-        found = np.zeros((series.shape[1], self._count))
-        many = max(1, TABLE // values[0].size)
+        if len(self._values) < len(series):
+            self._values = _chebyshev(self._places.table, len(series))
         moving = np.flatnonzero(series.any(axis=(0, 2)))
-        for first in range(0, len(moving), many):
-            some = moving[first : first + many]
-            found[some] = self._places.flat(_sum(terms[:, some], values))
-        return found
+        terms = self._places.of_pieces(series[:, moving])
+        found = _sum(terms, self._values[: len(series)], self._places.rows)
+        if len(moving) == series.shape[1]:
+            return self._places.flat(found)
+        values = np.zeros((series.shape[1], self._count))
+        values[moving] = self._places.flat(found)
+        return values
 
 
-def _sum(terms: Array, factors: Sequence[Array]) -> Array:
-    """Of products, each made and added by itself: a sum in one go rounds as a processor likes."""
-    total = terms[0] * factors[0]
-    product = np.empty_like(total)
-    for term, factor in zip(terms[1:], factors[1:], strict=False):
-        np.multiply(term, factor, out=product)
-        total += product
-    return total
+def _chebyshev(u: Array, count: int) -> Array:
+    """The first so many polynomials (count, *) at places u (*): T_(k+1) = 2 u T_k - T_(k-1)."""
+    values = np.empty((count, *u.shape))
+    values[0], values[1] = 1.0, u
+    twice = 2 * u
+    for before, last, following in zip(values, values[1:], values[2:], strict=False):
+        np.multiply(twice, last, out=following)
+        following -= before
+    return values
+
+
+def _sum(terms: Array, factors: Array, rows: bool) -> Array:
+    """Of products of `terms` (n, c, p) and `factors` (n, p, m), or (n, m, p) where not `rows`.
+
+    Notes
+    -----
+    Along the last axis of the factors, term after term: each product is added to the sum of those
+    before it, whatever the sizes. One call, in which other threads go on: half the time of its
+    multiplications and additions one by one.
+    """
+    if not terms.shape[1]:
+        return np.empty((0, *factors.shape[1:]))
+    return np.einsum("kcp,kpm->cpm" if rows else "kcp,kmp->cmp", terms, factors)
+
+
+def _series(seen: Array, rows: IntArray, places: Array) -> Array:
+    """Of what is `seen` (c, k) at the nodes `rows` (m, n), less the first: (n, c, m)."""
+    first, *others = (seen[:, row] for row in rows.T)
+    terms = np.zeros((len(places), *first.shape))
+    for weights, values in zip(_to_series(len(places))[1:], others, strict=True):
+        terms += weights[:, None, None] * (values - first)
+    return terms
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,6 +19,7 @@ A motion that repeats itself, as coning turn by turn, is looked at in its first 
 from collections.abc import Iterable
 from functools import cache
 from math import comb, factorial, hypot
+from threading import Lock
 
 import numpy as np
 
@@ -65,13 +66,15 @@ def quadrature_constant(nodes: int) -> float:
 class Law:
     """How many nodes, in how many panels, each piece of one motion takes.
 
-    A piece is judged from itself alone: the choice does not depend on what else is asked for.
+    A piece is judged from itself alone: the choice does not depend on what else is asked for, nor
+    on who asks: several threads may.
     """
 
     def __init__(self, motion: Motion, waves: Waves) -> None:
         self._motion, self._waves = motion, list(waves)
         # nodes, panels where a sample ends within the piece; nodes, panels where none does
         self._known = np.zeros((len(motion.knots) - 1, 4), np.int64)
+        self._judging = Lock()
         self._first = first_alike(motion)
         self.repeats = bool((self._first < np.arange(len(self._first))).any())
 
@@ -79,6 +82,12 @@ class Law:
     def motion(self) -> Motion:
         """Whose law it is."""
         return self._motion
+
+    @property
+    def distinct(self) -> int:
+        """How many pieces move, each another way."""
+        own = self._first == np.arange(len(self._first))
+        return int(np.count_nonzero(own & ~self._motion.at_rest))
 
     @property
     def moving(self) -> IntArray:
@@ -166,14 +175,15 @@ class Law:
 
     def _learn(self, pieces: IntArray) -> None:
         """Judge these, those that are not yet; of few the next as well, which will be asked for."""
-        new = pieces[self._known[pieces, 0] == 0]
-        if not len(new):
-            return
-        ahead = np.arange(new[-1] + 1, min(new[0] + _CHUNK, len(self._known)))
-        new = np.concatenate([new, ahead])
-        for first in range(0, len(new), _CHUNK):
-            part = new[first : first + _CHUNK]
-            self._known[part] = self._judged(part)
+        with self._judging:
+            new = pieces[self._known[pieces, 0] == 0]
+            if not len(new):
+                return
+            ahead = np.arange(new[-1] + 1, min(new[0] + _CHUNK, len(self._known)))
+            new = np.unique(np.concatenate([new, self._first[ahead]]))
+            for first in range(0, len(new), _CHUNK):
+                part = new[first : first + _CHUNK]
+                self._known[part] = self._judged(part)
 
     def _judged(self, pieces: IntArray) -> IntArray:
         lengths = np.diff(self._motion.knots)[pieces]

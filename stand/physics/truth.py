@@ -1,8 +1,6 @@
 """Truth: what perfect sensors at the instrument's point feel, evaluated by MuJoCo.
 
-Exact to rounding: the motion is prescribed, not simulated. Every joint gets an armature of 1e15,
-so that an applied force of 1e15 q'' yields exactly q'' whatever the rest of the stand weighs,
-and MuJoCo's own sensors are read at (q, q', q'').
+Exact to rounding: the motion is prescribed, not simulated (`stand.physics.hinges`).
 
 Earth: ``w_ib_b = w_nb_b + C_bn w_ie_n`` and ``f_b = a + 2 w_ie x v - g``; gravity includes the
 centrifugal term and is uniform over the stand (its gradient is 3e-7 g per metre). Earth rate
@@ -15,46 +13,30 @@ the chain rule, and an axis that wobbles has two small hinges across it, prescri
 # mujoco fills its namespace from C, unseen by pyright.
 # pyright: reportAttributeAccessIssue=false
 
+import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from itertools import count, pairwise
-from typing import Any, NamedTuple
+from itertools import pairwise
+from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, IntArray
 from alignment.cross import cross
 from alignment.earth import Site
-from alignment.fixed_order import product
 from stand.motion.polynomial import Motion
-from stand.physics.mjcf import SENSORS, SITE
+from stand.physics.hinges import Chain, Common, Hinges, JointState, chain_of
 from stand.physics.panels import Curves, Panels
 from stand.physics.quadrature import Law
 from stand.samples import Sampling, Sensed, TruthBlock
-from stand.table.joints import JOINTS, across
-from stand.table.kinematics import C_NW
+from stand.table.joints import JOINTS
 from stand.table.table_errors import PERFECT, TableErrors
 
-ARMATURE = 1e15  # kg m^2: dwarfs every real inertia by 1e12, so q'' comes back to rounding
-ROWS = 1000  # evaluations per call: the state rows stay in cache
-_NOD = " nods "  # in names of hinges, behind the axis'
-HINGES = 6  # at most on one body of MuJoCo's
 NANOSECOND = 1_000_000_000
+MANY = 200  # pieces, from which on fewer hinges are worth a model of their own, which takes 1.5 ms
 _REST, _MOVING, _ALONE = range(3)  # kinds of samples: once for all, by panels, each for itself
-
-_State = tuple[Array, Array, Array]  # angles, rates, accelerations
-
-_UNUSED_STAGES = (
-    mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    | mujoco.mjtDisableBit.mjDSBL_CONTACT
-    | mujoco.mjtDisableBit.mjDSBL_SPRING
-    | mujoco.mjtDisableBit.mjDSBL_DAMPER
-    | mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    | mujoco.mjtDisableBit.mjDSBL_AUTORESET
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,207 +89,18 @@ class Samples(Instants):
         return Sensed(t_ns, self.w_ib_b, self.f_places, self.w_end, f_end=self.f_end)
 
 
-def lean_model(
-    model: mujoco.MjModel,
-    site: Site,
-    places: Array | None = None,
-    errors: TableErrors = PERFECT,
-    data: mujoco.MjData | None = None,
-) -> mujoco.MjModel:
-    """The stand's kinematics alone: its hinges on one body at the instrument's point.
-
-    Parameters
-    ----------
-    model : MjModel
-        The whole stand as built, with single hinges named as `JOINTS` and the site `imu`.
-    site : Site
-        ``latitude`` needed.
-    places : (3, 3) or None
-        Row i: where an accelerometer is added, in b, from the instrument's point [m].
-    errors : TableErrors
-        Behind each axis that wobbles come two hinges across it, `nods` of it.
-    data : MjData or None
-        At zero angles, of a model of these sizes: worked in where many are made.
-
-    Notes
-    -----
-    A chain of hinges is the same rigid motion as the hinges in series on its last body, each
-    with the axis and anchor it has at zero angles; that spares five bodies' arithmetic. More
-    than MuJoCo allows on one body go to others in the same place.
-    """
-    return _compiled(_chain(model, errors, data), site, places)
-
-
-def _compiled(chain: "_Chain", site: Site, places: Array | None) -> mujoco.MjModel:
-    spec = mujoco.MjSpec()
-    spec.option.gravity = C_NW.inv().apply(-site.f_n)
-    spec.option.magnetic = C_NW.inv().apply(site.w_ie_n)
-    spec.option.disableflags = int(_UNUSED_STAGES)
-    body = _weighted(spec.worldbody, pos=chain.origin, quat=chain.quat)
-    hinges = zip(chain.names, chain.axes, chain.anchors, strict=True)
-    for number, (name, axis, anchor) in enumerate(hinges):
-        if number and number % HINGES == 0:
-            body = _weighted(body)
-        body.add_joint(
-            name=name,
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=axis,
-            pos=anchor,
-            armature=ARMATURE,
-        )
-    body.add_site(name=SITE)
-    for kind in SENSORS:  # those of the stand at the same site
-        spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=SITE)
-    for i, place in enumerate(() if places is None else places):
-        body.add_site(name=f"place{i}", pos=place)
-        spec.add_sensor(
-            type=mujoco.mjtSensor.mjSENS_ACCELEROMETER,
-            objtype=mujoco.mjtObj.mjOBJ_SITE,
-            objname=f"place{i}",
-        )
-    return spec.compile()
-
-
-class _Chain(NamedTuple):
-    """Names, axes and anchors (h, 3) in b of the lean model's hinges, and where b is in w."""
-
-    names: tuple[str, ...]
-    axes: Array
-    anchors: Array
-    origin: Array
-    quat: Array
-
-    def less(self, still: IntArray, angles: Array) -> "_Chain":
-        """Without the hinges of these numbers, which stand at `angles` (h,) [rad] of all h.
-
-        Notes
-        -----
-        One that stands, F, goes before those that carry it: ``H F = F (F^-1 H F)`` turns their
-        axes and anchors, and where b is in w takes it in.
-        """
-        axes, anchors, origin = self.axes.copy(), self.anchors.copy(), self.origin
-        C_wb = Rotation.from_quat(self.quat, scalar_first=True).as_matrix()
-        for k in still:
-            C = Rotation.from_rotvec(angles[k] * axes[k]).as_matrix()
-            moved = anchors[k] - product(C, anchors[k])
-            axes[:k] = product(axes[:k], C)
-            anchors[:k] = product(anchors[:k] - moved, C)
-            origin, C_wb = origin + product(C_wb, moved), product(C_wb, C)
-        left = np.delete(np.arange(len(axes)), still)
-        return _Chain(
-            names=tuple(self.names[k] for k in left),
-            axes=axes[left],
-            anchors=anchors[left],
-            origin=origin,
-            quat=Rotation.from_matrix(C_wb).as_quat(scalar_first=True),
-        )
-
-
-def _chain(model: mujoco.MjModel, errors: TableErrors, data: mujoco.MjData | None = None) -> _Chain:
-    at_zero: Any = mujoco.MjData(model) if data is None else data
-    mujoco.mj_kinematics(model, at_zero)
-    sid = model.site(SITE).id
-    origin, C_wb = at_zero.site_xpos[sid].copy(), at_zero.site_xmat[sid].reshape(3, 3).copy()
-    names, axes, anchors = zip(*_hinges(model, at_zero, errors), strict=True)
-    return _Chain(
-        names=names,
-        axes=product(C_wb.T, np.array(axes).T).T,
-        anchors=product(C_wb.T, (np.array(anchors) - origin).T).T,
-        origin=origin,
-        quat=Rotation.from_matrix(C_wb).as_quat(scalar_first=True),
-    )
-
-
-def _rebuild(lean: mujoco.MjModel, chain: _Chain) -> None:
-    """Make of a lean model that of another table of as many hinges, to the bit as its compiler.
-
-    Which leaves what has a length of one within 1e-14 as it is.
-    """
-    lean.body_pos[1] = lean.body_ipos[1] = chain.origin
-    lean.body_quat[1] = lean.body_iquat[1] = chain.quat
-    lean.jnt_axis[:], lean.jnt_pos[:] = chain.axes, chain.anchors
-
-
-def _weighted(parent: mujoco.MjsBody, **place: Array) -> mujoco.MjsBody:
-    return parent.add_body(mass=1.0, inertia=[1, 1, 1], explicitinertial=True, **place)
-
-
-def _hinges(
-    model: mujoco.MjModel, data: mujoco.MjData, errors: TableErrors
-) -> Iterator[tuple[str, Array, Array]]:
-    """Name, axis and anchor in w at zero angles of the six hinges and of the nods behind them."""
-    for number, name in enumerate(JOINTS):
-        joint = model.joint(name).id
-        axis, anchor = data.xaxis[joint], data.xanchor[joint]
-        yield name, axis, anchor
-        if errors.wobble[number]:
-            body = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3)
-            first = product(body, across(model.jnt_axis[joint]))
-            yield f"{name}{_NOD}first", first, anchor
-            yield f"{name}{_NOD}second", np.cross(axis, first), anchor
-
-
-class Hinges:
-    """A lean model at work: the hinges of `axes` (m,) and of their nods, in one batch of `ROWS`."""
-
-    def __init__(self, chain: _Chain, axes: IntArray, common: "_Common") -> None:
-        self.axes, self.names = axes, chain.names
-        self._lean = _compiled(chain, common.site, common.places)
-        self.batch = Batch(self._lean, ROWS, nthread=common.threads)
-        self._sensors = self.batch.bind("sensordata")
-
-    def take(self, chain: _Chain) -> None:
-        """Be those of another chain of the same names."""
-        _rebuild(self._lean, chain)
-        self.batch.set_models(self._lean)
-
-    def states(self, errors: TableErrors, true: _State, encoders: _State) -> _State:
-        """Angles, rates and accelerations of the hinges, from those of the six axes."""
-        own = true if len(self.axes) == len(JOINTS) else [x[:, self.axes] for x in true]
-        wobbling = self.axes[errors.wobble[self.axes] != 0]
-        if len(wobbling):
-            order = _order(errors, self.axes)
-            nods = errors.nods(*encoders, wobbling)
-            own = [np.hstack(both)[:, order] for both in zip(own, nods, strict=True)]
-        angles, rates, accelerations = own
-        return angles, rates, accelerations
-
-    def sensed(self, joints: Array, rates: Array, accelerations: Array) -> Array:
-        """Sensors (n, s) at states of the hinges."""
-        n = len(joints)
-        raw = np.empty((n, self._sensors.shape[1]))
-        for first in range(0, n, ROWS):
-            part = slice(first, min(first + ROWS, n))
-            raw[part] = self._evaluate(joints[part], rates[part], accelerations[part])
-        return raw
-
-    def _evaluate(self, joints: Array, rates: Array, accelerations: Array) -> Array:
-        n = len(joints)
-        self.batch.qpos[:n] = joints
-        self.batch.qvel[:n] = rates
-        np.multiply(accelerations, ARMATURE, out=self.batch.qfrc_applied[:n])
-        self.batch.forward(None if n == ROWS else np.arange(n))
-        return self._sensors[:n]
-
-
-class _Common(NamedTuple):
-    """What all hinges have in common."""
-
-    site: Site
-    places: Array | None
-    threads: int
-
-
 class Truth:
     """Evaluates perfect sensors at prescribed joint motions.
 
-    One instance per thread: it reuses one batch of `ROWS` states, and another of those hinges
+    One instance per thread: it reuses one batch of states, and another of those hinges
     alone that a motion moves, which take half the work where three axes of six sway.
 
     Parameters
     ----------
-    model, site
-        As `lean_model`.
+    model : MjModel
+        As `stand.physics.hinges.chain_of`.
+    site : Site
+        ``latitude`` needed.
     places : (3, 3) or None
         Where the X1, Y1, Z1 accelerometers sit, in b [m]; None (or zeros) for the point itself.
     errors : TableErrors or None
@@ -316,7 +109,7 @@ class Truth:
     threads : int
         Of MuJoCo; the results are the same bits.
     data : MjData or None
-        As of `lean_model`.
+        As of `chain_of`.
     ends : bool
         Whether samples tell what is felt at their ends: a unit without a low-pass does not ask.
     """
@@ -333,16 +126,24 @@ class Truth:
     ) -> None:
         self._ends = ends
         self._places = places if places is not None and places.any() else None
-        self._common, self._data = _Common(site, self._places, threads), data
+        self._common, self._data = Common(site, self._places, threads), data
         self._take(model, PERFECT if errors is None else errors)
         self._all = Hinges(self._chain, np.arange(len(JOINTS)), self._common)
         self._some: Hinges | None = None
 
     def _take(self, model: mujoco.MjModel, errors: TableErrors) -> None:
         self._errors, self._perfect = errors, errors.perfect
-        self._chain = _chain(model, errors, self._data)
+        self._chain = chain_of(model, errors, self._data)
         self._law: Law | None = None  # of the motion met last
         self._moving: Hinges | None = None  # that it moves
+
+    def beside(self, motion: Motion) -> "Truth":
+        """Another one for another thread, which shares what is known of a motion."""
+        self._law_of(motion)
+        other = copy.copy(self)
+        other._all = Hinges(self._chain, self._all.axes, self._common)
+        other._some = other._moving = None
+        return other
 
     @property
     def batch(self) -> Batch:
@@ -357,18 +158,19 @@ class Truth:
         self._take(model, errors)
         self._all = self._made(self._all, self._chain, self._all.axes)
 
-    def _made(self, before: Hinges | None, chain: _Chain, axes: IntArray) -> Hinges:
+    def _made(self, before: Hinges | None, chain: Chain, axes: IntArray) -> Hinges:
         if before is None or before.names != chain.names:
             return Hinges(chain, axes, self._common)
         before.take(chain)
         return before
 
     def _moving_in(self, motion: Motion) -> Hinges:
-        """The hinges that a motion moves; all, of a window of a motion: it has other windows."""
+        """The hinges that a motion moves; all, of one of few pieces, and of a window of a motion,
+        which has other windows."""
         law = self._law_of(motion)
         if self._moving is None:
             axes = law.moving
-            few = motion.whole and 0 < len(axes) < len(JOINTS)
+            few = motion.whole and 0 < len(axes) < len(JOINTS) and law.distinct > MANY
             self._moving = self._moved_alone(motion, axes) if few else self._all
         return self._moving
 
@@ -377,11 +179,7 @@ class Truth:
         q = motion.joints(motion.knots[:1])[0]
         encoders = q, np.zeros_like(q), np.zeros_like(q)
         angles, _, _ = self._all.states(self._errors, self._errors.realised(*encoders), encoders)
-        own = {JOINTS[number] for number in axes}
-        still = [
-            k for k, name in enumerate(self._chain.names) if name.partition(_NOD)[0] not in own
-        ]
-        chain = self._chain.less(np.array(still), angles[0])
+        chain = self._chain.of(axes, angles[0])
         self._some = self._made(self._some, chain, axes)
         return self._some
 
@@ -395,7 +193,7 @@ class Truth:
         """
         return self._instants((joints, rates, accelerations), self._all)
 
-    def _instants(self, encoders: _State, hinges: Hinges) -> Instants:
+    def _instants(self, encoders: JointState, hinges: Hinges) -> Instants:
         """As `instants`, where only these hinges move."""
         if not np.isfinite(sum(values.sum() for values in encoders)):
             raise _not_finite(*encoders)
@@ -530,7 +328,7 @@ class Truth:
         """At times (n,), evaluated there."""
         return self._sampled(motion.joints(t), self._moving_in(motion))
 
-    def _sampled(self, encoders: _State, hinges: Hinges) -> Samples:
+    def _sampled(self, encoders: JointState, hinges: Hinges) -> Samples:
         at = self._instants(encoders, hinges)
         return Samples(
             at.w_ib_b,
@@ -588,7 +386,7 @@ class Truth:
             axes = self._law_of(motion).moving
             seen += [(at.joints - q)[:, axes], (at.joint_rates - v)[:, axes]]
         columns = np.ascontiguousarray(np.hstack(seen).T)
-        return panels.curves(columns if again is None else columns[:, again])
+        return panels.curves(columns, again)
 
     def _samples(
         self, motion: Motion, edges: Array, felt: Array, beyond: Array, at_ends: Array | None
@@ -636,15 +434,6 @@ def _repeated(row: Array, n: int) -> Array:
     return np.broadcast_to(own, (n, row.shape[1]))
 
 
-def _order(errors: TableErrors, axes: IntArray) -> IntArray:
-    """Columns of the angles of `axes`, then their nods, as the lean model's hinges take them."""
-    order: list[int] = []
-    nods = count(len(axes))
-    for place, number in enumerate(axes):
-        order += [place, *((next(nods), next(nods)) if errors.wobble[number] else ())]
-    return np.array(order)
-
-
 def _not_finite(joints: Array, rates: Array, accelerations: Array) -> ValueError:
     for name, values in (("q", joints), ("q'", rates), ("q''", accelerations)):
         if not np.isfinite(values).all():
@@ -655,10 +444,12 @@ def _not_finite(joints: Array, rates: Array, accelerations: Array) -> ValueError
 
 def rest_of(motion: Motion, edges: Array) -> np.ndarray:
     """Whether the motion stands still over each of the n intervals of `edges` (n + 1,)."""
-    piece = np.clip(np.searchsorted(motion.knots, edges[:-1], side="right") - 1, 0, None)
-    piece = np.minimum(piece, len(motion.knots) - 2)
-    first = piece[0]
-    moving = np.any(motion.coefficients[:-1, first : piece[-1] + 1], axis=0).any(axis=1)
+    last = len(motion.knots) - 2
+    first, end = np.clip(np.searchsorted(motion.knots, edges[[0, -2]], side="right") - 1, 0, last)
+    moving = np.any(motion.coefficients[:-1, first : end + 1], axis=0).any(axis=1)
+    if moving.all():
+        return np.zeros(len(edges) - 1, bool)
+    piece = np.clip(np.searchsorted(motion.knots, edges[:-1], side="right") - 1, 0, last)
     resting = np.logical_not(moving)[piece - first]
     return resting & (edges[1:] <= motion.knots[piece + 1])
 

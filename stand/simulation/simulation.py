@@ -6,9 +6,14 @@ sets methods side by side on them.
 """
 
 import os
+from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
+from queue import SimpleQueue
 from typing import NamedTuple
+
+import numpy as np
 
 from alignment import ESTIMATORS
 from alignment.arrays import Array
@@ -37,8 +42,8 @@ from stand.table.joints import StandModel
 from stand.table.table import Table
 from stand.table.table_errors import TableErrors
 
-BLOCK = 8000  # samples, or a second of them if that is more
-BLOCK_S = 60.0  # at most, unless it is a sample: what moves is looked at often in a minute
+BLOCK = 16000  # samples, or a second of them if that is more
+BLOCK_S = 80.0  # at most, unless it is a sample: what moves is looked at often in a minute
 SERVO_BLOCK_S = 20.0  # of a simulated servo, which takes less than a second to step through
 
 
@@ -89,6 +94,7 @@ class Simulation:
             settings.sampling,
         )
         servo = settings.motion is MotionKind.SERVO
+        two = not servo and self._worth_two()
         built = with_errors(model, self.errors)
         self.built: StandModel = describe(built)
         self._truth = Truth(
@@ -96,9 +102,10 @@ class Simulation:
             settings.site,
             self.imu.spec.places,
             self.errors,
-            threads=_threads(),
+            threads=1 if two else _threads(),
             ends=self.imu.spec.filtered,
         )
+        self._by_two = two
         self._drive: Motion | Servo = self.plan.motion
         if servo:
             spans = [StepSpan(s.t_from, s.t_to, s.kind == "dwell") for s in self.plan.steps]
@@ -128,26 +135,50 @@ class Simulation:
         return None if isinstance(self._drive, Motion) else self.stand
 
     def blocks(self) -> Iterator[Block]:
-        """The samples in order of time, once; the truth is worked out one block ahead."""
-        longest = BLOCK_S if isinstance(self._drive, Motion) else SERVO_BLOCK_S
-        rate_hz = self.settings.rate_hz
-        size = min(max(BLOCK, rate_hz), round(longest * rate_hz))
-        starts = range(0, self.total, size)
-        with ThreadPoolExecutor(1, thread_name_prefix="truth") as ahead:
-            coming: Future[_Sensing] | None = None
-            for first in starts:
-                sensing = (coming or ahead.submit(self._sensing, first, size)).result()
-                more = first + size < self.total
-                coming = ahead.submit(self._sensing, first + size, size) if more else None
-                readings = self.imu.report(sensing.sensed)
-                yield Block(sensing.truth, readings, sensing.motion, sensing.sensed)
+        """The samples in order of time, once; the truth is worked out a block ahead, or two."""
+        size = self._block(BLOCK_S if isinstance(self._drive, Motion) else SERVO_BLOCK_S)
+        free: SimpleQueue[Truth] = SimpleQueue()
+        free.put(self._truth)
+        if self._by_two:
+            free.put(self._truth.beside(self.plan.motion))
+        workers = free.qsize()
 
-    def _sensing(self, first: int, size: int) -> "_Sensing":
+        def sensing(first: int) -> _Sensing:
+            truth = free.get()
+            try:
+                return self._sensing(truth, first, size)
+            finally:
+                free.put(truth)
+
+        with ThreadPoolExecutor(workers, thread_name_prefix="truth") as ahead:
+            starts = iter(range(0, self.total, size))
+            coming = deque(ahead.submit(sensing, first) for first in islice(starts, workers))
+            while coming:
+                sensed = coming.popleft().result()
+                coming.extend(ahead.submit(sensing, first) for first in islice(starts, 1))
+                readings = self.imu.report(sensed.sensed)
+                yield Block(sensed.truth, readings, sensed.motion, sensed.sensed)
+
+    def _block(self, longest_s: float) -> int:
+        """Samples of a block that may take so long [s]."""
+        rate_hz = self.settings.rate_hz
+        return min(max(BLOCK, rate_hz), round(longest_s * rate_hz))
+
+    def _worth_two(self) -> bool:
+        """Whether two threads share the truth of ideal motion: where it moves for more than two
+        blocks, none of which waits for the one before as those of a clock that trembles do."""
+        if _threads() < 2 or not self.imu.spec.clock.perfect:
+            return False
+        motion = self.plan.motion
+        moving_s = np.diff(motion.knots)[~motion.at_rest].sum()
+        return bool(moving_s * self.settings.rate_hz > 2 * self._block(BLOCK_S))
+
+    def _sensing(self, evaluator: Truth, first: int, size: int) -> "_Sensing":
         """Truth, and what the sensors feel, of up to `size` samples after the `first`."""
         settings = self.settings
         last = min(first + size, self.total)
         motion = self._drive.covering(first / settings.rate_hz, last / settings.rate_hz)
-        truth, sensed = self._truth.block_and_sensed(
+        truth, sensed = evaluator.block_and_sensed(
             motion, settings.rate_hz, settings.sampling, first, last
         )
         if not self.imu.spec.clock.perfect:

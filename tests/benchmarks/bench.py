@@ -31,9 +31,10 @@ from alignment import Site
 from stand.imu import Imu, ImuSpec, Temperature, load_imu
 from stand.motion.moves import joined, move_piece
 from stand.motion.polynomial import Motion, fitted
+from stand.physics.hinges import ROWS
 from stand.physics.mjcf import load_model
 from stand.physics.servo import STEP, Servo
-from stand.physics.truth import ROWS, Sampling, Truth
+from stand.physics.truth import Sampling, Truth
 from stand.procedure.procedure import procedure_from
 from stand.report.console import console, show
 from stand.report.tables import TableData

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stand.physics.truth import Hinges
+from stand.physics.hinges import Hinges
 
 
 @pytest.fixture
