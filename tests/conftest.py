@@ -97,3 +97,18 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """From the fast to the slow: what takes more than 2 s comes last."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is not None)
+
+
+@pytest.fixture
+def rows(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many states each call of the truth's sensors evaluates, as they come."""
+    from stand.physics.hinges import Hinges
+
+    found, sensed = [], Hinges.sensed
+
+    def counted(hinges, joints, rates, accelerations):
+        found.append(len(joints))
+        return sensed(hinges, joints, rates, accelerations)
+
+    monkeypatch.setattr(Hinges, "sensed", counted)
+    return found

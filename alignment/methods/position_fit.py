@@ -32,7 +32,11 @@ MISFIT = 1e-3  # probability of chi-square above which positions contradict one 
 _TOLD = 1e-14  # of a reading's variance: some fifty roundings
 _ITERATIONS = 60
 _LEVEL = 1e-6  # of chi-square: rounding may raise a cost so much
-_SHORTEST = 1e-4  # part of a step below which there is no way down
+_IN_VAIN = 7  # times that a step, each a quarter of that before, may lead up before it is left
+_HELPLESS = (
+    1.5  # times as much as seen may the cost be bent, and whole steps still halve what is left
+)
+_FURTHER = 4  # times as far as the last step a step may go for its secant
 _CONVERGED = 1e-9  # rad, and parts of a standard deviation
 _POLE = 1e-3  # least horizontal part of Earth rate
 _ANOTHER = np.radians(1.0)  # two ends farther apart than this are two attitudes
@@ -477,9 +481,17 @@ def _walked(state: _State, problem: _Problem, whole: bool = False) -> tuple[Arra
     system = _linearised(state, problem, whole)
     costs = _cost(system, state, problem)
     runs, own = len(costs), problem
-    parts, active, stuck = np.ones(runs), np.arange(runs), np.zeros(runs, dtype=bool)
+    active, stuck = np.arange(runs), np.zeros(runs, dtype=bool)
+    bend, in_vain, before = np.zeros(runs), np.zeros(runs), np.zeros((runs, 4))
     for _ in range(_ITERATIONS):
-        then, changes = _stepped(_of(state, active), system, parts[active], own)
+        here = _of(state, active)
+        step, seen = _step(system, here[1], own, bend[active])
+        bend[active], changed = _bent(bend[active], seen, before[active], step[:, :3])
+        if changed:
+            step, seen = _step(system, here[1], own, bend[active])
+        # beyond a radian the linear system says nothing
+        part = 0.25 ** in_vain[active] / np.maximum(np.linalg.norm(step[:, :3], axis=1), 1.0)
+        then, changes = _moved(here, system, step * part[:, None], own)
         tried = _linearised(then, own, whole)
         cost = _cost(tried, then, own)
         better = cost <= costs[active] + _LEVEL
@@ -487,9 +499,11 @@ def _walked(state: _State, problem: _Problem, whole: bool = False) -> tuple[Arra
         for all_, new in zip(state, then, strict=True):
             all_[taken] = new[better]
         costs[taken] = cost[better]
-        parts[active] = np.where(better, np.minimum(1.0, 2 * parts[active]), parts[active] / 4)
+        before[active] = np.where(better[:, None], np.column_stack([step[:, :3], part]), 0.0)
+        bend[active] += np.where(better, 0.0, 3 * seen)
+        in_vain[active] = np.where(better, 0, in_vain[active] + 1)
         stuck[active] = changes >= _CONVERGED
-        going = stuck[active] & (parts[active] > _SHORTEST)
+        going = stuck[active] & (in_vain[active] < _IN_VAIN)
         system = _either(better, tried, system, going)
         active = active[going]
         if not len(active):
@@ -497,6 +511,25 @@ def _walked(state: _State, problem: _Problem, whole: bool = False) -> tuple[Arra
         if not going.all():
             own = problem.of(active)
     return costs, np.flatnonzero(stuck)
+
+
+def _bent(bend: Array, seen: Array, before: Array, now: Array) -> tuple[Array, bool]:
+    """What to add (r,) to the curvature of the cost over the turn, and whether it is new for any.
+
+    A step s of which a part p was taken is followed by ``(1 - k p) s`` where the cost is bent k
+    times as much as was `seen` (r,) [1/rad^2] on that way, all that was added included: the secant
+    of the gradient. `before` (r, 4): s and p, zeros where there are none; `now` (r, 3): what
+    follows.
+    """
+    s, p = before[:, :3], before[:, 3]
+    size, known = np.sum(s**2, axis=1), p > 0
+    k = np.ones(len(p))
+    np.divide(np.sum(s * (s - now), axis=1), size * p, out=k, where=known)
+    k = np.clip(k, 1 / _FURTHER, None)
+    new = np.maximum(bend + (k - 1) * seen, 0.0)
+    # where it is bent about as seen, steps need no help
+    new = np.where(known & ((bend > 0) | (k > _HELPLESS)), new, bend)
+    return new, bool(np.any(new != bend))
 
 
 def _of(state: _State, runs: IntArray) -> _State:
@@ -516,19 +549,12 @@ def _either(first: BoolArray, a: "_System", b: "_System", runs: BoolArray) -> "_
     return _System(*parts)
 
 
-def _stepped(
-    state: _State, system: "_System", parts: Array, problem: _Problem
+def _moved(
+    state: _State, system: "_System", step: Array, problem: _Problem
 ) -> tuple[_State, Array]:
-    """The state after `parts` (r,) of a step, and the largest change (r,) in units of sigmas."""
+    """The state after a step (r, p), and the largest change (r,) in units of sigmas."""
     C, x, u = state
-    step = _step(system, x, problem)
-    # beyond a radian the linear system says nothing
-    turn = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
-    step = step / np.maximum(turn, 1.0)
-    t, parts = problem.turns, parts[:, None]
-    placed = u[:, :t] + parts * (system.weighed(step) - u)[:, :t]
-    step = step * parts
-    found = np.concatenate([placed, system.weighed(step)[:, t:]], axis=1)
+    found = system.weighed(step)
     changes = np.concatenate([step / problem.units, found - u], axis=1)
     then = x.copy()
     then[:, 3:] += step[:, 3:]
@@ -773,12 +799,21 @@ def _cost(system: _System, state: _State, problem: _Problem) -> Array:
     return np.asarray(sum(np.sum(part**2, axis=-1) for part in parts))
 
 
-def _step(system: _System, x: Array, problem: _Problem) -> Array:
-    """Step (r, p) to the least squares solution."""
-    Q, R = _triangular(system, problem)
+def _step(system: _System, x: Array, problem: _Problem, bend: Array) -> tuple[Array, Array]:
+    """Step (r, p) to the least squares solution, and the curvature (r,) [1/rad^2] on its way.
+
+    `bend` (r,) is added to the curvature over the turn of all positions.
+    """
+    Q, R = _triangular(system, problem, bend)
     wanted = np.concatenate([system.innovation, -x[:, 3:] / problem.sigmas], axis=-1)
-    unit = np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ wanted[..., None])
-    return np.asarray(unit[..., 0] * problem.units)
+    wanted = np.concatenate([wanted, np.zeros((len(x), 3))], axis=-1)
+    unit = np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ wanted[..., None])[..., 0]
+    way = np.zeros_like(unit)
+    way[:, :3] = unit[:, :3]
+    spread = np.linalg.solve(np.swapaxes(R, -1, -2), way[..., None])[..., 0]
+    turned = np.sum(way**2, axis=1)
+    seen = np.divide(turned, np.sum(spread**2, axis=1), out=np.zeros(len(x)), where=turned > 0)
+    return unit * problem.units, seen
 
 
 def _root(system: _System, problem: _Problem) -> Array:
@@ -786,11 +821,14 @@ def _root(system: _System, problem: _Problem) -> Array:
     return problem.units[:, None] * np.linalg.inv(_triangular(system, problem)[1])
 
 
-def _triangular(system: _System, problem: _Problem) -> tuple[Array, Array]:
-    """Q and R of readings and priors, by what is sought in its units."""
+def _triangular(
+    system: _System, problem: _Problem, bend: Array | float = 0.0
+) -> tuple[Array, Array]:
+    """Q and R of readings, priors and `bend` (`_step`), by what is sought in its units."""
     runs, p = len(system.J), problem.count
     prior = np.broadcast_to(np.eye(p)[3:], (runs, p - 3, p))
-    Q, R = np.linalg.qr(np.concatenate([system.J * problem.units, prior], axis=-2))
+    held = np.sqrt(np.broadcast_to(bend, runs))[:, None, None] * np.eye(p)[:3]
+    Q, R = np.linalg.qr(np.concatenate([system.J * problem.units, prior, held], axis=-2))
     if not np.diagonal(R, axis1=-2, axis2=-1)[:, :3].all():
         raise PoleError("readings do not determine the attitude: heading is undefined")
     return Q, R

@@ -109,7 +109,8 @@ def test_a_filter_at_rest_knows_what_the_best_weights_leave(noise):
     heading that is off turns the Earth's rate to east, which tilts by ``W cos lat`` times it.
     """
     t, w, f, _ = LEVEL.readings(60.0, 10)
-    priors = Priors(gyro_walk=1e-10, accel_walk=noise, accel_instability=1e-4)
+    # a bias along north that nobody knows would make the tilt about it a line, not a constant
+    priors = Priors(gyro_bias=1e-15, gyro_walk=1e-10, accel_walk=noise, accel_instability=1e-4)
     P = filtered(
         dwell(t, w, f), Site(radians(48.5), local_gravity=G), Options(priors=priors)
     ).covariance[-1]
