@@ -332,7 +332,10 @@ def test_every_command_tells_what_the_sheet_leaves_out(stand_command, rest, log,
 # --- noise only, and what is not determined, where two logs stand side by side
 
 
-def test_windows_and_logs_side_by_side_say_it_in_the_cells(stand_command, log, unit, tmp_path):
+def test_windows_and_logs_side_by_side_say_it_in_the_cells(
+    stand_command, log, unit, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "160")  # a narrow terminal breaks cells into lines
     stretches = tmp_path / "s.toml"
     stretches.write_text(
         '[site]\nlatitude_deg = 48.5\n[[stretch]]\nkind = "dwell"\nlabel = "a"\n'
