@@ -46,6 +46,8 @@ class Answer:
     window_gain : (3, m) or None
         To the attitude that the offset's window would tell by itself, of a method that checks its
         vertical.
+    unseen : mapping
+        Angles that nothing tells the method, with what its readings cannot tell them from.
     """
 
     label: str
@@ -57,12 +59,14 @@ class Answer:
     biases: Mapping[str, Array] = field(default_factory=dict)
     circle: Array | None = None
     window_gain: Array | None = None
+    unseen: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         set_owned(self, gain=(self.gain, (3, None), float))
         m = self.gain.shape[1]
         biases = {label: owned(row, label, (m,)) for label, row in self.biases.items()}
         object.__setattr__(self, "biases", MappingProxyType(biases))
+        object.__setattr__(self, "unseen", MappingProxyType(dict(self.unseen)))
         if self.circle is not None:
             set_owned(self, circle=(self.circle, (2, 2), float))
         if self.window_gain is not None:

@@ -8,10 +8,11 @@ tell apart.
 
 from alignment.information.drift import GaussMarkov
 from alignment.information.model import InstrumentErrors, Setting, Stretch, TriadErrors, assumed
-from alignment.information.result import Information, information
+from alignment.information.result import ANGLES, Information, information
 from alignment.information.words import Combination
 
 __all__ = [
+    "ANGLES",
     "Combination",
     "GaussMarkov",
     "Information",

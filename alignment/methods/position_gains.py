@@ -6,6 +6,7 @@ well is beyond that: `alignment.information.circle`.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +17,7 @@ from alignment.constant_errors import with_products
 from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.gains import Answer
-from alignment.information import Information, Setting, Stretch, assumed, information
+from alignment.information import ANGLES, Information, Setting, Stretch, assumed, information
 from alignment.information.circle import circle_information
 from alignment.information.drift import switched_on
 from alignment.methods.position_fit import ROUNDING
@@ -88,9 +89,24 @@ def _fitted(
             gain=_best(known, k),
             biases=biases,
             circle=circle,
+            unseen=_unseen(known, k),
         )
         for k, stretch in enumerate(used)
     ]
+
+
+def _unseen(known: Information, k: int) -> dict[str, str]:
+    """Angles of a position that nothing tells, with what they cannot be told from.
+
+    A bias that nobody states is one that nobody knows: the fit leaves such an angle where it
+    began, with a sigma as wide as a bias may be.
+    """
+    found = {}
+    for quantity in ANGLES:
+        with suppress(AlignmentError):  # heading of an X1 that is vertical
+            if not np.isfinite(known.sigma(quantity, k)):
+                found[quantity] = known.why(quantity, k)
+    return found
 
 
 def _best(known: Information, k: int) -> Array:

@@ -18,7 +18,7 @@ from stand.imu.instrument import unit_of
 from stand.motion.plan import Plan, PlannedStep
 from stand.rehearsal.constants import constants_by
 from stand.rehearsal.planned import planned_stretch
-from stand.rehearsal.predictions import Parts, angles, rounder, withheld
+from stand.rehearsal.predictions import Parts, angles, by_gyros, rounder, withheld
 from stand.rehearsal.refusals import (
     check_carried,
     check_quiet,
@@ -126,7 +126,10 @@ def _by_gains(
         why_not, parts = rivalled(other), response.attitude()
         parts = parts if why_not else rounder(parts, other)
         told = angles(name, answer.window, answer.label, C_nb, parts, why, response.bias())
+        for quantity, unseen in answer.unseen.items():
+            told = withheld(told, (quantity,), unseen)
         told = withheld(told, ("heading", "yaw"), doubt or why_not)
+        told = withheld(told, by_gyros(parts, C_nb) if why_not else (), f"as heading: {why_not}")
         later = answer.window == "fresh" and not method.carries_nominal
         found += withheld(told, ("pitch", "roll"), coarse_tilt(scene) if later else lean)
         if answer is answers[0]:

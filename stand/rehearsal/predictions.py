@@ -100,6 +100,16 @@ def withheld(
         yield p
 
 
+def by_gyros(parts: Parts, C_nb: Rotation) -> list[str]:
+    """The angles that gyros tell, as they do heading, and not accelerometers: by what limits them.
+
+    Where another heading fits as well, another such tilt does.
+    """
+    gyros = sum((P for name, P in parts.items() if name.startswith("gyro")), np.zeros((3, 3)))
+    total = sum(parts.values(), np.zeros((3, 3)))
+    return [q for q, j in rows_of_angles(C_nb).items() if j @ gyros @ j > 0.5 * (j @ total @ j)]
+
+
 def rounder(parts: Parts, other: Rival) -> Parts:
     """The same with what the circle of headings adds to its first order."""
     variance = float(sum(parts.values(), np.zeros((3, 3)))[2, 2])
