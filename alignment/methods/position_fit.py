@@ -456,8 +456,10 @@ def _levelled(w: Array, f: Array) -> Array:
 def _descended(start: tuple[Array, Array], problem: _Problem) -> _End:
     """The state that Gauss-Newton ends in, and its cost (r,).
 
-    A step that raises the cost is tried again at a quarter: where Earth rate is small beside the
-    biases heading is nearly free, and whole steps would leap about for ever.
+    A step that raises the cost is tried again at a quarter. Where Earth rate is small beside the
+    biases heading is nearly free: the cost is bent over it by what first order leaves out, up to
+    thousands of times more than Gauss-Newton sees, and whole steps would leap about for ever. So
+    what the steps show of that curvature is added to it (`_bent`).
     Runs that steps of the first order lead nowhere are those of coarse units, whose errors' squares
     are more than the noise: they go on with all of the Jacobian.
     """
@@ -491,7 +493,7 @@ def _walked(state: _State, problem: _Problem, whole: bool = False) -> tuple[Arra
             step, seen = _step(system, here[1], own, bend[active])
         # beyond a radian the linear system says nothing
         part = 0.25 ** in_vain[active] / np.maximum(np.linalg.norm(step[:, :3], axis=1), 1.0)
-        then, changes = _moved(here, system, step * part[:, None], own)
+        then, changes = _moved(here, system, step, part, own)
         tried = _linearised(then, own, whole)
         cost = _cost(tried, then, own)
         better = cost <= costs[active] + _LEVEL
@@ -550,11 +552,14 @@ def _either(first: BoolArray, a: "_System", b: "_System", runs: BoolArray) -> "_
 
 
 def _moved(
-    state: _State, system: "_System", step: Array, problem: _Problem
+    state: _State, system: "_System", step: Array, part: Array, problem: _Problem
 ) -> tuple[_State, Array]:
-    """The state after a step (r, p), and the largest change (r,) in units of sigmas."""
+    """The state after a part (r,) of a step, and the largest change (r,) in units of sigmas."""
     C, x, u = state
-    found = system.weighed(step)
+    t, part = problem.turns, part[:, None]
+    placed = u[:, :t] + part * (system.weighed(step) - u)[:, :t]
+    step = step * part
+    found = np.concatenate([placed, system.weighed(step)[:, t:]], axis=1)
     changes = np.concatenate([step / problem.units, found - u], axis=1)
     then = x.copy()
     then[:, 3:] += step[:, 3:]
