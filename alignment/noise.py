@@ -31,7 +31,7 @@ _FAR_LESS = 0.35  # of the whole: chance makes that of the lower half of orders 
 _DRIFT_ORDERS = 8
 _WHOLE = 0.98  # part of a record from which a dwell is all of it
 _FEWEST_WINDOWS = 5  # from which their scatter tells something: a record has at least as many
-_DISTURBED = 2.0  # usual sigmas: that of a window which is no measure of the others
+DISTURBED = 2.0  # usual sigmas: that of a window which is no measure of the others
 _NOTHING = Apart(0.0, 0.0, np.zeros(6))
 _DRIFTS = 15.0  # mean F (1, 10 degrees of freedom) of three axes: 1 in 10 000 records of noise
 
@@ -222,7 +222,7 @@ def _wander_at_rest(readings: ImuReadings, count: int) -> Array:
     windows = [Dwell("", start, start + span, readings) for start in starts]
     shown = [mean_and_variance(window.window()) for window in windows]
     told = np.array([own + _told_around(w) for w, (_, own) in zip(windows, shown, strict=True)])
-    calm = told <= _DISTURBED**2 * np.median(told, axis=0)
+    calm = told <= DISTURBED**2 * np.median(told, axis=0)
     found = np.var([means for means, _ in shown], axis=0, ddof=1, where=calm)
     expected = np.mean(told, axis=0, where=calm)
     ratios = np.divide(found, expected, out=np.zeros(6), where=expected > 0).reshape(2, 3)

@@ -24,9 +24,8 @@ _FEW = 1024  # rows apart: 64 KiB of the file come with each
 Values = NDArray[Any]
 
 
-def parts(n: int, most: int = MOST) -> Iterator[slice]:
-    """Successive rows of `n`, `PART` and so many at most."""
-    size = min(most, PART)
+def parts(n: int, size: int = PART) -> Iterator[slice]:
+    """Successive rows of `n`, so many at most."""
     return (slice(first, min(first + size, n)) for first in range(0, n, size))
 
 

@@ -39,3 +39,18 @@ def value(item: object) -> str:
     if isinstance(item, float) and not math.isfinite(item):
         return {math.inf: "inf", -math.inf: "-inf"}.get(item, "nan")
     return json.dumps(item, ensure_ascii=False)
+
+
+def resting(seconds: float) -> str:
+    """One rest, whose attitude `triad` tells."""
+    return f"""
+title = "Rest"
+[site]
+latitude_deg = 48.5
+[estimate]
+methods = ["triad"]
+[[step]]
+kind = "dwell"
+label = "up"
+duration_s = {seconds}
+"""

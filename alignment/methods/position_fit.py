@@ -810,8 +810,8 @@ def _step(system: _System, x: Array, problem: _Problem, bend: Array) -> tuple[Ar
     `bend` (r,) is added to the curvature over the turn of all positions.
     """
     Q, R = _triangular(system, problem, bend)
-    wanted = np.concatenate([system.innovation, -x[:, 3:] / problem.sigmas], axis=-1)
-    wanted = np.concatenate([wanted, np.zeros((len(x), 3))], axis=-1)
+    held = np.zeros((len(x), 3))
+    wanted = np.concatenate([system.innovation, -x[:, 3:] / problem.sigmas, held], axis=-1)
     unit = np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ wanted[..., None])[..., 0]
     way = np.zeros_like(unit)
     way[:, :3] = unit[:, :3]

@@ -19,7 +19,7 @@ from alignment.doubts import ALIKE_DOUBT
 from alignment.errors import NotAtRest
 from alignment.estimate import ANGLE_LIMIT, LATITUDE_LIMIT
 from alignment.methods.inertial import base_turns
-from alignment.noise import check_at_rest
+from alignment.noise import DISTURBED, check_at_rest
 from alignment.readings import Grain
 from alignment.rounding import rounding_variance, steps_of
 from alignment.units import DEG
@@ -41,7 +41,6 @@ CAREFUL = "scatter below sigma: noise is taken for more than windows show"
 MOST = 0.5  # of a variance
 ALIKE = 0.5  # of their scatter by which estimates with and without constant errors may differ
 LEVEL = ("roll", "pitch")
-DISTURBED = 2.0  # usual sigmas: that of a window that something moved
 BASE_MOVES = "the base moves, and so does what is estimated"
 NOISE_ONLY = "noise only"
 BEYOND = "scatter beyond sigma: what changes from window to window shows in none of them"

@@ -118,7 +118,7 @@ class Motion:
             some, piece = np.take(self.coefficients, piece, axis=1), np.arange(len(t))
         else:
             some, piece = self.coefficients[:, first:last], piece - first
-        moving = np.flatnonzero(some[:-1].any(axis=(0, 1)) | (some[-1] != some[-1, 0]).any(axis=0))
+        moving = moving_joints(some)
         seen = [np.zeros((self.coefficients.shape[2], len(t))) for _ in range(orders + 1)]
         seen[0] += some[-1, 0][:, None]
         for own, found in zip(seen, _horner(some[:, :, moving], piece, since, orders), strict=True):
@@ -130,6 +130,12 @@ class Motion:
         degree = len(self.coefficients) - 1
         powers = np.arange(degree, 0, -1)[:, None, None]
         return Motion(self.knots, self.coefficients[:-1] * powers)
+
+
+def moving_joints(coefficients: Array) -> IntArray:
+    """Numbers of the joints that ever move, by coefficients (d + 1, k, joints) as of `Motion`."""
+    turns = coefficients[:-1].any(axis=(0, 1))
+    return np.flatnonzero(turns | (coefficients[-1] != coefficients[-1, 0]).any(axis=0))
 
 
 def _horner(coefficients: Array, piece: IntArray, since: Array, orders: int) -> list[Array]:

@@ -26,7 +26,7 @@ import numpy as np
 from alignment.arrays import Array, IntArray
 from alignment.earth import EARTH_RATE
 from alignment.units import STANDARD_GRAVITY
-from stand.motion.polynomial import Motion
+from stand.motion.polynomial import Motion, moving_joints
 from stand.physics.panels import Panels, places_of
 
 FORCE_ERROR = 1e-9  # m/s^2 of the mean over a piece or several
@@ -92,8 +92,7 @@ class Law:
     @property
     def moving(self) -> IntArray:
         """Numbers of the axes that ever move."""
-        c = self._motion.coefficients
-        return np.flatnonzero(c[:-1].any(axis=(0, 1)) | (c[-1] != c[-1, 0]).any(axis=0))
+        return moving_joints(self._motion.coefficients)
 
     def choose(self, first: int, whole: np.ndarray) -> tuple[IntArray, IntArray]:
         """Nodes of a panel (n,) and numbers of even panels (n,) of the pieces from `first` on.

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from procedures import resting
 
 import stand
 from alignment import ImuReadings
@@ -13,17 +14,7 @@ SEEDS = (4, 6)
 RATE = 20
 EARTH = 15.041067  # deg/h
 DEG_H = np.pi / 180 / 3600
-REST = """
-title = "Rest"
-[site]
-latitude_deg = 48.5
-[estimate]
-methods = ["triad"]
-[[step]]
-kind = "dwell"
-label = "up"
-duration_s = 120
-"""
+REST = resting(120)
 
 
 def settings(procedure, seed, **more):

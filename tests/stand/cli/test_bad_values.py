@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import typer
 from calibrations import a_record
+from procedures import resting
 
 from stand.calibration.file import record_to_json
 from stand.cli.app import app, guarded
@@ -57,17 +58,7 @@ OTHER_LINES = {
     ("campaign", "folder"): ("campaign", "record", "folder", "--case", "1", "--seed", "0"),
 }
 """Where an argument stands in a line of another kind."""
-REST = """
-title = "Rest"
-[site]
-latitude_deg = 48.5
-[estimate]
-methods = ["triad"]
-[[step]]
-kind = "dwell"
-label = "up"
-duration_s = 6
-"""
+REST = resting(6)
 SWEEP = 'title = "Some"\nprocedure = "rest.toml"\nimu = "hg9900"\nruns = 1\nrate_hz = 5\n'
 
 

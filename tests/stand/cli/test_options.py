@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
+from procedures import resting
 
 from stand.cli.app import app
 from stand.recording.mcap import read_imu, read_joints, write_imu_log
@@ -19,17 +20,7 @@ from stand.recording.mcap import read_imu, read_joints, write_imu_log
 TESTS = Path(__file__).parents[2]
 TABLES = TESTS.parent / "stand" / "tables"
 ACCEL = 9.80665
-REST = """
-title = "Rest"
-[site]
-latitude_deg = 48.5
-[estimate]
-methods = ["triad"]
-[[step]]
-kind = "dwell"
-label = "up"
-duration_s = 3
-"""
+REST = resting(3)
 SHORT_MOVE = """
 [[step]]
 kind = "move"
