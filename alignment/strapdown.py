@@ -119,7 +119,7 @@ def matrices(q: Array) -> Array:
 
 
 def carry(
-    readings: ImuReadings, block: float, offset: Array | None = None, scale: Array | None = None
+    readings: ImuReadings, block: float, offset: Array | None = None, gain: Array | None = None
 ) -> Carried:
     """Attitude and velocity in i, summed over blocks of about `block` seconds.
 
@@ -130,8 +130,8 @@ def carry(
         [s]; an even number of samples, at least two. The first block takes what is left over.
     offset : (3,) or None
         Gyro bias to take from the rates [rad/s].
-    scale : (3,) or None
-        Scale factor errors that multiply what is left.
+    gain : (3, 3) or None
+        What is left, by the true rates.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def carry(
     step = max(1, _CHUNK // per)
     for first in range(0, m, step):
         blocks = slice(first, min(first + step, m))
-        _carry_blocks(readings, start_t, edges, blocks, (offset, scale), out)
+        _carry_blocks(readings, start_t, edges, blocks, (offset, gain), out)
         release(readings.t, readings.w_ib_b, readings.f_b)
     return out
 
@@ -218,9 +218,9 @@ def _carry_blocks(
     count = blocks.stop - blocks.start
     before = start_t if part.start == 0 else readings.t[part.start - 1]
     h = np.diff(readings.t[part], prepend=before)[:, None]
-    offset, scale = wrong
+    offset, gain = wrong
     w = readings.w_ib_b[part] if offset is None else readings.w_ib_b[part] - offset
-    w = w if scale is None else w / (1 + scale)
+    w = w if gain is None else w @ np.linalg.inv(gain).T
     d, f, h = (_padded(x, count, blocks, edges) for x in (w * h, readings.f_b[part] * h, h))
     first, second = d[:, 0], d[:, 1]
     run = prefix_product(quaternions(rotation_vectors(first, second)))

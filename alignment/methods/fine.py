@@ -62,7 +62,7 @@ START = np.repeat([0.3, 10.0, 1.0, 1.0], [2, 1, 3, 3])  # rad N, E; D; m/s; m: a
 _GRAVITY = 0.01  # part by which gravity's size is free where no accelerometer constant has a prior
 _ERRORS = len(START) + 1  # attitude, velocity, displacement, size of gravity
 _SETTLED = 0.01  # rad: a correction of the reference above it calls for another pass
-_PASSES = 8
+_PASSES = 16
 _COARSE = 5.0  # times as far apart in passes that only look for the reference
 _ROUNDS = 3  # of them and the filter itself, after the first
 _PARTS = (0.25, 4.0)  # least and most of a correction of heading that is taken
@@ -79,6 +79,7 @@ _SHOWN = 0.5  # rad: a track begins when heading is known to this
 _SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multiply
 _SIZE, _NORTH, _FOREVER = "size", np.diag([1.0, 0.0, 0.0]), 1e12  # s
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
+_PARTED = ("gyro_scale", "gyro_misalignment", "gyro_non_orthogonality")
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
 _TOLD = ("x", "variances", "attitude", "values")  # of a pass, by each update or by the last
 _ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
@@ -195,21 +196,28 @@ class Model:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reference:
-    """What the filter runs on the errors of: gyros less `offset`, of `scale` errors, carried, and
-    where i stands.
+    """What the filter runs on the errors of: gyros less `offset` and less `parts` (3, 3) of what
+    they feel, by `_PARTED`, carried, and where i stands.
 
-    Of quick turns a scale factor error makes an angle whose square, times gravity, is felt.
+    Of quick turns errors of scale and axes make angles whose squares, times gravity, are felt.
     """
 
     carried: Carried
     C_ni: Rotation
     offset: Array
-    scale: Array = field(default_factory=lambda: np.zeros(3))
+    parts: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     @property
     def removed(self) -> tuple[tuple[str, Array], ...]:
         """Constants that the reference is rid of."""
-        return ("gyro_bias", self.offset), ("gyro_scale", self.scale)
+        return ("gyro_bias", self.offset), *zip(_PARTED, self.parts, strict=True)
+
+    @property
+    def gain(self) -> Array:
+        """What the gyros make of a rate (3, 3), by the `parts`."""
+        unit = np.eye(3)
+        columns = [BY_AXIS[name.removeprefix("gyro_")](unit, unit) for name in _PARTED]
+        return np.asarray(unit + np.einsum("pjik,pk->ij", columns, self.parts))
 
 
 class Steps(NamedTuple):
@@ -623,10 +631,10 @@ def _corrected(
 ) -> _Reference:
     """The reference with the attitude, gyro bias and scale that the filter found."""
     left = run.left
-    offset, scale = (now + _constant(model, left, name) for name, now in reference.removed)
+    offset, *parts = (now + _constant(model, left, name) for name, now in reference.removed)
     turn = left[:3] * np.array([1.0, 1.0, aim.part(float(left[2]))])
     C_nb = Rotation.from_rotvec(-turn) * _at_end(reference)
-    return _about(model, C_nb, replace(reference, offset=offset, scale=scale), span)
+    return _about(model, C_nb, replace(reference, offset=offset, parts=np.array(parts)), span)
 
 
 def _at_end(reference: _Reference) -> Rotation:
@@ -636,7 +644,7 @@ def _at_end(reference: _Reference) -> Rotation:
 
 def _about(model: Model, C_nb: Rotation, less: _Reference, span: float) -> _Reference:
     """The reference rid of what `less` is, by blocks of `span` seconds; at the end ``C_nb``."""
-    carried = carry(model.readings, span, less.offset, less.scale)
+    carried = carry(model.readings, span, less.offset, less.gain)
     return replace(less, carried=carried, C_ni=C_nb * Rotation.from_quat(carried.q[-1]).inv())
 
 
