@@ -52,7 +52,7 @@ from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
-from alignment.strapdown import Carried, carry, matrices
+from alignment.strapdown import Carried, Made, carry, matrices
 
 METHOD = "fine"
 UPDATE = 0.1  # s between zero-displacement updates
@@ -79,7 +79,6 @@ _SHOWN = 0.5  # rad: a track begins when heading is known to this
 _SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multiply
 _SIZE, _NORTH, _FOREVER = "size", np.diag([1.0, 0.0, 0.0]), 1e12  # s
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
-_PARTED = ("gyro_scale", "gyro_misalignment", "gyro_non_orthogonality")
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
 _TOLD = ("x", "variances", "attitude", "values")  # of a pass, by each update or by the last
 _ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
@@ -196,28 +195,16 @@ class Model:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reference:
-    """What the filter runs on the errors of: gyros less `offset` and less `parts` (3, 3) of what
-    they feel, by `_PARTED`, carried, and where i stands.
+    """What the filter runs on the errors of: sensors rid of the constants `found` (k, 3), those of
+    the model, but for a lever arm, carried; and where i stands.
 
-    Of quick turns errors of scale and axes make angles whose squares, times gravity, are felt.
+    Of quick turns errors of scale and axes make angles whose squares, times gravity, are felt, and
+    one error of the axes times another passes for knowledge of both.
     """
 
     carried: Carried
     C_ni: Rotation
-    offset: Array
-    parts: Array = field(default_factory=lambda: np.zeros((3, 3)))
-
-    @property
-    def removed(self) -> tuple[tuple[str, Array], ...]:
-        """Constants that the reference is rid of."""
-        return ("gyro_bias", self.offset), *zip(_PARTED, self.parts, strict=True)
-
-    @property
-    def gain(self) -> Array:
-        """What the gyros make of a rate (3, 3), by the `parts`."""
-        unit = np.eye(3)
-        columns = [BY_AXIS[name.removeprefix("gyro_")](unit, unit) for name in _PARTED]
-        return np.asarray(unit + np.einsum("pjik,pk->ij", columns, self.parts))
+    found: Array
 
 
 class Steps(NamedTuple):
@@ -375,7 +362,7 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
     model = replace(model_of(readings, site, noise, priors), whole=False)
-    reference = _Reference(carried, matched.C_ni, np.zeros(3))
+    reference = _Reference(carried, matched.C_ni, np.zeros((len(model.names), 3)))
     # as much information a second, however far apart the updates are
     variance = _update_variance(carried, noise, priors) * (UPDATE / model.update)
     far = float(np.trace(coarse)) > (_SETTLED / 2) ** 2
@@ -631,10 +618,17 @@ def _corrected(
 ) -> _Reference:
     """The reference with the attitude, gyro bias and scale that the filter found."""
     left = run.left
-    offset, *parts = (now + _constant(model, left, name) for name, now in reference.removed)
     turn = left[:3] * np.array([1.0, 1.0, aim.part(float(left[2]))])
     C_nb = Rotation.from_rotvec(-turn) * _at_end(reference)
-    return _about(model, C_nb, replace(reference, offset=offset, parts=np.array(parts)), span)
+    of_sensors = np.array([name != "lever_arm" for name in model.names])[:, None]
+    found = _found_by(model, reference, left) * of_sensors
+    return _about(model, C_nb, replace(reference, found=found), span)
+
+
+def _found_by(model: Model, reference: _Reference, x: Array) -> Array:
+    """The constants (..., k, 3) that states (..., s) of a reference's errors come to."""
+    told = slice(_ERRORS, _ERRORS + 3 * len(model.names))
+    return np.asarray(reference.found + x[..., told].reshape(*x.shape[:-1], -1, 3))
 
 
 def _at_end(reference: _Reference) -> Rotation:
@@ -644,22 +638,32 @@ def _at_end(reference: _Reference) -> Rotation:
 
 def _about(model: Model, C_nb: Rotation, less: _Reference, span: float) -> _Reference:
     """The reference rid of what `less` is, by blocks of `span` seconds; at the end ``C_nb``."""
-    carried = carry(model.readings, span, less.offset, less.gain)
+    carried = carry(model.readings, span, *(_made(model, less.found, sensor) for sensor in _SUMS))
     return replace(less, carried=carried, C_ni=C_nb * Rotation.from_quat(carried.q[-1]).inv())
+
+
+def _made(model: Model, found: Array, sensor: str) -> Made:
+    """What a sensor of these constants (k, 3) makes of what is true."""
+    unit, gain, offset = np.eye(3), np.eye(3), np.zeros(3)
+    for name, own in zip(model.names, found, strict=True):
+        its, _, kind = name.partition("_")
+        if its == sensor and kind == "bias":
+            offset = own
+        elif its == sensor:
+            gain = gain + (BY_AXIS[kind](unit, unit) @ own).T
+    return Made(offset, gain)
 
 
 def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     """One run over all updates; of a model that is not `whole` the last is told."""
-    carried, names = reference.carried, model.names
-    C_ni = reference.C_ni.as_matrix()
+    carried, C_ni = reference.carried, reference.C_ni.as_matrix()
     m, size = len(carried.t), model.size
     v, p = gravity_velocity(carried.t, model.site)
     z = np.concatenate([np.zeros((1, 3)), np.cumsum(carried.p, axis=0)]) @ C_ni.T - p
     state = np.zeros((size, size + 1))
     state[:, :-1] = np.diag(model.start)
-    for name, now in reference.removed:  # the reference has some of it taken out already
-        if name in names:
-            state[columns_of(names.index(name)), -1] = -now
+    for k, own in enumerate(reference.found):  # taken out already
+        state[columns_of(k), -1] = -own
     out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
     careful = min(_CAREFUL, m)
     # an update or more after whole blocks; as fast one by one where more than errors move
@@ -991,16 +995,12 @@ def _answer(
     covariance = R @ run.attitude @ R.transpose(0, 2, 1) + more[0]
     lag = lag_covariance(carried, reference.C_ni.as_matrix(), model.priors, model.site)
     covariance += lag[told_from:]
-    constants = run.x[:, told].reshape(m, count, 3).copy()
-    for name, now in reference.removed:
-        if name in model.names:
-            constants[:, model.names.index(name)] += now
     return Filtered(
         t,
         to_n * at_end * Rotation.from_quat(carried.q[told_from:]),
         covariance * less_turned(covariance[-1], more[1]),
         model.names,
-        constants,
+        _found_by(model, reference, run.x),
         np.sqrt(run.variances[:, told]).reshape(m, count, 3),
         Innovations(t, run.values, np.sqrt(run.expected[told_from:])),
         flags,

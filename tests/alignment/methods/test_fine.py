@@ -657,7 +657,7 @@ def test_no_digit_is_lost_from_a_metre_to_a_micrometre(drifts, size):
     model = module.model_of(readings, site(STILL), noise, priors)
     assert model.size == size  # noise hides 1 s; 100 s and more outlast the minute
     reference = module._Reference(
-        carried, module.laid(readings, carried, site(STILL), priors)[0].C_ni, np.zeros(3)
+        carried, module.laid(readings, carried, site(STILL), priors)[0].C_ni, np.zeros((2, 3))
     )
     run = module._filter(model, reference, module.STILL**2)
     want = plain_kalman(model, reference, module.STILL**2, 100)
@@ -687,7 +687,8 @@ def test_blocks_of_updates_are_the_updates_one_by_one(monkeypatch, lost):
     carried = carry(readings, module.UPDATE)
     matched, noise, _ = module.laid(readings, carried, place, priors)
     model = module.model_of(readings, place, noise, priors)
-    reference = module._Reference(carried, matched.C_ni, np.full(3, 1e-8))
+    found = np.outer([1.0, 0, 0, 0, 0], np.full(3, 1e-8))  # of the gyros' bias
+    reference = module._Reference(carried, matched.C_ni, found)
     if lost:
 
         def none(*_):
@@ -723,7 +724,7 @@ def test_ends_of_few_updates_and_of_whole_blocks(updates):
     carried = carry(readings, module.UPDATE)
     noise = Noise(np.full(3, priors.gyro_walk), np.full(3, priors.accel_walk))
     model = module.model_of(readings, place, noise, priors)
-    reference = module._Reference(carried, match(carried, place).C_ni, np.zeros(3))
+    reference = module._Reference(carried, match(carried, place).C_ni, np.zeros((2, 3)))
     each = module._filter(model, reference, 1e-10)
     run = module._filter(replace(model, whole=False), reference, 1e-10)
     assert len(each.x) == len(run.misfit) == updates
