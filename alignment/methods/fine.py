@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.around import by_direction, by_size, less_turned, whole_circle
 from alignment.arrays import Array, set_owned
-from alignment.constant_errors import BY_AXIS, in_one_attitude
+from alignment.constant_errors import BY_AXIS, in_one_attitude, with_products
 from alignment.cross import cross_matrix
 from alignment.doubts import heading_doubt
 from alignment.earth import Site
@@ -470,11 +470,16 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
 
     Of a stretch that turns or rocks, axes that are off are no bias, and remain errors of their own.
     Rocking tells how the triads lie to one another, and how gravity's share changes in b; but not
-    a case that is turned as a whole, which is tilted in full.
+    a case that is turned as a whole, which is tilted in full. Of second order, by `with_products`,
+    axes lean together: of coarse sensors' errors the record would else tell by their products.
     """
     if not _turns(carried):
         return in_one_attitude(priors, site.gravity)
-    own = {name: getattr(priors, name) for name in _ASTRAY}
+    astray = with_products(priors)
+    own = {name: getattr(astray, name) for name in _ASTRAY}
+    for sensor in _SUMS:  # and a turn has its square
+        lean, turned = f"{sensor}_non_orthogonality", own[f"{sensor}_misalignment"]
+        own[lean] = float(np.hypot(own[lean], turned**2))
     folded = in_one_attitude(replace(priors, **dict.fromkeys(_ASTRAY, 0.0)), site.gravity)
     return replace(folded, **own)
 
@@ -675,7 +680,11 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     edges = [0, *range(careful, blocks, _CHUNK), *range(blocks, m, _CHUNK), m]
     for part in map(slice, edges[:-1], edges[1:]):
         push = np.diff(v[part.start : part.stop + 1], axis=0)
-        given = (*error_matrices(model, carried, C_ni, push, part), z[part], variance)
+        given = (
+            *error_matrices(model, carried, C_ni, push, part, reference.found),
+            z[part],
+            variance,
+        )
         updates = by_blocks if careful <= part.start < blocks else _updates
         (updates if part.start else careful_updates)(state, given, part, out)
     out = replace(out, heading=state[:, 2].copy())
@@ -886,13 +895,19 @@ def _inverse(S: Array) -> Array:
 
 
 def error_matrices(
-    model: Model, carried: Carried, C_ni: Array, gravity: Array, part: slice
+    model: Model,
+    carried: Carried,
+    C_ni: Array,
+    gravity: Array,
+    part: slice,
+    found: Array | None = None,
 ) -> tuple[Steps, Array]:
     """The intervals after the edges of `part`, and what updates observe of the state (., 3, s).
 
     Errors of the reference: ``phi' = C (w errors)``, ``u' = phi x f + C (f errors)``,
     ``rho' = u``, where f is the reaction to gravity whose increments (k, 3) are `gravity`: were
-    it the measured force, its noise times the unknown heading would pass for information. The
+    it the measured force, its noise times the unknown heading would pass for information. Of
+    sensors whose constants `found` (k, 3) are taken out, errors are those of what is true. The
     reference's place is ``rho + C r`` with lever arm r; its C holds phi, so the sway's own force
     is not in f. Within an interval of 0.1 s rates, f and C stay.
     """
@@ -904,6 +919,8 @@ def error_matrices(
     H[:, :, 6:9] = np.eye(3)
     spans, push = carried.spans[steps, None, None], cross_matrix(gravity)
     turned = drive(carried, C_ni, steps)
+    errors = np.zeros((len(model.names), 3)) if found is None else found
+    by = {s: turned @ np.linalg.inv(_made(model, errors, s).gain) for s in _SUMS}
     F[:, 3:6, :3] = -push
     F[:, 6:9, :3] = -spans / 2 * push
     F[:, 6:9, 3:6] = spans * np.eye(3)
@@ -915,16 +932,16 @@ def error_matrices(
             H[:, :, column] = C_nb
             continue
         sensor, _, kind = name.partition("_")
-        driven = turned
+        driven = by[sensor]
         if kind != "bias":
             felt = getattr(carried, _SUMS[sensor])[steps] / spans[:, 0]
-            driven = turned @ BY_AXIS[kind](felt, felt)
+            driven = driven @ BY_AXIS[kind](felt, felt)
         _drive(F[:, :9, column], sensor, driven, push, spans)
     for k, (sensor, _) in enumerate(model.drifts, start=len(model.names)):
         if sensor == _SIZE:
             _drive(F[:, :9, columns_of(k)], "gyro", spans * _NORTH, push, spans)
             continue
-        _drive(F[:, :9, columns_of(k)], sensor, turned, push, spans)
+        _drive(F[:, :9, columns_of(k)], sensor, by[sensor], push, spans)
     Q = _walks(model, turned, push, spans)
     up = gravity / np.linalg.norm(gravity, axis=1, keepdims=True)
     heave = _heave_density(carried, model.noise, model.priors, model.site.gravity)
