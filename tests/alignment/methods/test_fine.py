@@ -612,9 +612,9 @@ def test_what_a_spin_tells_of_its_axis():
 
 
 def test_errors_times_errors_tell_no_tilt_on_a_level_spin():
-    """A consumer unit, ten turns at 100 deg/s: products of errors of 0.01 push by 1 mm/s^2, 6 sigmas
-    of an update. By first order alone they told which turn was whose: off by 23 mrad at 5.5 stated
-    where accelerometers turned about the axis by 10 allow no less, or no end of passes."""
+    """A consumer unit, ten turns at 100 deg/s: products of errors of 0.01 push by 1 mm/s^2, two
+    sigmas of an update. By first order alone they told which turn was whose: off by 23 mrad at 5.5
+    stated where accelerometers turned about the axis by 10 allow no less, or no end of passes."""
     priors = Priors(radians(0.5), 0.02 * G, 5e-3, 5e-3, gyro_walk=5e-5, accel_walk=7e-4)
     priors = replace(priors, gyro_misalignment=0.0125, accel_misalignment=0.01, lever_arm=0.055)
     rng = np.random.default_rng(8)
