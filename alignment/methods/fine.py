@@ -939,7 +939,9 @@ def error_matrices(
         _drive(F[:, :9, column], sensor, driven, push, spans)
     for k, (sensor, _) in enumerate(model.drifts, start=len(model.names)):
         if sensor == _SIZE:
-            _drive(F[:, :9, columns_of(k)], "gyro", spans * _NORTH, push, spans)
+            ago = (carried.t[-1] - carried.t[steps])[:, None] - spans[:, 0] / 2
+            north = Rotation.from_rotvec(-ago * model.site.w_ie_n).as_matrix() @ _NORTH
+            _drive(F[:, :9, columns_of(k)], "gyro", spans * north, push, spans)
             continue
         _drive(F[:, :9, columns_of(k)], sensor, by[sensor], push, spans)
     Q = _walks(model, turned, push, spans)
