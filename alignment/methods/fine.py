@@ -12,9 +12,7 @@ GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013), 14.2, 15.2
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -26,7 +24,7 @@ from alignment.cross import cross_matrix
 from alignment.doubts import heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError
-from alignment.estimate import AttitudeEstimate, AttitudeTrack, determined
+from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.information.drift import GaussMarkov
 from alignment.methods.drifting import held
 from alignment.methods.inertial import (
@@ -47,6 +45,15 @@ from alignment.methods.inertial import (
     told_at,
     wander_doubt,
 )
+from alignment.methods.updates import (
+    BLOCK,
+    ERRORS,
+    Pass,
+    Steps,
+    by_blocks,
+    careful_updates,
+    one_by_one,
+)
 from alignment.nominal import TRACK_STEP
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
@@ -60,18 +67,14 @@ _MOST_UPDATES = 2**16  # they are further apart in a record beyond 1.8 h: bounds
 STILL = 1e-6  # m: least noise of an update
 START = np.repeat([0.3, 10.0, 1.0, 1.0], [2, 1, 3, 3])  # rad N, E; D; m/s; m: as good as unknown
 _GRAVITY = 0.01  # part by which gravity's size is free where no accelerometer constant has a prior
-_ERRORS = len(START) + 1  # attitude, velocity, displacement, size of gravity
 _SETTLED = 0.01  # rad: a correction of the reference above it calls for another pass
 _PASSES = 16
 _COARSE = 5.0  # times as far apart in passes that only look for the reference
 _ROUNDS = 3  # of them and the filter itself, after the first
 _PARTS = (0.25, 4.0)  # least and most of a correction of heading that is taken
-_SYMMETRIC = 8  # updates after which rounding's asymmetry is taken out
 _CAREFUL = 32  # updates by roots of the covariance: the first take a metre to a micrometre
 _CHUNK = 2048  # updates whose matrices are held at once
-_BLOCK = 64  # of them that are one update, where nobody asks what each found
 _HUNDREDTH = 100.0  # a noisy regressor is to tell no more than one of this of a prior's variance
-_CONSISTENT = 5.0  # standard errors by which the innovations' mean square may exceed one
 _HIDDEN = 0.1  # rad of the match's heading: below, no second heading can fit
 _ANY_SIZE = 10.0  # of the Earth's level rate, in parts of it: as good as unknown
 _SHOWN = 0.5  # rad: a track begins when heading is known to this
@@ -80,7 +83,6 @@ _SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multi
 _SIZE, _NORTH, _FOREVER = "size", np.diag([1.0, 0.0, 0.0]), 1e12  # s
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
-_TOLD = ("x", "variances", "attitude", "values")  # of a pass, by each update or by the last
 _ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
 
 
@@ -170,7 +172,7 @@ class Model:
     @property
     def size(self) -> int:
         """Of the state."""
-        return _ERRORS + 3 * (len(self.names) + len(self.drifts))
+        return ERRORS + 3 * (len(self.names) + len(self.drifts))
 
     def kept(self, span: float) -> Array:
         """What `span` seconds leave of each constant and drift (c,)."""
@@ -205,84 +207,6 @@ class _Reference:
     carried: Carried
     C_ni: Rotation
     found: Array
-
-
-class Steps(NamedTuple):
-    """From each of k updates to the next: errors of the reference, driven by constants and drifts.
-
-    `rows` (k, e, s): the errors' transition; `kept` (c,): what of each constant and drift is left;
-    `walks` (k, e, e), `added` (k, c): covariance of errors and variances of the others that noise
-    adds.
-    """
-
-    rows: Array
-    kept: Array
-    walks: Array
-    added: Array
-
-    @property
-    def F(self) -> Array:
-        """Transitions (k, s, s) of the whole state."""
-        k, e, size = self.rows.shape
-        kept = np.concatenate([np.zeros((len(self.kept), e)), np.diag(self.kept)], axis=1)
-        below = np.broadcast_to(kept, (k, size - e, size))
-        return np.concatenate([self.rows, below], axis=1)
-
-    @property
-    def Q(self) -> Array:
-        """Covariances (k, s, s) that noise adds to the whole state."""
-        k, e, size = self.rows.shape
-        Q = np.zeros((k, size, size))
-        Q[:, :e, :e] = self.walks
-        own = np.arange(e, size)
-        Q[:, own, own] = self.added
-        return Q
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Pass:
-    """After each update, or the last alone: errors of the reference `x` (m, s), which are attitude
-    about n [rad], velocity, displacement, constants; their `variances`; covariance `attitude`
-    (m, 3, 3); innovations `values` (m, 3). Of all updates in any case: the innovations' variances
-    `expected` (n, 3) and normalised squares `misfit` (n,), as far as they are told. `heading` (s,):
-    covariances of heading's error with all, at the end.
-    """
-
-    x: Array
-    variances: Array
-    attitude: Array
-    values: Array
-    expected: Array
-    misfit: Array
-    heading: Array = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def left(self) -> Array:
-        """Errors (s,) of the reference at the end, to be corrected.
-
-        Where heading is not determined it stays where it is, and the others are those of a heading
-        that is right: biases make up for a wrong one, and tilt settles about any.
-        """
-        x, own = self.x[-1], self.heading
-        if determined(np.sqrt(self.variances[-1, 2])):
-            return x
-        return np.asarray(x - own / own[2] * x[2])
-
-    @property
-    def inconsistent(self) -> bool:
-        """Whether the innovations are larger than the filter holds possible."""
-        allowed = 1 + _CONSISTENT * np.sqrt(2 / (3 * len(self.misfit)))
-        return float(self.misfit.mean()) / 3 > allowed
-
-    @property
-    def last(self) -> "_Pass":
-        """Of the last update alone."""
-        return replace(self, **{name: getattr(self, name)[-1:] for name in _TOLD})
-
-    def ending(self, last: "_Pass") -> "_Pass":
-        """With the answer of another pass at the end, which rounds otherwise."""
-        ends = {n: np.concatenate([getattr(self, n)[:-1], getattr(last, n)]) for n in _TOLD}
-        return replace(self, **ends, heading=last.heading)
 
 
 def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
@@ -397,7 +321,7 @@ def _turns(carried: Carried) -> bool:
     return float(2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0))) >= _ROCKED
 
 
-def _by_size(model: Model, reference: _Reference, run: _Pass, variance: float) -> float:
+def _by_size(model: Model, reference: _Reference, run: Pass, variance: float) -> float:
     """Heading's root mean square error [rad] on the whole circle, of a stretch that turns.
 
     The filter knows heading by the Earth's level rate near one direction. A scale factor error of
@@ -417,7 +341,7 @@ def _by_size(model: Model, reference: _Reference, run: _Pass, variance: float) -
     return by_size(np.array([1 + x[own] / rate, x[2]]), errors, float(run.x[-1, 2]))
 
 
-def _round(run: _Pass, heading: float) -> _Pass:
+def _round(run: Pass, heading: float) -> Pass:
     """The pass with heading's sigma grown to `heading` [rad], if it is less, and what goes with
     it: of tilt as much as the filter holds to turn with heading."""
     own = run.attitude[:, :, 2]
@@ -544,7 +468,7 @@ def _heave_density(carried: Carried, noise: Noise, priors: Priors, gravity: floa
 
 def _settle(
     model: Model, reference: _Reference, variance: float, far: bool
-) -> tuple[_Reference, _Pass]:
+) -> tuple[_Reference, Pass]:
     """Filter, and again about a corrected reference until the correction is small.
 
     Where it is not, or is not likely to be (`far`), coarse passes correct the reference first:
@@ -578,7 +502,7 @@ def _found(model: Model, reference: _Reference, variance: float) -> tuple[_Refer
     return _about(model, _at_end(coarse), coarse, model.update), False
 
 
-def _is_settled(model: Model, reference: _Reference, run: _Pass) -> bool:
+def _is_settled(model: Model, reference: _Reference, run: Pass) -> bool:
     """Whether what is left to correct is small."""
     span = reference.carried.t[-1] - reference.carried.t[0]
     turned = span * np.linalg.norm(_constant(model, run.left, "gyro_bias"))
@@ -594,7 +518,7 @@ def _constant(model: Model, x: Array, name: str) -> Array:
 
 def columns_of(k: int) -> slice:
     """Where the k-th constant stands in the state."""
-    return slice(_ERRORS + 3 * k, _ERRORS + 3 * k + 3)
+    return slice(ERRORS + 3 * k, ERRORS + 3 * k + 3)
 
 
 class _Aim:
@@ -619,7 +543,7 @@ class _Aim:
 
 
 def _corrected(
-    model: Model, reference: _Reference, run: _Pass, span: float, aim: _Aim
+    model: Model, reference: _Reference, run: Pass, span: float, aim: _Aim
 ) -> _Reference:
     """The reference with the attitude, gyro bias and scale that the filter found."""
     left = run.left
@@ -632,7 +556,7 @@ def _corrected(
 
 def _found_by(model: Model, reference: _Reference, x: Array) -> Array:
     """The constants (..., k, 3) that states (..., s) of a reference's errors come to."""
-    told = slice(_ERRORS, _ERRORS + 3 * len(model.names))
+    told = slice(ERRORS, ERRORS + 3 * len(model.names))
     return np.asarray(reference.found + x[..., told].reshape(*x.shape[:-1], -1, 3))
 
 
@@ -659,7 +583,7 @@ def _made(model: Model, found: Array, sensor: str) -> Made:
     return Made(offset, gain)
 
 
-def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
+def _filter(model: Model, reference: _Reference, variance: float) -> Pass:
     """One run over all updates; of a model that is not `whole` the last is told."""
     carried, C_ni = reference.carried, reference.C_ni.as_matrix()
     m, size = len(carried.t), model.size
@@ -669,14 +593,14 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     state[:, :-1] = np.diag(model.start)
     for k, own in enumerate(reference.found):  # taken out already
         state[columns_of(k), -1] = -own
-    out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
+    out = Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
     careful = min(_CAREFUL, m)
     # an update or more after whole blocks; as fast one by one where more than errors move
     drifting = any(sensor != _SIZE for sensor, _ in model.drifts)
-    one_by_one = model.whole or any(model.walks) or drifting
+    singly = model.whole or any(model.walks) or drifting
     blocks = careful
-    if m > careful and not one_by_one:
-        blocks += (m - careful - 1) // _BLOCK * _BLOCK
+    if m > careful and not singly:
+        blocks += (m - careful - 1) // BLOCK * BLOCK
     edges = [0, *range(careful, blocks, _CHUNK), *range(blocks, m, _CHUNK), m]
     for part in map(slice, edges[:-1], edges[1:]):
         push = np.diff(v[part.start : part.stop + 1], axis=0)
@@ -685,213 +609,10 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
             z[part],
             variance,
         )
-        updates = by_blocks if careful <= part.start < blocks else _updates
+        updates = by_blocks if careful <= part.start < blocks else one_by_one
         (updates if part.start else careful_updates)(state, given, part, out)
     out = replace(out, heading=state[:, 2].copy())
     return out if model.whole else out.last
-
-
-def careful_updates(
-    state: Array, given: tuple[Steps, Array, Array, float], part: slice, out: _Pass
-) -> None:
-    """As `_updates`, by a root S of the covariance, ``P = S^T S``, and orthogonal triangles.
-
-    ``[[r, 0], [S H^T, S]]`` becomes ``[[W, K], [0, S]]`` with ``W^T W`` the innovation's covariance
-    and ``K^T W^-T`` the gain: G. J. Bierman, Factorization Methods for Discrete Sequential
-    Estimation (1977), chapter V. Differences of variances, of which one metre squared less itself
-    leaves nothing of a square micrometre, do not arise.
-    """
-    (rows, kept, walks, added), H, z, variance = given
-    size, free = len(state), _ERRORS
-    S, x = _root(state[:, :-1]), state[:, -1].copy()
-    walked, spread = _root(walks), np.sqrt(added)
-    observed = np.zeros((3 + size, 3 + size))
-    moved = np.zeros((2 * size, size))
-    observed[:3, :3] = np.sqrt(variance) * np.eye(3)
-    own = np.arange(free, size)
-    for k, h in enumerate(H):
-        observed[3:, :3], observed[3:, 3:] = S @ h.T, S
-        triangle = _triangle(observed)
-        W, S = triangle[:3, :3], triangle[3:, 3:]
-        value = z[k] - h @ x
-        unit = np.linalg.solve(W.T, value)
-        x = x + triangle[:3, 3:].T @ unit
-        at = part.start + k
-        out.x[at], out.variances[at] = x, np.sum(S * S, axis=0)
-        out.attitude[at] = S[:, :3].T @ S[:, :3]
-        out.values[at], out.misfit[at] = value, unit @ unit
-        out.expected[at] = np.sum(W * W, axis=0)
-        if k < len(rows):
-            moved[:size, :free] = S @ rows[k].T
-            np.multiply(S[:, free:], kept, out=moved[:size, free:])
-            moved[size : size + free, :free] = walked[k]
-            moved[size + own, own] = spread[k]
-            S = _triangle(moved)
-            x = np.concatenate([rows[k] @ x, kept * x[free:]])
-    state[:, :-1], state[:, -1] = S.T @ S, x
-
-
-def by_blocks(
-    state: Array, given: tuple[Steps, Array, Array, float], part: slice, out: _Pass
-) -> None:
-    """As `_updates`, by whole blocks whose updates are one, where constants stand still; of `out`
-    only the misfit, of each block the mean.
-
-    What `_seen` makes of a block is an update by W of noise 1 and a step by A and C, both by roots
-    of the covariance as in `careful_updates`: ``P = S^T S`` becomes ``S^T B^-1 S`` with
-    ``B = 1 + (W S^T)^T (W S^T)``, in which nothing cancels.
-    """
-    try:
-        seen, stepped, added = _seen(*given)
-    except np.linalg.LinAlgError:  # rounding leaves no covariance: to be told as it is there
-        _updates(state, given, part, out)
-        return
-    size, free = len(state), _ERRORS
-    S, x, added = _root(state[:, :-1]), state[:, -1].copy(), _root(added)
-    moved, told = np.zeros((size + free, size)), np.empty(len(seen))
-    for k, (W, A) in enumerate(zip(seen, stepped, strict=True)):
-        V, value = W[:, :-1] @ S.T, -(W[:, :-1] @ x + W[:, -1])
-        B = np.linalg.cholesky(np.eye(size) + V.T @ V)
-        solved = np.linalg.solve(B, np.column_stack([S, V.T @ value]))
-        S, unit = solved[:, :-1], solved[:, -1]
-        told[k] = value @ value - unit @ unit
-        x = x + S.T @ unit
-        x[:free] = A[:, :-1] @ x + A[:, -1]
-        moved[:size, :free], moved[:size, free:] = S @ A[:, :-1].T, S[:, free:]
-        moved[size:, :free] = added[k]
-        S = _triangle(moved)
-    out.misfit[part], out.expected[part] = np.repeat(told / _BLOCK, _BLOCK), np.inf
-    state[:, :-1], state[:, -1] = S.T @ S, x
-
-
-def _seen(steps: Steps, H: Array, z: Array, variance: float) -> tuple[Array, Array, Array]:
-    """What n blocks of b updates tell of the state x before each, and make of its errors.
-
-    Returns
-    -------
-    W : (n, 3 b, s + 1)
-        Innovations ``-W [x 1]``, each of variance 1, of a filter that knows x.
-    A, C : (n, e, s + 1), (n, e, e)
-        Errors after the block: ``A [x 1]``, with covariance C by that filter.
-
-    Notes
-    -----
-    It starts without covariance, so that its gains follow neither x nor the block before: all
-    blocks advance together, an update at a time. S. Sarkka and A. F. Garcia-Fernandez, Temporal
-    Parallelization of Bayesian Smoothers, IEEE Trans. Autom. Control 66 (2021) 299.
-    """
-    e, size = steps.rows.shape[1:]
-    rows, walks, H, z = (
-        x.reshape(-1, _BLOCK, *x.shape[1:]) for x in (steps.rows, steps.walks, H, z)
-    )
-    both = np.zeros((len(H), e, size + 1 + e))  # [A C]
-    both[:, :, :e] = np.eye(e)
-    own, moved = slice(size + 1, None), slice(6, 9)
-    W = np.empty((*H.shape[:3], size + 1))
-    for k in range(_BLOCK):
-        found = both[:, moved].copy()  # H is that of displacement and of constants
-        spread = found[:, :, own][:, :, moved] + variance * np.eye(3)
-        found[:, :, e:size] += H[:, k, :, e:]
-        found[:, :, size] -= z[:, k]
-        white = np.linalg.inv(np.linalg.cholesky(spread)) @ found
-        W[:, k] = white[:, :, : size + 1]
-        both -= white[:, :, own].transpose(0, 2, 1) @ white
-        F = rows[:, k, :, :e]
-        both = F @ both
-        both[:, :, e:size] += rows[:, k, :, e:]
-        both[:, :, own] = both[:, :, own] @ F.transpose(0, 2, 1) + walks[:, k]
-    return W.reshape(len(W), -1, size + 1), both[:, :, : size + 1], both[:, :, own]
-
-
-def _triangle(rows: Array) -> Array:
-    """R with ``R^T R = rows^T rows``, upper triangular."""
-    size = rows.shape[1]
-    reflectors, _ = np.linalg.qr(rows, mode="raw")
-    return np.asarray(np.where(_upper(size), reflectors.T[:size], 0.0))
-
-
-@cache
-def _upper(size: int) -> Array:
-    """Which of a triangle's elements there are."""
-    return np.triu(np.ones((size, size), dtype=bool))
-
-
-def _root(P: Array) -> Array:
-    """Matrices S with ``S^T S = P`` (..., n, n), each variance to its own last digits.
-
-    One that rounding has left below 0, of a displacement that one interval's noise does not reach
-    yet, is none.
-    """
-    sigmas = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 0.0))
-    unit = np.where(sigmas > 0, sigmas, 1.0)
-    values, vectors = np.linalg.eigh(P / (unit[..., None] * unit[..., None, :]))
-    root = np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2)
-    return np.asarray(root * sigmas[..., None, :])
-
-
-def _updates(
-    state: Array, given: tuple[Steps, Array, Array, float], part: slice, out: _Pass
-) -> None:
-    """Update and propagate `state` (s, s + 1), covariance and errors ``[P x]``, through `part`.
-
-    One product with H gives ``H P`` and ``H x``. The constants stand still, and drifts fade: only
-    the rows of the first `_ERRORS` states are propagated, and mirrored.
-    """
-    (rows, kept, walks, added), H, z, variance = given
-    n, size, free = len(z), len(state), _ERRORS
-    R = variance * np.eye(3)
-    seen, spread = np.empty((n, 3, size + 1)), np.empty((n, 3, 3))
-    after, moved = np.empty((n, size, size + 1)), np.empty((free, size + 1))
-    drifting = bool(added.any())
-    kept = np.concatenate([np.ones(free), kept, [1.0]])
-    fading = kept[:-1, None] * kept if np.any(kept < 1) else None
-    # views, made once
-    P, innovations = state[:, :-1], seen[:, :, -1]
-    moving, mixed, mirrored = state[:free, :free], state[:free, free:], state[free:, :free]
-    moved_P, moved_mixed, moved_back = moved[:, :-1], moved[:, free:], moved[:, free:-1].T
-    constants = state.reshape(-1)[free * (size + 2) :: size + 2]  # their variances
-    for k, (h, found, S) in enumerate(zip(H, seen, spread, strict=True)):
-        np.dot(h, state, out=found)
-        innovations[k] -= z[k]
-        HP = found[:, :-1]
-        np.add(HP.dot(h.T), R, out=S)
-        np.subtract(state, HP.T.dot(_inverse(S).dot(found)), out=state)
-        after[k] = state
-        if k == len(rows):
-            break
-        row = rows[k]
-        np.dot(row, state, out=moved)
-        np.add(moved_P.dot(row.T), walks[k], out=moving)
-        if fading is not None:
-            np.multiply(state, fading, out=state)
-            np.multiply(moved_mixed, kept[free:], out=moved_mixed)
-        mixed[:] = moved_mixed
-        mirrored[:] = moved_back
-        if drifting:
-            constants += added[k]
-        if k % _SYMMETRIC == 0:
-            P[:] = 0.5 * (P + P.T)
-    out.x[part] = after[:, :, -1]
-    out.variances[part] = np.diagonal(after, axis1=1, axis2=2)
-    out.attitude[part] = after[:, :3, :3]
-    values = -innovations
-    out.values[part] = values
-    out.expected[part] = np.diagonal(spread, axis1=1, axis2=2)
-    out.misfit[part] = (values * np.linalg.solve(spread, values[..., None])[..., 0]).sum(axis=1)
-
-
-def _inverse(S: Array) -> Array:
-    """Of a covariance (3, 3), by ``L D L^T``: in a third of the time of np.linalg's."""
-    (a, b, c), (_, d, e), (_, _, f) = S.tolist()
-    p, q = b / a, c / a
-    d_left, e_left = d - p * b, e - p * c
-    r = e_left / d_left
-    s = p * r - q  # of the inverse of L: rows (1), (-p, 1), (s, -r, 1)
-    third = 1 / (f - q * c - r * e_left)
-    second = 1 / d_left
-    xy, xz, yz = -p * second - s * r * third, s * third, -r * third
-    xx, yy = 1 / a + p * p * second + s * xz, second - r * yz
-    return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, third)))
 
 
 def error_matrices(
@@ -913,8 +634,8 @@ def error_matrices(
     """
     C_nb = C_ni @ matrices(carried.q[part])
     steps = slice(part.start, min(part.stop, len(carried.dv)))
-    F = np.zeros((steps.stop - steps.start, _ERRORS, model.size))
-    F[:, np.arange(_ERRORS), np.arange(_ERRORS)] = 1.0
+    F = np.zeros((steps.stop - steps.start, ERRORS, model.size))
+    F[:, np.arange(ERRORS), np.arange(ERRORS)] = 1.0
     H = np.zeros((len(C_nb), 3, model.size))
     H[:, :, 6:9] = np.eye(3)
     spans, push = carried.spans[steps, None, None], cross_matrix(gravity)
@@ -975,7 +696,7 @@ def _walks(model: Model, turned: Array, push: Array, spans: Array) -> Array:
     1, 1/2, 1/6; 1/3, 1/8; 1/20, velocity walk and its integral 1, 1/2; 1/3. Two of them are
     those of this integration, in steps of two samples with the rates held.
     """
-    Q = np.zeros((len(spans), _ERRORS, _ERRORS))
+    Q = np.zeros((len(spans), ERRORS, ERRORS))
     levels = model.noise.gyro, model.noise.accel
     walk, kick = (turned * level**2 / spans @ turned.transpose(0, 2, 1) for level in levels)
     once = -push @ walk
@@ -997,7 +718,7 @@ def _walks(model: Model, turned: Array, push: Array, spans: Array) -> Array:
 def _answer(
     model: Model,
     reference: _Reference,
-    run: _Pass,
+    run: Pass,
     more: tuple[Array, float],
     flags: tuple[str, ...],
 ) -> Filtered:
@@ -1010,7 +731,7 @@ def _answer(
     at_end = Rotation.from_rotvec(-run.x[:, :3]) * reference.C_ni
     R = to_n.as_matrix()
     m, count = len(t), len(model.names)
-    told = slice(_ERRORS, _ERRORS + 3 * count)
+    told = slice(ERRORS, ERRORS + 3 * count)
     covariance = R @ run.attitude @ R.transpose(0, 2, 1) + more[0]
     lag = lag_covariance(carried, reference.C_ni.as_matrix(), model.priors, model.site)
     covariance += lag[told_from:]

@@ -28,13 +28,8 @@ from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
 from alignment.information.drift import GaussMarkov
 from alignment.methods.fine import (
-    _ERRORS,
     METHOD,
     Model,
-    Steps,
-    _inverse,
-    _Pass,
-    _updates,
     columns_of,
     error_matrices,
     filtered,
@@ -43,6 +38,7 @@ from alignment.methods.fine import (
     innovations,
 )
 from alignment.methods.inertial import Noise, gravity_velocity, inertial, match
+from alignment.methods.updates import ERRORS, Pass, Steps, _inverse, one_by_one
 from alignment.strapdown import carry
 
 W = 7.292115e-5  # rad/s
@@ -323,7 +319,7 @@ def test_updates_are_those_of_the_textbook(drifting):
     Rounding of matrices of size 10, over 40 updates: 1e-10.
     """
     rng = np.random.default_rng(8)
-    m, size, free = 40, _ERRORS + 6, _ERRORS
+    m, size, free = 40, ERRORS + 6, ERRORS
     rows = np.eye(free, size) + 0.1 * rng.normal(size=(m - 1, free, size))
     root = rng.normal(size=(m - 1, free, free))
     walks = 0.01 * root @ root.transpose(0, 2, 1)
@@ -339,13 +335,13 @@ def test_updates_are_those_of_the_textbook(drifting):
     x, P = rng.normal(size=size), root @ root.T
     state = np.column_stack([P, x])
     shapes = (m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,)
-    out = _Pass(*(np.empty(shape) for shape in shapes))
+    out = Pass(*(np.empty(shape) for shape in shapes))
     for part in (slice(0, 25), slice(25, m)):  # as chunks: each but the last propagates to the next
         steps = slice(part.start, min(part.stop, m - 1))
         given = Steps(rows[steps], kept, walks[steps], added[steps])
         np.testing.assert_array_equal(given.F, F[steps])
         np.testing.assert_array_equal(given.Q, Q[steps])
-        _updates(state, (given, H[part], z[part], 0.2), part, out)
+        one_by_one(state, (given, H[part], z[part], 0.2), part, out)
     for k in range(m):
         S = H[k] @ P @ H[k].T + 0.2 * np.eye(3)
         K, innovation = P @ H[k].T @ np.linalg.inv(S), z[k] - H[k] @ x
@@ -400,7 +396,7 @@ def test_a_long_interval_is_its_short_ones(motion):
     scale = np.outer(size[free], size[free])
     # drifts of biases count from the next interval on: a part 1/10 of what they make of the rest
     own = np.ix_(free, free)
-    errors_ = np.arange(_ERRORS - 1)
+    errors_ = np.arange(ERRORS - 1)
     block = np.ix_(errors_, errors_)
     np.testing.assert_allclose(
         Q[0][block] / np.outer(size[:9], size[:9]),
@@ -716,7 +712,7 @@ def test_blocks_of_updates_are_the_updates_one_by_one(monkeypatch, lost):
         def none(*_):
             raise np.linalg.LinAlgError
 
-        monkeypatch.setattr(module, "_seen", none)
+        monkeypatch.setattr("alignment.methods.updates._seen", none)
     each = module._filter(model, reference, 1e-10)
     run = module._filter(replace(model, whole=False), reference, 1e-10)
     assert len(each.x) == len(each.misfit) == len(run.misfit) == 601

@@ -18,8 +18,6 @@ from alignment.methods.fine import (
     _Aim,
     _heave_density,
     _is_settled,
-    _Pass,
-    _root,
     _update_variance,
     error_matrices,
     states_of,
@@ -40,6 +38,7 @@ from alignment.methods.inertial import (
     wander_values,
 )
 from alignment.methods.rocking_gains import inertial_functional
+from alignment.methods.updates import Pass, _root
 from alignment.strapdown import carry
 
 NONE = np.zeros(3)
@@ -167,7 +166,7 @@ def test_innovations_as_large_as_their_sigmas_allow():
     """Of 24 updates 72 numbers: a mean square of ``1 + 5 sqrt(2/72)`` = 1.8333, 5.5 of three."""
     zero = np.zeros((24, 3))
     for misfit, doubted in ((3.0, False), (5.49, False), (5.51, True)):
-        run = _Pass(zero, zero, zero, zero, zero, np.full(24, misfit))
+        run = Pass(zero, zero, zero, zero, zero, np.full(24, misfit))
         assert run.inconsistent == doubted
 
 
@@ -192,7 +191,7 @@ def test_a_correction_of_a_hundredth_is_settled(turn, bias, sigma, settled):
     reference = SimpleNamespace(carried=SimpleNamespace(t=np.array([50.0, 60.0])))
     held = model(Priors(gyro_bias=1.0), names=("gyro_bias",), walks=(0.0,))
     heading = np.eye(13)[2] * sigma**2
-    run = _Pass(x, np.full((2, 13), sigma**2), *(np.zeros(1),) * 4, heading)
+    run = Pass(x, np.full((2, 13), sigma**2), *(np.zeros(1),) * 4, heading)
     assert _is_settled(held, reference, run) == settled
 
 
@@ -203,7 +202,7 @@ def test_what_goes_with_a_heading_that_is_not_determined_stays_too():
     x[-1] = 0.05, -0.01, 2.0, 0.1
     for sigma, left in ((1.0, [0.01, -0.01, 0.0, 0.7]), (0.5, x[-1])):
         heading = np.array([0.02, 0.0, 1.0, -0.3]) * sigma**2
-        run = _Pass(x, np.full((2, 4), sigma**2), *(np.zeros(1),) * 4, heading)
+        run = Pass(x, np.full((2, 4), sigma**2), *(np.zeros(1),) * 4, heading)
         np.testing.assert_allclose(run.left, left, atol=1e-15)
 
 
