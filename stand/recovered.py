@@ -429,7 +429,8 @@ def _curves(log: Log, answered: Sequence[str], file: Path) -> Any:
 def _verdict(log: Log, scores: Sequence[Score], refusals: Sequence[Refusal]) -> str:
     metadata = log.imu.metadata
     head = [f"# {_title(metadata)}", "", f"{len(log.imu)} samples were whole.", ""]
-    return verdict_document(head, score_tables(scores, sheet_beside(metadata)), refusals)
+    sheet = sheet_beside(metadata)
+    return verdict_document(head, score_tables(scores, sheet, noise_alone(sheet)), refusals)
 
 
 def _parts(metadata: Metadata) -> list[tuple[str, str, str]]:

@@ -136,7 +136,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
             + told
             + heading_doubt(covariance)
             + rest_doubt(fresh)
-            + faint_doubt(fresh) * options.priors.noise_only,
+            + faint_doubt(fresh, options.priors),
         )
     )
     return estimates

@@ -77,7 +77,7 @@ class EstimatePair:
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SideBySide:
     """Two recordings beside each other; `notes` say how they were matched, what was left out;
-    `noise_only`: of one of them nothing but noise is known, and every sigma is of that."""
+    `noise_only`: sensors of which, in one of them, nothing but noise is known."""
 
     a: Log
     b: Log
@@ -85,7 +85,7 @@ class SideBySide:
     estimates: tuple[EstimatePair, ...]
     refusals: tuple[Refusal, ...]
     notes: tuple[str, ...]
-    noise_only: bool
+    noise_only: frozenset[str]
 
 
 def side_by_side(
@@ -123,7 +123,7 @@ def side_by_side(
     wanted = methods or [m for m in a.methods if m in b.methods] or a.methods
     estimates: list[EstimatePair] = []
     refusals: list[Refusal] = []
-    noise_only = False
+    noise_only: frozenset[str] = frozenset()
     for method in wanted:
         found: list[Alignment] = []
         for log, other in ((a, named), (named, a)):
@@ -133,7 +133,7 @@ def side_by_side(
                 refusals.append(Refusal(method, str(error)))
         if len(found) == 2:
             estimates += _paired(*(one.estimates for one in found))
-            noise_only |= any(one.noise_only for one in found)
+            noise_only = noise_only.union(*(one.noise_only for one in found))
     return SideBySide(
         a=a,
         b=b,
@@ -242,7 +242,7 @@ def side_by_side_json(found: SideBySide) -> dict[str, Any]:
                 "window": e.a.window,
                 "label": e.a.label,
                 "off_ned_deg": [*(e.off[:2] / DEG), None if e.turned_unknown else e.off[2] / DEG],
-                "noise_only": found.noise_only,
+                "noise_only": bool(found.noise_only),
                 "sigmas_deg": None if e.sigmas is None else (e.sigmas / DEG).tolist(),
             }
             for e in found.estimates

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stand.folder import Content, refuse_files, write_files
+from stand.imu import unstated
+from stand.imu.priors import only
 from stand.proposal.result import Proposal, proposal_json
 from stand.proposal.trade_off import FACTORS, TradeOff
+from stand.report.document import UNDETERMINED
 from stand.report.judged import Judged
 from stand.report.page import HUES, INK, PAPER, SOFT, frame, logarithmic, render, span_text
 from stand.report.published_pictures import Picture
@@ -53,11 +56,11 @@ def _reached(result: Proposal) -> TableData:
         (
             q.quantity,
             f"{q.required:g}",
-            "not determined" if q.predicted is None else f"{q.predicted:.3g}",
+            UNDETERMINED if q.predicted is None else f"{q.predicted:.3g}{only(q.noise_only)}",
             f"{100 * q.ratio:.0f} %" if np.isfinite(q.ratio) else "",
             q.unit,
             f"{q.limited_by} ({100 * q.share:.0f} %)" if q.limited_by else "",
-            "" if q.true_table is None else f"{q.true_table:.3g}",
+            "" if q.true_table is None else f"{q.true_table:.3g}{only(q.noise_only)}",
         )
         for q in result.quantities
     )
@@ -65,6 +68,7 @@ def _reached(result: Proposal) -> TableData:
     notes = (
         "used: coverage times sigma, guard band included, of what is required; true table: sigma "
         "on a table and seat without errors",
+        *unstated(result.settings.imu),
     )
     return TableData("What it reaches", columns, rows, notes=notes)
 
@@ -78,7 +82,7 @@ def curve_table(curve: TradeOff) -> TableData:
     """Time against accuracy."""
     rows = [(p.name, span_text(p.total), f"{p.ratio:.3g}", "") for p in curve.curve]
     for own in curve.procedures:
-        ratio = f"{own.point.ratio:.3g}" if np.isfinite(own.point.ratio) else "not determined"
+        ratio = f"{own.point.ratio:.3g}" if np.isfinite(own.point.ratio) else UNDETERMINED
         less = "" if own.shortened is None else f"{span_text(own.shortened)} would do in this shape"
         rows.append((own.point.name, span_text(own.point.total), ratio, less))
     columns = ("test", "takes", "uncertainty / required", "shortened")

@@ -124,7 +124,7 @@ def page(
         "verdict": judged(scores, refusals, recorded.require, sheet, run.get("revision", "")),
         "channels": channels(log.readings, [(d.t_from, d.t_to) for d in log.dwells]),
         "refusals": refusal_lines(refusals),
-        "tables": score_tables(scores, sheet),
+        "tables": score_tables(scores, sheet, log.options.priors.noise_only),
         "angle_note": ANGLE_NOTE if scores else "",
         "errors": _errors(log, total),
         "servo": motion_table(recorded.records) if recorded.records else None,

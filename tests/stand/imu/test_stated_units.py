@@ -205,7 +205,7 @@ def test_what_a_sheet_does_not_state_is_told():
     assert unstated(load_imu("stim300")) == ()
     assert unstated(load_imu("ideal")) == ()
     bare = unstated(unit())
-    assert len(bare) == 9  # four of both triads, and the gyros' g-sensitivity
+    assert len(bare) == 11  # five of both triads, and the gyros' g-sensitivity
 
 
 @pytest.mark.parametrize("name", ids("imus"))
