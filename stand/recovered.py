@@ -398,6 +398,7 @@ def _opened_review(log: Log, path: Path, model: StandModel, *, following: bool) 
         w_ie_enu=C_NW.inv().apply(log.site.w_ie_n),
         properties=run,
         following=following,
+        noise_only=noise_alone(sheet_beside(metadata)),
     )
 
 

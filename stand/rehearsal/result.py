@@ -330,6 +330,9 @@ class Advice:
         return bool(self.toml)
 
 
+FROM_SHEET = "data sheet"  # the kind of a finding that tells what a sheet leaves out
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """A trap or a doubt, told before the run: `kind` for machines, `text` for a person."""
