@@ -133,7 +133,8 @@ class Refused(NamedTuple):
 
 
 class Worst(NamedTuple):
-    """A unit far off: its error and stated sigma [SI]; `times` its limit, or its case's rms."""
+    """A unit far off: its error and stated sigma [SI]; `times` its limit, or its case's rms;
+    `noise_only` as of its `Cell`."""
 
     case: int
     seed: int
@@ -141,6 +142,7 @@ class Worst(NamedTuple):
     error: float
     sigma: float
     times: float
+    noise_only: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -437,6 +439,7 @@ def _worst(
     if not shown:
         return
     rms = {(cell.case, cell.series): cell.rms for cell in cells if cell.determined}
+    alone = {cell.case: cell.noise_only for cell in cells if cell.series == shown[0]}
     rows, found = grouped.rows, []
     for case, series, part in grouped.groups:
         if series == shown[0] and (case, series) in rms:
@@ -455,6 +458,7 @@ def _worst(
             error=float(rows["error"][k]),
             sigma=float(rows["sigma"][k]),
             times=times,
+            noise_only=alone[case],
         )
 
 
@@ -602,6 +606,7 @@ def _worst_json(w: Worst) -> dict[str, Any]:
         "unit": unit,
         "error": _number(w.error, per),
         "sigma": _number(w.sigma, per),
+        "noise_only": w.noise_only,
         "times": _number(w.times, 1.0),
     }
 

@@ -203,11 +203,10 @@ def worst_table(summary: Summary) -> TableData | None:
     series: Series = summary.worst[0].series
     unit, per = unit_of(series, max(abs(w.error) for w in summary.worst))
     beyond = "times the limit" if summary.limits else "times the case's rms"
-    alone = {c.case: c.noise_only for c in summary.of(series)}
     rows = tuple(
         (
             str(w.case), str(w.seed), f"{digits(w.error / per)} {unit}",
-            finite(w.sigma, per) + only(alone[w.case] and isfinite(w.sigma)),
+            finite(w.sigma, per) + only(w.noise_only and isfinite(w.sigma)),
             digits(w.times), record_command(summary, w),
         )
         for w in summary.worst
