@@ -84,6 +84,7 @@ def curves(summary: Summary, series: Series, number: int) -> Drawing | None:
     axes_of = [axis_of(summary, k) for k in range(count)]
     together = summary.sweep.entry.combine == "product" and count == 2
     limit = set(summary.limits.values())
+    none = [c for c in summary.of(series) if not c.determined]
 
     def draw(figure: Figure) -> None:
         columns = 1 if together or count == 1 else min(count, 3)
@@ -93,6 +94,7 @@ def curves(summary: Summary, series: Series, number: int) -> Drawing | None:
                 _lines(axes, summary, cells, axes_of, per)
             else:
                 _line(axes, summary, cells, k, axes_of[k], per, joined=count == 1)
+            _crosses(axes, [axes_of[k].at(summary.sweep.values[c.case - 1][k]) for c in none])
             _x_axis(axes, axes_of[k])
             _y_axis(axes, [c.low for c in cells], [c.high for c in cells], per)
             if len(limit) == 1:
@@ -114,7 +116,7 @@ def curves(summary: Summary, series: Series, number: int) -> Drawing | None:
         f"{named(series)}. Marks and bars: root mean square of the errors of all runs, and its "
         f"95 % interval; lines: what a rehearsal of the same case predicts{_alone(cells)}."
     )
-    caption += _left_out(summary, series)
+    caption += _left_out(summary, series, " (crosses at the foot)")
     if len(limit) == 1:
         caption += " Broken line: what is required of one unit."
     alt = f"Errors of {named(series)} in {unit}. {words}"
@@ -127,13 +129,20 @@ def _alone(cells: Sequence[Cell]) -> str:
     return ", of noise only" if all(alone) else ", in some of noise only" if any(alone) else ""
 
 
-def _left_out(summary: Summary, series: Series) -> str:
+def _left_out(summary: Summary, series: Series, where: str = "") -> str:
     """Which cases have no number, in a sentence."""
     none = [str(c.case) for c in summary.of(series) if not c.determined]
     if not none:
         return ""
     which = f"case {', '.join(none)}" if len(none) <= MOST_LINES else f"{len(none)} cases"
-    return f" {UNDETERMINED.capitalize()}: {which}."
+    return f" {UNDETERMINED.capitalize()}{where}: {which}."
+
+
+def _crosses(axes: Axes, at: Sequence[float]) -> None:
+    """Where on the horizontal axis there is no number."""
+    if at:
+        foot = axes.get_xaxis_transform()
+        axes.plot(at, [0.03] * len(at), "x", color=SOFT, markersize=6, transform=foot)
 
 
 def _lines(
