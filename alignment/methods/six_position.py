@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.angles import Sequence
-from alignment.around import by_direction, whole_circle
+from alignment.around import by_direction
 from alignment.arrays import Array
 from alignment.doubts import heading_doubt
 from alignment.earth import Site
@@ -147,7 +147,8 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
 def _on_the_circle(nominal: Rotation, variances: Array, G: Array, site: Site) -> Array:
     """Covariance about n (3, 3) by `variances` (6,) of means in b, however far they turn it."""
     covariance = attitude_covariance(nominal, variances, G)
-    return whole_circle(covariance, _around(nominal, variances, site))
+    more = max(_around(nominal, variances, site) ** 2 - covariance[2, 2], 0.0)
+    return covariance + np.diag([0.0, 0.0, more])
 
 
 def _around(nominal: Rotation, variances: Array, site: Site) -> float:
