@@ -12,6 +12,7 @@ import numpy as np
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, ImuReadings
 from alignment.arrays import Array, set_owned
 from alignment.errors import Fault
+from alignment.estimate import determined
 from alignment.noise import BLOCKS, low_density, mean_and_variance
 from alignment.units import DEG
 from stand.errors import StandError, unknown
@@ -67,6 +68,12 @@ class EstimatePair:
         set_owned(self, off=(self.off, (3,), float))
         if self.sigmas is not None:
             set_owned(self, sigmas=(self.sigmas, (3,), float))
+
+    @property
+    def undetermined(self) -> tuple[bool, ...]:
+        """Whether `off` about north, east, down is not determined."""
+        level = (True, True) if self.sigmas is None else determined(self.sigmas[:2]).tolist()
+        return (*(not told for told in level), self.turned_unknown)
 
     @property
     def turned_unknown(self) -> bool:
@@ -241,7 +248,10 @@ def side_by_side_json(found: SideBySide) -> dict[str, Any]:
                 "method": e.a.method,
                 "window": e.a.window,
                 "label": e.a.label,
-                "off_ned_deg": [*(e.off[:2] / DEG), None if e.turned_unknown else e.off[2] / DEG],
+                "off_ned_deg": [
+                    None if none else float(off) / DEG
+                    for off, none in zip(e.off, e.undetermined, strict=True)
+                ],
                 "noise_only": bool(found.noise_only),
                 "sigmas_deg": None if e.sigmas is None else (e.sigmas / DEG).tolist(),
             }

@@ -454,6 +454,9 @@ def _triad(entry: SensorEntry, keys: Mapping[str, Key], known: tuple[Known, ...]
     )
 
 
+_NOT_HELD = ("none is simulated or predicted", "simulated as known by value, not predicted")
+
+
 def unstated(spec: ImuSpec, found: Collection[tuple[str, str]] = ()) -> tuple[str, ...]:
     """What the data sheet does not say and no prediction holds, one sentence each.
 
@@ -462,8 +465,10 @@ def unstated(spec: ImuSpec, found: Collection[tuple[str, str]] = ()) -> tuple[st
     entry = spec.entry
     if REFERENCE in entry.grade.lower():
         return ()
+    by_value = {(s, k.field) for s in ("gyro", "accel") for k in getattr(spec, s).known}
     return tuple(
-        f"the sheet of {spec.id} states no {what} of the {sensors}: none is simulated or predicted"
+        f"the sheet of {spec.id} states no {what} of the {sensors}: "
+        + _NOT_HELD[any((sensor, field) in by_value for field in fields)]
         for sensor, sensors in (("gyro", "gyros"), ("accel", "accelerometers"))
         for what, fields in NAMED_WHEN_ABSENT[sensors].items()
         if not any(getattr(getattr(spec, sensor), field) for field in fields)

@@ -67,7 +67,7 @@ def _shown(e: AttitudeEstimate, k: int) -> str:
 
 
 def _off(e: EstimatePair, k: int, noise_only: Collection[str]) -> str:
-    if k == 2 and e.turned_unknown:
+    if e.undetermined[k]:
         return UNDETERMINED
     value = e.off[k] / DEG if abs(e.off[k]) > LEAST * DEG else 0.0
     if e.sigmas is None:
