@@ -160,6 +160,7 @@ def test_a_sigma_of_noise_alone_says_so_in_every_cell(tmp_path):
             of_all = name == "align" and "(±: of noise only)" in text
             assert ONLY in part or "mGal" in part or "%" in part or of_all, (name, part)
         assert not page or ONLY in page, name
+        assert name != "calibrate" or told["parameters"]  # as without a sheet: all of them
         lacking = "states no drift of the gyros"
         assert name == "side by side" or lacking in page + str(told), name
     assert seen == {
