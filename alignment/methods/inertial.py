@@ -38,7 +38,7 @@ from alignment.noise import (
     gap_doubt,
     jitter_of,
 )
-from alignment.options import Options, Priors
+from alignment.options import SENSORS, Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
@@ -221,25 +221,29 @@ def rest_of(
     seen: tuple[Carried, Match, Noise],
     site: Site,
 ) -> Rest:
-    """What the readings show beside white noise, where they are at rest and no sheet tells it.
+    """What the readings show beside white noise, where they are at rest and no sheet tells it of
+    their sensors.
 
     Drifts are those that are the sensors' own, by what is `seen` of the base in these readings and
     in the record around them: see `own_parts`. That tells of how the windows' drifts differ whether
     the base turned; of what is straight from end to end of it, it does not.
     """
     nothing = Rest(*np.zeros((3, 3)), drift_around=np.zeros(6), part=1.0)
-    if not priors.noise_only or len(readings) < LEAST_SPECTRUM:
+    unknown = np.array([sensor in priors.noise_only for sensor in SENSORS], float)
+    if not unknown.any() or len(readings) < LEAST_SPECTRUM:
         return nothing
     try:
         check_rest(readings, "")
     except NotAtRest:
         return nothing
     w = readings.w_ib_b
-    jitter = jitter_of(w) * readings.interval**2
+    jitter = unknown[0] * jitter_of(w) * readings.interval**2
     steady = np.concatenate([drift_of(w), drift_of(readings.f_b)])
     own = np.maximum(steady, np.concatenate([np.zeros(3), _slow_force(*seen)]))
+    own = own * np.repeat(unknown, 3)
     wide, part = drift_around(dwell)
-    one, other = apart_of(readings), apart_around(dwell)
+    wide = wide * np.repeat(unknown, 3)
+    one, other = apart_of(readings).of(*unknown), apart_around(dwell).of(*unknown)
     straight = np.zeros(3)
     if own.any() or wide.any() or one.off.any() or other.off.any():
         parts = own_parts(*seen, own[:3])
@@ -260,7 +264,7 @@ def rest_of(
         part=part,
         apart=(one, other),
         straight=bool(straight.any()),
-        faint=faint_doubt(readings),
+        faint=faint_doubt(readings, priors),
         biased=_bias_doubt(*seen, priors),
     )
 
@@ -812,8 +816,8 @@ def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors
 
 def left_of_the_turn(carried: Carried, matched: Match, priors: Priors) -> float:
     """Part of the Earth's level rate that gyros of unknown bias show, as order 2 of the level
-    velocity tells; 1 with a data sheet."""
-    if not priors.noise_only:
+    velocity tells; 1 where a data sheet tells it."""
+    if "gyro" not in priors.noise_only:
         return 1.0
     basis = _smooth(carried)[:, 2] * np.sqrt(carried.spans)
     expected = basis @ matched.reference[:, :2]

@@ -113,6 +113,7 @@ def _solution_json(name: str, result: DriveResult) -> dict[str, Any]:
                 "error_deg": None if p.undetermined else p.error / DEG,
                 "sigma_deg": p.sigma / DEG,
                 "undetermined": p.undetermined,
+                "noise_only": bool(noise_alone(result.settings.imu)),
                 "state": p.state,
             }
             for p in points(curve)
