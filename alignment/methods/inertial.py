@@ -658,7 +658,7 @@ def laid(
     readings: ImuReadings, carried: Carried, site: Site, priors: Priors
 ) -> tuple[Match, Noise, Arm]:
     """The match of the curves, the noise and the arm that it is by."""
-    known = not priors.noise_only
+    known = "gyro" not in priors.noise_only
     matched = match(carried, site, unbiased=known)
     noise = stated_noise(readings, carried, matched, priors)
     arm = arm_of(carried, matched, noise, priors, site)
@@ -746,7 +746,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     found = []
     for end in ends:
         part = carried.until(int(end))
-        known = not priors.noise_only
+        known = "gyro" not in priors.noise_only
         arm = arm_of(part, match(part, site, unbiased=known), noise, priors, site)
         matched = match(part, site, arm.place, known)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
