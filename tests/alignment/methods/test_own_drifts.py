@@ -139,7 +139,7 @@ def test_samples_that_are_means_held_for_long_make_nothing_surer(method):
 
 
 def test_accelerometers_that_jump_tell_the_filter_no_heading():
-    """Seven steps between +-50 ug, as of a compensation of temperature: heading was 8 sigmas off."""
+    """Seven steps of up to 50 ug, as a compensation makes: heading was 8 sigmas off."""
     r = readings(0)
     step = np.floor(np.arange(len(r)) * 7 / len(r))
     jumps = np.outer(2 * ((step * 0.61) % 1) - 1, 50e-6 * G * np.array([1.0, 0.5, -1.0]))
