@@ -27,7 +27,7 @@ from alignment.doubts import heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack, determined
-from alignment.information.drift import GaussMarkov
+from alignment.information.drift import GaussMarkov, at_the_start
 from alignment.methods.drifting import held
 from alignment.methods.inertial import (
     Match,
@@ -366,7 +366,8 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
-    model = replace(model_of(readings, site, noise, priors), whole=False)
+    found = at_the_start(priors, dwell.t_from, readings.interval * len(readings))
+    model = replace(model_of(readings, site, noise, found), whole=False)
     reference = _Reference(carried, matched.C_ni, np.zeros(3))
     # as much information a second, however far apart the updates are
     variance = _update_variance(carried, noise, priors) * (UPDATE / model.update)
@@ -392,7 +393,8 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     if _turns(carried) and coarse[2, 2] > _HIDDEN**2:
         run = _round(run, _by_size(model, reference, run, variance))
     added = rest_covariance(carried, matched, rest) + _in_the_mean(rest, carried, matched, site)
-    more = added, left_of_the_turn(carried, matched, priors)
+    late = lag_covariance(carried, matched, priors, site)
+    more = added, left_of_the_turn(carried, matched, priors), late
     return _answer(model, reference, run, more, flags)
 
 
@@ -967,11 +969,12 @@ def _answer(
     model: Model,
     reference: _Reference,
     run: _Pass,
-    more: tuple[Array, float],
+    more: tuple[Array, float, Array],
     flags: tuple[str, ...],
 ) -> Filtered:
     """Attitudes and constants from the reference and its errors; `more` (3, 3): what the filter
-    does not know of, and what a bias leaves of the Earth's level rate."""
+    does not know of, what a bias leaves of the Earth's level rate, and (m, 3, 3) what comes late.
+    """
     carried, told_from = reference.carried, -len(run.x)
     t = carried.t[told_from:]
     left = (t[-1] - t)[:, None] * model.site.w_ie_n  # n turns back to then
@@ -981,8 +984,7 @@ def _answer(
     m, count = len(t), len(model.names)
     told = slice(_ERRORS, _ERRORS + 3 * count)
     covariance = R @ run.attitude @ R.transpose(0, 2, 1) + more[0]
-    lag = lag_covariance(carried, reference.C_ni.as_matrix(), model.priors, model.site)
-    covariance += lag[told_from:]
+    covariance += more[2][told_from:]
     constants = run.x[:, told].reshape(m, count, 3).copy()
     for name, now in reference.removed:
         if name in model.names:

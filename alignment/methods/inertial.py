@@ -42,7 +42,7 @@ from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
-from alignment.strapdown import Carried, carry, matrices
+from alignment.strapdown import Carried, carry, changes, matrices
 
 METHOD = "inertial"
 EVERY = slice(None)
@@ -536,13 +536,16 @@ def functional_covariance(
 
 
 def _by_biases(gain: Array, carried: Carried, priors: Priors, sensor: str) -> Array:
-    """Covariance (k, k) by biases and their drifts, of gains (m, k, 3) to each block's mean."""
+    """Covariance (k, k) by biases and their drifts, of gains (m, k, 3) to each block's mean.
+
+    Walks and ramps since time 0 of the stamps, as biases are those that were switched on.
+    """
     bias, instability, walk, ramp = (
         float(getattr(priors, f"{sensor}_{name}"))
         for name in ("bias", "instability", "random_walk", "ramp")
     )
     covariance = np.zeros((gain.shape[1],) * 2)
-    middle = (carried.t[1:] + carried.t[:-1]) / 2 - carried.t[0]
+    middle = np.maximum((carried.t[1:] + carried.t[:-1]) / 2, 0.0)
     if sigma := turn_on(bias, instability):
         J = sigma * gain.sum(axis=0)
         covariance += J @ J.T
@@ -705,7 +708,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
         P, _ = covariances(part, matched, noise, priors, arm)
         P = P + rest_covariance(part, matched, rest)
-        P += lag_covariance(part, matched.C_ni.as_matrix(), priors, site)[-1]
+        P += lag_covariance(part, matched, priors, site)[-1]
         P *= less_turned(P, left_of_the_turn(part, matched, priors))
         found.append((C_nb, P))
     sequence = options.rule.sequence_at(found[-1][0])
@@ -745,7 +748,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance, wander = covariances(carried, matched, noise, priors, arm)
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     covariance = covariance + rest_covariance(carried, matched, rest)
-    covariance += lag_covariance(carried, matched.C_ni.as_matrix(), priors, site)[-1]
+    covariance += lag_covariance(carried, matched, priors, site)[-1]
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
@@ -853,18 +856,28 @@ def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:
     return covariance
 
 
-def lag_covariance(carried: Carried, C_ni: Array, priors: Priors, site: Site) -> Array:
+def lag_covariance(carried: Carried, matched: Match, priors: Priors, site: Site) -> Array:
     """What readings that come late leave of the attitude's covariance at the edges (m + 1, 3, 3).
 
     The same motion a time `lag` before is as good a record: all is as then, turned on by the rate.
+    Of accelerometers that come later than gyros a force is felt that changed meanwhile, which the
+    match takes for one of another attitude: of a steady spin about a level axis that undoes what
+    late gyros do.
     """
-    if not priors.lag:
+    if not (priors.lag or priors.accel_later or priors.clock):
         return np.zeros((len(carried.t), 3, 3))
-    rates = carried.dtheta / carried.spans[:, None]
+    spans, C_ni = carried.spans[:, None], matched.C_ni.as_matrix()
+    rates = carried.dtheta / spans
     C_nb = C_ni @ matrices(carried.q)
     w_ib_n = C_nb @ np.concatenate([rates[:1], rates])[:, :, None]
-    late = priors.lag * (w_ib_n - site.w_ie_n[:, None])
-    return np.asarray(late * late.transpose(0, 2, 1))
+    turning = w_ib_n - site.w_ie_n[:, None]
+    late = priors.lag * turning
+    if priors.accel_later:
+        _, felt = sensitivity(attitude_weights(carried, matched), C_ni, carried)
+        change = drive(carried, C_ni) @ changes(carried.dv / spans, carried.t)[:, :, None]
+        late = late + priors.accel_later * np.sum(felt @ change, axis=0)
+    fast = priors.clock * carried.t[:, None, None] * turning
+    return np.asarray(late * late.transpose(0, 2, 1) + fast * fast.transpose(0, 2, 1))
 
 
 def _share(one: Apart, carried: Carried) -> Array:

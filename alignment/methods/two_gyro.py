@@ -21,6 +21,7 @@ from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, TooShort
 from alignment.estimate import AttitudeEstimate
 from alignment.gains import Functional, functional
+from alignment.information.drift import in_the_mean
 from alignment.levelling import level
 from alignment.methods.inertial import LEAST_SPECTRUM, white_levels
 from alignment.methods.position_fit import ROUNDING, local_vectors
@@ -381,7 +382,8 @@ def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
     )
     variances += ROUNDING**2 + rounding_variance(readings) + (apart_of(readings).off / PARTS) ** 2
     noise = np.diag(variances) + _between_axes(readings, options.priors) / T
-    return noise + constant_covariance(means, options.priors)
+    priors = in_the_mean(options.priors, float(readings.t[-1]) - T, T)
+    return noise + constant_covariance(means, priors)
 
 
 def _between_axes(readings: ImuReadings, priors: Priors) -> Array:

@@ -16,10 +16,10 @@ def unit_of(imu: ImuSpec) -> InstrumentErrors:
     )
 
 
-def lag_of(imu: ImuSpec) -> float:
-    """By how much slow readings come late [s]: those of the later triad."""
-    bandwidth = min(imu.gyro.bandwidth, imu.accel.bandwidth)
-    return float(LAG / bandwidth + imu.clock.latency)
+def lags_of(imu: ImuSpec) -> tuple[float, float]:
+    """By how much slow readings of gyros come late, and those of accelerometers later still [s]."""
+    gyro, accel = (LAG / triad.bandwidth for triad in (imu.gyro, imu.accel))
+    return float(gyro + imu.clock.latency), float(accel - gyro)
 
 
 def _triad(spec: TriadSpec, imu: ImuSpec) -> TriadErrors:

@@ -10,7 +10,7 @@ from alignment.fixed_order import norm
 from alignment.information.drift import LASTING
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
-from stand.imu.instrument import lag_of
+from stand.imu.instrument import lags_of
 from stand.imu.processes import plateau
 from stand.table.joints import JOINTS
 from stand.table.table import Table
@@ -39,6 +39,7 @@ def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
     """
     turn, seat, nominal, azimuth = (0.0, 0.0, 0.0, 0.0) if table is None else placement(table)
     slow = _slow_part(imu.corners)
+    lag, accel_later = lags_of(imu)
     return Priors(
         gyro_bias=float(np.hypot(imu.gyro.bias, slow * imu.gyro.instability)),
         accel_bias=float(np.hypot(imu.accel.bias, slow * imu.accel.instability)),
@@ -54,7 +55,9 @@ def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
         nominal=nominal,
         azimuth=azimuth,
         lever_arm=arm,
-        lag=lag_of(imu),
+        lag=lag,
+        accel_later=accel_later,
+        clock=imu.clock.offset,
         gyro_axes=imu.gyro.axes,
         accel_axes=imu.accel.axes,
     )

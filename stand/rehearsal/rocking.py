@@ -15,7 +15,8 @@ from alignment.constant_errors import BY_AXIS
 from alignment.gains import Functional
 from alignment.information import InstrumentErrors
 from alignment.information.drift import sum_covariance
-from stand.imu.instrument import lag_of
+from alignment.strapdown import changes
+from stand.imu.instrument import lags_of
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
 from stand.rehearsal.predictions import Parts, name_of
@@ -86,9 +87,14 @@ def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
 
 
 def late(run: Functional, scene: Scene) -> Array:
-    """Covariance about n by a lag: the attitude is that of as long before the end."""
-    turn = lag_of(scene.imu) * (run.C_nb.as_matrix() @ run.rate[-1] - scene.site.w_ie_n)
-    return np.outer(turn, turn)
+    """Covariance about n by a lag: the attitude is that of as long before the end, and by what
+    accelerometers that come later than gyros feel; by a clock that runs fast, as much at the end.
+    """
+    lag, later = lags_of(scene.imu)
+    turn = run.C_nb.as_matrix() @ run.rate[-1] - scene.site.w_ie_n
+    late = lag * turn + later * np.einsum("mij,mj->i", run.accel, changes(run.force, run.t))
+    fast = scene.imu.clock.offset * run.t[-1] * turn
+    return np.outer(late, late) + np.outer(fast, fast)
 
 
 def turned_by_heading(parts: Parts) -> Parts:
