@@ -47,6 +47,8 @@ class Priors:
         How much later than the gyros' the accelerometers' come [s]; with a sign, as `lag`.
     clock : float
         Part by which the unit's clock runs fast: readings of a time t are of ``clock t`` later.
+    jitter : float
+        By how much the time of each sample trembles [s]: noise wherever readings change.
     gyro_random_walk, accel_random_walk : float
         Of the bias [rad/s/sqrt(s)], [m/s^2/sqrt(s)], since time 0 of the stamps.
     gyro_ramp, accel_ramp : float
@@ -82,6 +84,7 @@ class Priors:
     lag: float = 0.0
     accel_later: float = 0.0
     clock: float = 0.0
+    jitter: float = 0.0
     gyro_random_walk: float = 0.0
     accel_random_walk: float = 0.0
     gyro_ramp: float = 0.0

@@ -81,6 +81,7 @@ _SIZE, _NORTH, _FOREVER = "size", np.diag([1.0, 0.0, 0.0]), 1e12  # s
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
 _TOLD = ("x", "variances", "attitude", "values")  # of a pass, by each update or by the last
+_ROUND = 1.0  # rad: what turns by more goes round
 _ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
 
 
@@ -400,8 +401,13 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
 
 def _turns(carried: Carried) -> bool:
     """Whether the stretch turns or rocks."""
+    return _angle(carried) >= _ROCKED
+
+
+def _angle(carried: Carried) -> float:
+    """By how much it ever stands otherwise than at the start [rad]."""
     _, _, _, w = carried.q.T
-    return float(2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0))) >= _ROCKED
+    return float(2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0)))
 
 
 def _by_size(model: Model, reference: _Reference, run: _Pass, variance: float) -> float:
@@ -477,12 +483,20 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
 
     Of a stretch that turns or rocks, axes that are off are no bias, and remain errors of their own.
     Rocking tells how the triads lie to one another, and how gravity's share changes in b; but not
-    a case that is turned as a whole, which is tilted in full.
+    a case that is turned as a whole, which is tilted in full. An asymmetry makes a constant of what
+    goes to and fro, ``a (mean |x| - |mean x|)``; of what goes round it is a scale error.
     """
     if not _turns(carried):
         return in_one_attitude(priors, site.gravity)
     own = {name: getattr(priors, name) for name in _ASTRAY}
     folded = in_one_attitude(replace(priors, **dict.fromkeys(_ASTRAY, 0.0)), site.gravity)
+    rocks = _angle(carried) < _ROUND
+    for sensor, sums in _SUMS.items() if rocks else ():
+        size = getattr(priors, f"{sensor}_asymmetry")
+        means = getattr(carried, sums) / carried.spans[:, None]
+        rectified = size * float(np.max(np.abs(means).mean(axis=0) - np.abs(means.mean(axis=0))))
+        bias = float(np.hypot(getattr(folded, f"{sensor}_bias"), rectified))
+        own[f"{sensor}_bias"] = bias
     return replace(folded, **own)
 
 

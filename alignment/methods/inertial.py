@@ -42,12 +42,13 @@ from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
-from alignment.strapdown import Carried, carry, changes, matrices
+from alignment.strapdown import Carried, carry, changes_in_b, matrices
 
 METHOD = "inertial"
 EVERY = slice(None)
 BLOCK = 0.5  # s: the sums of the match run over blocks, the integration over samples
 _LEAST_BLOCKS = 16
+LEAST_SAMPLES = 2 * _LEAST_BLOCKS
 _WELL_RESOLVED, _RESOLVED = 64, 4096  # blocks into which a short, a long record is cut
 LEAST_SPECTRUM, _MOST_SPECTRUM = 64, 2**17  # samples from which noise is told
 _GRAVITY_DOUBT = 0.01  # part of gravity by which the mean specific force may differ unremarked
@@ -727,8 +728,8 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
 def checked_readings(dwell: Dwell) -> ImuReadings:
     """The stretch's readings; refused when a gap lost rotation or they are too few."""
     readings = dwell.window()
-    if len(readings) < 2 * _LEAST_BLOCKS:
-        raise TooShort(f"{dwell.label}: {len(readings)} samples, at least {2 * _LEAST_BLOCKS}")
+    if len(readings) < LEAST_SAMPLES:
+        raise TooShort(f"{dwell.label}: {len(readings)} samples, at least {LEAST_SAMPLES}")
     for gap in gap_doubt(readings):
         raise AlignmentError(f"{dwell.label}: {gap}: what the gyros felt there is lost")
     return readings
@@ -810,7 +811,13 @@ def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors
     """White noise by the priors, or as the readings show it in the band that matters."""
     noise = noise_of(readings, priors)
     stated = priors.gyro_walk > 0 or priors.accel_walk > 0
-    return noise if stated else quieter(noise, carried, matched)
+    noise = noise if stated else quieter(noise, carried, matched)
+    if not priors.jitter:
+        return noise
+    change = np.sqrt(np.mean(changes_in_b(carried) ** 2, axis=0))
+    by_stamps = priors.jitter * np.sqrt(readings.interval) * change
+    gyro, accel = np.hypot(noise.gyro, by_stamps[:3]), np.hypot(noise.accel, by_stamps[3:])
+    return replace(noise, gyro=gyro, accel=accel)
 
 
 def left_of_the_turn(carried: Carried, matched: Match, priors: Priors) -> float:
@@ -862,7 +869,8 @@ def lag_covariance(carried: Carried, matched: Match, priors: Priors, site: Site)
     The same motion a time `lag` before is as good a record: all is as then, turned on by the rate.
     Of accelerometers that come later than gyros a force is felt that changed meanwhile, which the
     match takes for one of another attitude: of a steady spin about a level axis that undoes what
-    late gyros do.
+    late gyros do. Of a clock that runs fast readings come later the later they are: gravity turns
+    in b at another rate than the gyros say.
     """
     if not (priors.lag or priors.accel_later or priors.clock):
         return np.zeros((len(carried.t), 3, 3))
@@ -871,13 +879,16 @@ def lag_covariance(carried: Carried, matched: Match, priors: Priors, site: Site)
     C_nb = C_ni @ matrices(carried.q)
     w_ib_n = C_nb @ np.concatenate([rates[:1], rates])[:, :, None]
     turning = w_ib_n - site.w_ie_n[:, None]
-    late = priors.lag * turning
-    if priors.accel_later:
-        _, felt = sensitivity(attitude_weights(carried, matched), C_ni, carried)
-        change = drive(carried, C_ni) @ changes(carried.dv / spans, carried.t)[:, :, None]
-        late = late + priors.accel_later * np.sum(felt @ change, axis=0)
-    fast = priors.clock * carried.t[:, None, None] * turning
-    return np.asarray(late * late.transpose(0, 2, 1) + fast * fast.transpose(0, 2, 1))
+    late, fast = priors.lag * turning, np.zeros((3, 1))
+    if priors.accel_later or priors.clock:
+        gyro, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
+        change, turned = changes_in_b(carried)[:, :, None], drive(carried, C_ni)
+        since = ((carried.t[1:] + carried.t[:-1]) / 2 - carried.t[-1])[:, None, None]
+        felt, seen = (accel @ turned) @ change[:, 3:], ((gyro + np.eye(3)) @ turned) @ change[:, :3]
+        late = late + priors.accel_later * felt.sum(axis=0)
+        fast = carried.t[-1] * turning[-1] + np.sum(since * (felt + seen), axis=0)
+        fast *= priors.clock
+    return np.asarray(late * late.transpose(0, 2, 1) + fast * fast.T)
 
 
 def _share(one: Apart, carried: Carried) -> Array:

@@ -253,5 +253,5 @@ def test_which_changes_a_method_counts(method):
 def test_every_method_and_every_prior_has_its_place():
     assert set(CASES) | OTHERWISE == set(ESTIMATORS)
     assert {f.name for f in fields(Priors)} == {
-        *SIZES, *DRIFTS, *TABLE, "gyro_axes", "accel_axes", "lag", "accel_later", "clock",
+        *SIZES, *DRIFTS, *TABLE, "gyro_axes", "accel_axes", "lag", "accel_later", "clock", "jitter",
     }  # fmt: skip
