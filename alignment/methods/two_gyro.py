@@ -21,6 +21,7 @@ from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.estimate import AttitudeEstimate
 from alignment.gains import Functional, functional
+from alignment.information.drift import in_the_mean
 from alignment.levelling import level
 from alignment.methods.inertial import LEAST_SPECTRUM, white_levels
 from alignment.methods.position_fit import ROUNDING, local_vectors
@@ -396,7 +397,8 @@ def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
         variances[own] = shown[own]
     noise = np.diag(variances + ROUNDING**2 + rounding_variance(readings))
     noise += _between_axes(readings, options.priors) / T
-    return noise + constant_covariance(means, options.priors)
+    priors = in_the_mean(options.priors, float(readings.t[-1]) - T, T)
+    return noise + constant_covariance(means, priors)
 
 
 def _rocking(readings: ImuReadings) -> Array:

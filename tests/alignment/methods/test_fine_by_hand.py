@@ -153,7 +153,8 @@ def test_what_rocks_has_triads_of_its_own(turned, folded):
     """0.01 rad of turn; a case that is turned as a whole stays one where nothing rocks."""
     q = Rotation.from_rotvec([[0.0, 0.0, 0.0], [0.0, turned, 0.0], [0.001, 0.0, 0.0]]).as_quat()
     priors = Priors(gyro_misalignment=1e-3, accel_non_orthogonality=2e-3)
-    found = states_of(priors, SimpleNamespace(q=q), site(STILL))
+    rested = SimpleNamespace(q=q, spans=np.ones(2), dtheta=np.zeros((2, 3)), dv=np.zeros((2, 3)))
+    found = states_of(priors, rested, site(STILL))
     assert (found.gyro_misalignment == 0) == folded
     assert (found.accel_non_orthogonality == 0) == folded
     assert (found.accel_bias > 0) == folded  # of g times what is astray
