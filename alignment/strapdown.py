@@ -5,6 +5,7 @@ knows the Earth; quaternions are plain arrays (..., 4), order x, y, z, w.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,6 +17,9 @@ from alignment.parts import in_parts, release
 from alignment.quaternions import multiply, normalised, prefix_product
 from alignment.readings import ImuReadings
 
+_OF_A_CUBIC = 4  # means that it goes through
+_NO_TURN = 1e-300  # rad: below any
+_LEAST_KEPT = 0.1  # of a vector that turns by most of a circle in a block
 _CHUNK = 65536  # samples integrated at once: bounds the memory of hour-long records
 _LARGEST_STEP = 0.2  # rad in one sample: beyond, two samples no longer describe the turn
 
@@ -118,8 +122,19 @@ def matrices(q: Array) -> Array:
     return C
 
 
+class Made(NamedTuple):
+    """What sensors make of what is true: ``gain @ it + offset``, (3, 3) and (3,)."""
+
+    offset: Array
+    gain: Array
+
+    def undone(self, values: Array) -> Array:
+        """What is true (n, 3) of readings."""
+        return np.asarray((values - self.offset) @ np.linalg.inv(self.gain).T)
+
+
 def carry(
-    readings: ImuReadings, block: float, offset: Array | None = None, scale: Array | None = None
+    readings: ImuReadings, block: float, gyro: Made | None = None, accel: Made | None = None
 ) -> Carried:
     """Attitude and velocity in i, summed over blocks of about `block` seconds.
 
@@ -128,10 +143,8 @@ def carry(
     readings : ImuReadings, n >= 2
     block : float
         [s]; an even number of samples, at least two. The first block takes what is left over.
-    offset : (3,) or None
-        Gyro bias to take from the rates [rad/s].
-    scale : (3,) or None
-        Scale factor errors that multiply what is left.
+    gyro, accel : Made or None
+        Errors of the sensors to be taken out [rad/s], [m/s^2].
 
     Raises
     ------
@@ -157,7 +170,7 @@ def carry(
     step = max(1, _CHUNK // per)
     for first in range(0, m, step):
         blocks = slice(first, min(first + step, m))
-        _carry_blocks(readings, start_t, edges, blocks, (offset, scale), out)
+        _carry_blocks(readings, start_t, edges, blocks, (gyro, accel), out)
         release(readings.t, readings.w_ib_b, readings.f_b)
     return out
 
@@ -210,7 +223,7 @@ def _carry_blocks(
     start_t: float,
     edges: np.ndarray,
     blocks: slice,
-    wrong: tuple[Array | None, Array | None],
+    made: tuple[Made | None, Made | None],
     out: Carried,
 ) -> None:
     """Fill `blocks` of `out`, whose edge before them is already known."""
@@ -218,10 +231,11 @@ def _carry_blocks(
     count = blocks.stop - blocks.start
     before = start_t if part.start == 0 else readings.t[part.start - 1]
     h = np.diff(readings.t[part], prepend=before)[:, None]
-    offset, scale = wrong
-    w = readings.w_ib_b[part] if offset is None else readings.w_ib_b[part] - offset
-    w = w if scale is None else w / (1 + scale)
-    d, f, h = (_padded(x, count, blocks, edges) for x in (w * h, readings.f_b[part] * h, h))
+    w, f = (
+        x[part] if own is None else own.undone(x[part])
+        for x, own in zip((readings.w_ib_b, readings.f_b), made, strict=True)
+    )
+    d, f, h = (_padded(x, count, blocks, edges) for x in (w * h, f * h, h))
     first, second = d[:, 0], d[:, 1]
     run = prefix_product(quaternions(rotation_vectors(first, second)))
     start = out.q[blocks.start]
@@ -248,3 +262,42 @@ def _padded(rows: Array, count: int, blocks: slice, edges: np.ndarray) -> Array:
     if missing:
         rows = np.concatenate([np.zeros((missing, rows.shape[1])), rows])
     return rows.reshape(-1, 2, rows.shape[1])
+
+
+def changes_in_b(carried: Carried) -> Array:
+    """How fast rates and forces in b change in each block (m, 6).
+
+    Of a force ``C_bi (f_i' - w_i x f_i)``: gravity that turns in b is taken as it turns. A mean
+    over a block that turns by a leaves ``sin(a/2)/(a/2)`` of what stands across the axis in i.
+    """
+    spans = carried.spans[:, None]
+    C_ib = Rotation.from_quat(carried.q)
+    turn_i = (C_ib[1:] * C_ib[:-1].inv()).as_rotvec()
+    middle = Rotation.from_rotvec(turn_i / 2) * C_ib[:-1]
+    force_i = np.diff(carried.v, axis=0) / spans
+    change_i = _changes(force_i, carried.t) - cross(turn_i / spans, force_i)
+    angle = np.linalg.norm(turn_i, axis=1, keepdims=True)
+    axis = turn_i / np.maximum(angle, _NO_TURN)
+    along = np.sum(axis * change_i, axis=1, keepdims=True) * axis
+    kept = np.maximum(np.sinc(angle / (2 * np.pi)), _LEAST_KEPT)
+    change_i = along + (change_i - along) / kept
+    rate = _changes(carried.dtheta / spans, carried.t)
+    return np.concatenate([rate, middle.inv().apply(change_i)], axis=1)
+
+
+def _changes(means: Array, t: Array) -> Array:
+    """How fast means (m, k) over even blocks between `t` (m + 1,) [s] change within each.
+
+    By the values at the edges, of the cubic through the four means around each, and at the ends of
+    the parabola through three.
+    """
+    if len(means) < _OF_A_CUBIC:
+        return np.zeros_like(means)
+    u = means
+    inner = (7 * (u[1:-2] + u[2:-1]) - u[:-3] - u[3:]) / 12
+    (first, second), (last, before) = (
+        ((11 * v[0] - 7 * v[1] + 2 * v[2]) / 6, (2 * v[0] + 5 * v[1] - v[2]) / 6)
+        for v in (u, u[::-1])
+    )
+    edges = np.concatenate([[first, second], inner, [before, last]])
+    return np.asarray(np.diff(edges, axis=0) / np.diff(t)[:, None])

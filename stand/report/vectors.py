@@ -211,8 +211,7 @@ def table(result: DriveResult) -> TableData:
             "corrected.",
             "below: fixes needed to come and stay there, by the error of this run / by sigma; "
             "place: error at the last fix.",
-            "sigma holds noise, biases, the start; gyro scale and axes that are off come on top, "
-            "by their size times the angle turned.",
+            "sigma holds noise, the start, and all errors of the unit that its sheet states.",
             *(line for name in result.matchings for line in _lines(name, result)),
             *unstated(result.settings.imu),
             *(f"{name}: {reason}" for name, reason in result.refusals.items()),
