@@ -8,8 +8,8 @@ from alignment.skew import Axes
 
 SENSORS = ("gyro", "accel")
 _NOISE = ("gyro_walk", "accel_walk")
-_DRIFTS = ("instability", "random_walk", "ramp")
-_CHANGING = (*_NOISE, *(f"{s}_{d}" for s in ("gyro", "accel") for d in _DRIFTS), "lever_arm")
+DRIFTS = ("instability", "random_walk", "ramp")
+_CHANGING = (*_NOISE, *(f"{s}_{d}" for s in ("gyro", "accel") for d in DRIFTS), "lever_arm")
 _DESIGN = ("gyro_axes", "accel_axes")
 
 

@@ -175,7 +175,7 @@ class Summary:
         """One series, case after case."""
         return [cell for cell in self.cells if cell.series == series]
 
-    def told(self, series: Series) -> list[Cell]:
+    def determined(self, series: Series) -> list[Cell]:
         """Those cells of it that have a number."""
         return [cell for cell in self.of(series) if cell.determined]
 

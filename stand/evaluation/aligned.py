@@ -1,7 +1,7 @@
 """From recordings to estimates: what `stand align` answers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from os import PathLike
 from typing import Any
 
@@ -9,6 +9,7 @@ from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Options, Site
 from alignment.angles import SequenceRule
 from alignment.errors import AlignmentError
 from alignment.noise import check_at_rest
+from alignment.options import DRIFTS, SENSORS, Priors
 from alignment.saturation import saturation_doubt
 from alignment.stuck import stuck, unchanging
 from alignment.units import DEG
@@ -38,6 +39,9 @@ def of_vehicles(method: str | None) -> bool:
     """Whether a method is for a moving vehicle with satellite fixes."""
     known = None if method is None else ESTIMATORS.get(method)
     return known is not None and known.takes == "fixes"
+
+
+NO_DRIFT = "no data sheet states a drift: none is in a sigma"  # beside a calibration alone
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -75,6 +79,23 @@ class Alignment:
         Sigmas of what they tell are of noise alone.
         """
         return self.options.priors.noise_only
+
+    @property
+    def unstated(self) -> tuple[str, ...]:
+        """What no sigma holds, for no data sheet states it: a sentence each.
+
+        Where nothing but noise is known, the sigmas themselves say so.
+        """
+        known = {
+            (sensor, name.removeprefix(f"{sensor}_"))
+            for sensor in SENSORS
+            for name in (f.name for f in fields(Priors) if f.name.startswith(f"{sensor}_"))
+            if getattr(self.options.priors, name)
+        }
+        if self.imu is not None:
+            return unstated(self.imu, known)
+        drifts = {(sensor, drift) for sensor in SENSORS for drift in DRIFTS}
+        return () if known & drifts or self.noise_only == {*SENSORS} else (NO_DRIFT,)
 
     @property
     def estimates(self) -> tuple[AttitudeEstimate, ...]:
@@ -294,5 +315,5 @@ def alignment_json(found: Alignment) -> dict[str, Any]:
         "estimates": [score_to_json(s, found.noise_only) for s in found.scores],
         "spreads": [spread_to_json(s) for s in spreads(found.scores)],
         "refusals": [refusal_to_json(r) for r in found.refusals],
-        "unstated": [] if found.imu is None else list(unstated(found.imu)),
+        "unstated": list(found.unstated),
     }

@@ -88,7 +88,7 @@ def answer(summary: Summary) -> list[str]:
     whole = [y for y in summary.yields if not y.case]
     told += [yield_text(y) for y in whole]
     for series in summary.shown[:MOST_FIGURES]:
-        cells = summary.told(series)
+        cells = summary.determined(series)
         if not cells:
             told.append(f"{named(series)}: {UNDETERMINED} in any case.")
             continue
@@ -144,7 +144,7 @@ def case_table(summary: Summary) -> TableData:
     """A row per case and method: what was achieved, predicted and stated."""
     rows = []
     for series in summary.shown:
-        unit, per = unit_of(series, max((c.rms for c in summary.told(series)), default=0.0))
+        unit, per = unit_of(series, max((c.rms for c in summary.determined(series)), default=0.0))
         for c in summary.of(series):
             values = [shown(v) for v in summary.sweep.values[c.case - 1]]
             predicted = "" if c.predicted is None else digits(c.predicted / per)

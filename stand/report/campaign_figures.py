@@ -76,7 +76,7 @@ def unit_of(series: Series, greatest: float) -> tuple[str, float]:
 
 def curves(summary: Summary, series: Series, number: int) -> Drawing | None:
     """Achieved errors with their intervals over the prediction; a line per second parameter."""
-    cells = summary.told(series)
+    cells = summary.determined(series)
     count = len(summary.sweep.labels)
     if not cells or count == 0:
         return None
@@ -241,7 +241,7 @@ def _ticks(axis: Any, least: float, most: float) -> None:
 
 def heat_map(summary: Summary, series: Series, number: int) -> Drawing | None:
     """Achieved errors over two parameters."""
-    cells = summary.told(series)
+    cells = summary.determined(series)
     if summary.sweep.entry.combine != "product" or len(summary.sweep.labels) != 2 or not cells:
         return None
     x, y = axis_of(summary, 0), axis_of(summary, 1)
@@ -330,7 +330,7 @@ def tornado(summary: Summary, series: Series) -> Drawing | None:
 
 def distribution(summary: Summary, series: Series) -> Drawing | None:
     """The errors of every case: half of them, 95 % of them, their median."""
-    told = summary.told(series)
+    told = summary.determined(series)
     cells = _some(told, MOST_ROWS)
     if not cells:
         return None

@@ -91,12 +91,13 @@ def score_tables(
     scores: Sequence[Score],
     imu: ImuSpec | None = None,
     noise_only: Collection[str] | None = None,
+    lacking: Sequence[str] | None = None,
 ) -> list[TableData]:
     """One table per method and window: angles, errors with predicted sigma, deviations.
 
     The last one's notes say what the data sheet of `imu` leaves out of every sigma. `noise_only`:
     the sensors of which nothing else is known, and sigmas of what they tell say so; None: where
-    there is a sheet, as it says.
+    there is a sheet, as it says. `lacking`: those notes, where they are not the sheet's alone.
     """
     if noise_only is None:
         noise_only = () if imu is None else noise_alone(imu)
@@ -116,8 +117,10 @@ def score_tables(
             tables.append(_table(members, own, noise_only))
         if any(s.estimate.biases is not None for s in members):
             tables.append(_bias_table(members, noise_only))
-    if tables and imu is not None:
-        tables[-1] = replace(tables[-1], notes=(*tables[-1].notes, *unstated(imu)))
+    if lacking is None:
+        lacking = () if imu is None else unstated(imu)
+    if tables and lacking:
+        tables[-1] = replace(tables[-1], notes=(*tables[-1].notes, *lacking))
     return tables
 
 

@@ -86,7 +86,9 @@ def page(log: Log, imu: str | None = None, latitude_deg: float | None = None) ->
         "channels": channels(log.readings, [(d.t_from, d.t_to) for d in rests.dwells]),
         "stretches": stretches_table(found),
         "refusals": refusal_lines(refusals),
-        "tables": score_tables(answer.scores, answer.imu, answer.noise_only) if answer else [],
+        "tables": []
+        if answer is None
+        else score_tables(answer.scores, answer.imu, answer.noise_only, answer.unstated),
         "angle_note": ANGLE_NOTE,
         "noise": _noise(log, rests, imu),
     }

@@ -21,7 +21,7 @@ class Aligned(Shown, Alignment):
 
     def tables(self) -> Sequence[TableData]:
         more = [windows_table(self.windows)] if self.windows else []
-        return [*score_tables(self.scores, self.imu, self.noise_only), *more]
+        return [*score_tables(self.scores, self.imu, self.noise_only, self.unstated), *more]
 
     def remarks(self) -> Sequence[str]:
         return [*refusal_lines(self.refusals), ANGLE_NOTE]

@@ -118,7 +118,9 @@ class ReviewWriter:
         self._model, self._scene, self._w_ie = model, scene_of(model), float(np.linalg.norm(w_ie))
         self._channels = (*CHANNELS, FOLLOWING) if following else CHANNELS
         alone = frozenset(k for k in ANGLES if of_noise_alone(k, noise_only))
-        self._screen = Screen(self._scene, duration_s, self._channels, {}, {}, noise_only=alone)
+        self._screen = Screen(
+            self._scene, duration_s, self._channels, {}, limits={}, noise_only=alone
+        )
         width = sum(len(channel.names) for channel in self._channels)
         self._samples = Thinned(width, bin_length(n, ROW_BUDGET), BLOCK_ROWS)
         step = max(-(-rate_hz // POSE_HZ), -(-n // POSE_BUDGET), 1)

@@ -134,6 +134,9 @@ def test_aligned_by_a_calibration(here):
     # 1.9 mg and 1 mrad by hand, then 1 mrad; with 0.2 mrad of non-orthogonality and instability
     assert plain["sigma_roll_deg"] == pytest.approx(np.degrees(np.hypot(1.9e-3, 1e-3)), rel=0.3)
     assert better["sigma_roll_deg"] == pytest.approx(np.degrees(1e-3), rel=0.3)
+    bare = here(*said[:-2], "--calibration", "d.json", "--json").json
+    assert bare["unstated"] == ["no data sheet states a drift: none is in a sigma"]
+    assert "no data sheet states a drift" in here(*said[:-2], "--calibration", "d.json").out
     assert "read with --axes FRD" in here(
         *said, "--axes", "FRD", "--calibration", "d.json", code=2
     ).err  # fmt: skip
