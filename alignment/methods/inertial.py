@@ -39,7 +39,7 @@ from alignment.noise import (
     gap_doubt,
     jitter_of,
 )
-from alignment.options import Options, Priors
+from alignment.options import SENSORS, Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
@@ -73,6 +73,7 @@ _CHUNK = 8192  # blocks at once
 _ALONG = np.array(
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
 )  # (N, E, D) @ it: (E, -N, 0)
+_SIZES, _STEP = 3, 1e-3  # passes that find the level rate's size, and its step of differences
 _TRACK_POINTS = 200  # of a track: each is a match of the record so far
 
 
@@ -107,8 +108,8 @@ class Rest:
     has. `gyro_drift`, `accel_drift`: steady drifts from end to end [rad/s], [m/s^2];
     `drift_around` (6,) [rad/s], [m/s^2]: of the record that this one is `part` of; `straight`:
     whether accelerometers do so there, which turns heading alike in all parts of it. `apart`: what
-    lies apart from the rest of this one and of that. `faint`: a drift too faint to count, in
-    words. `bias`: what an unstated one along north shows of itself, of the Earth's level rate.
+    lies apart from the rest of this one and of that. `faint`: a drift too faint to count, `biased`:
+    what an unstated bias shows of itself, in words.
     """
 
     jitter: Array
@@ -119,7 +120,7 @@ class Rest:
     apart: tuple[Apart, ...] = ()
     straight: bool = False
     faint: tuple[str, ...] = ()
-    bias: float = 0.0
+    biased: tuple[str, ...] = ()
 
     def doubts(self, dwell: Dwell) -> tuple[str, ...]:
         """What is counted of drifts and of what lies apart, in words."""
@@ -127,7 +128,7 @@ class Rest:
         flags += tuple(flag for one in self.apart[:1] for flag in apart_doubt(one))
         around = any(one.off.any() for one in self.apart[1:]) or self.drift_around.any()
         flags += around_doubt(dwell) if around else ()
-        return flags + (ALIKE_DOUBT,) * self.straight + self.faint + _bias_doubt(self.bias)
+        return flags + (ALIKE_DOUBT,) * self.straight + self.faint + self.biased
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,11 +143,16 @@ class Match:
         What gravity's reaction alone gives, mean over each block, in n at the end, centred.
     residual : (m, 3) m/s
         Mean velocity over each block beyond that, centred: sway and what noise made.
+    larger : (m, 3) m/s or None
+        What a level rate twice the Earth's would add, where its size is free; `size`: how many
+        times that was found, which is not in the residual.
     """
 
     C_ni: Rotation
     reference: Array
     residual: Array
+    larger: Array | None = None
+    size: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,25 +230,29 @@ def rest_of(
     seen: tuple[Carried, Match, Noise],
     site: Site,
 ) -> Rest:
-    """What the readings show beside white noise, where they are at rest and no sheet tells it.
+    """What the readings show beside white noise, where they are at rest and no sheet tells it of
+    their sensors.
 
     Drifts are those that are the sensors' own, by what is `seen` of the base in these readings and
     in the record around them: see `own_parts`. That tells of how the windows' drifts differ whether
     the base turned; of what is straight from end to end of it, it does not.
     """
     nothing = Rest(*np.zeros((3, 3)), drift_around=np.zeros(6), part=1.0)
-    if not priors.noise_only or len(readings) < LEAST_SPECTRUM:
+    unknown = np.array([sensor in priors.noise_only for sensor in SENSORS], float)
+    if not unknown.any() or len(readings) < LEAST_SPECTRUM:
         return nothing
     try:
         check_rest(readings, "")
     except NotAtRest:
         return nothing
     w = readings.w_ib_b
-    jitter = jitter_of(w) * readings.interval**2
+    jitter = unknown[0] * jitter_of(w) * readings.interval**2
     steady = np.concatenate([drift_of(w), drift_of(readings.f_b)])
     own = np.maximum(steady, np.concatenate([np.zeros(3), _slow_force(*seen)]))
+    own = own * np.repeat(unknown, 3)
     wide, part = drift_around(dwell)
-    one, other = apart_of(readings), apart_around(dwell)
+    wide = wide * np.repeat(unknown, 3)
+    one, other = apart_of(readings).of(*unknown), apart_around(dwell).of(*unknown)
     straight = np.zeros(3)
     if own.any() or wide.any() or one.off.any() or other.off.any():
         parts = own_parts(*seen, own[:3])
@@ -263,44 +273,27 @@ def rest_of(
         part=part,
         apart=(one, other),
         straight=bool(straight.any()),
-        faint=faint_doubt(readings),
-        bias=_bias_seen(*seen, priors),
+        faint=faint_doubt(readings, priors),
+        biased=_bias_doubt(*seen, priors),
     )
 
 
-def _bias_seen(carried: Carried, matched: Match, noise: Noise, priors: Priors) -> float:
-    """A gyro bias along north, in parts of the Earth's level rate, beyond noise; else 0.
+def _bias_doubt(carried: Carried, matched: Match, noise: Noise, priors: Priors) -> tuple[str, ...]:
+    """A flag where the Earth's level rate seems of another size, by more than noise and 1 %.
 
-    By as much the level rate seems of another size. One along east, of which nothing shows, passes
-    for heading.
+    That is a bias along north; one along east, of which nothing shows, passes for heading.
     """
     left, C_ni = left_of_the_turn(carried, matched, priors), matched.C_ni.as_matrix()
     along = attitude_weights(carried, matched)[:, 2:] @ _ALONG
     felt = sensitivity(along, C_ni, carried)
     variance = float(functional_covariance(*felt, C_ni, carried, noise, priors)[0, 0])
     variance += noise.jitter**2 * float(np.sum(along**2 / carried.spans[:, None, None]))
-    return left - 1 if abs(left - 1) > _BEYOND * np.sqrt(variance) else 0.0
-
-
-def _bias_doubt(bias: float) -> tuple[str, ...]:
-    """A flag where a bias along north, in parts of the Earth's level rate, is above 1 %."""
-    if abs(bias) <= _SEEN:
+    if abs(left - 1) <= max(_BEYOND * np.sqrt(variance), _SEEN):
         return ()
     return (
-        f"the Earth's level rate seems {1 + bias:.2f} of what it is: a gyro bias along north; as "
-        f"much along east, which nothing shows, turns heading by {np.degrees(abs(bias)):.2g} deg",
+        f"the Earth's level rate seems {left:.2f} of what it is: a gyro bias along north; as much "
+        f"along east, which nothing shows, turns heading by {np.degrees(abs(left - 1)):.2g} deg",
     )
-
-
-def bias_covariance(carried: Carried, matched: Match, rest: Rest, site: Site) -> Array:
-    """What the bias along north that shows makes of the attitude (3, 3), tilt above all: the match
-    takes the Earth's rate for what it is."""
-    size = rest.bias * site.horizontal_rate()
-    if not size:
-        return np.zeros((3, 3))
-    gyro, _ = sensitivity(attitude_weights(carried, matched), matched.C_ni.as_matrix(), carried)
-    J = size * np.einsum("mij,m->ij", gyro + np.eye(3), carried.spans)[:, :1]
-    return np.asarray(J @ J.T)
 
 
 def own_parts(carried: Carried, matched: Match, noise: Noise, gyro_drift: Array) -> Own:
@@ -512,13 +505,13 @@ def _weights_of_orders(carried: Carried) -> Array:
     return np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 3 * size, 3)
 
 
-def gravity_velocity(t: Array, site: Site) -> tuple[Array, Array]:
+def gravity_velocity(t: Array, site: Site, size: float = 1.0) -> tuple[Array, Array]:
     """Integral of gravity's reaction (k, 3) [m/s] from ``t[0]``, and the integral of that [m].
 
     In n as it stood at ``t[-1]``, held in inertial space; `t` (k,) [s]. The components along and
-    across the Earth's axis are integrated in closed form.
+    across the Earth's axis are integrated in closed form. `size`: times as large a level rate.
     """
-    w_n, f_n = site.w_ie_n, site.f_n
+    w_n, f_n = site.w_ie_n * [size, size, 1.0], site.f_n
     rate = float(np.linalg.norm(w_n))
     axis = w_n / rate
     along, across = (f_n @ axis) * axis, np.cross(axis, f_n)
@@ -533,22 +526,45 @@ def gravity_velocity(t: Array, site: Site) -> tuple[Array, Array]:
     return back.apply(v), back.apply(p)
 
 
-def match(carried: Carried, site: Site, place: Array | None = None) -> Match:
+def match(carried: Carried, site: Site, place: Array | None = None, unbiased: bool = True) -> Match:
     """Wahba's problem for the centred velocity curves, by singular values.
 
     `place` (3,) [m]: the instrument's, from the point that stays; None where that is not known.
+    `unbiased`: whether gyros show the Earth's level rate as large as it is, but for what is stated.
     """
     spans = carried.spans
-    _, p = gravity_velocity(carried.t, site)
-    reference = _centred(np.diff(p, axis=0) / spans[:, None], spans)
     moved = carried.p
     if place is not None:
         moved = moved - np.diff(matrices(carried.q) @ place, axis=0)
     measured = _centred(moved / spans[:, None], spans)
+    found = _laid_on(_reference(carried, site), measured, spans)
+    return found if unbiased else _of_any_size(found, measured, carried, site)
+
+
+def _reference(carried: Carried, site: Site, size: float = 0.0) -> Array:
+    """What gravity's reaction gives (m, 3), centred; of a level rate larger by `size` of it."""
+    _, p = gravity_velocity(carried.t, site, 1 + size)
+    return _centred(np.diff(p, axis=0) / carried.spans[:, None], carried.spans)
+
+
+def _laid_on(reference: Array, measured: Array, spans: Array) -> Match:
     U, _, Vt = np.linalg.svd((spans[:, None] * reference).T @ measured)
     proper = np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)])
     C = U @ proper @ Vt
     return Match(Rotation.from_matrix(C), reference, measured @ C.T - reference)
+
+
+def _of_any_size(found: Match, measured: Array, carried: Carried, site: Site) -> Match:
+    """The match with the size of the Earth's level rate free: a bias b along north adds to it, and
+    would tilt the answer by ``b T/2``."""
+    size, spans, earth = 0.0, carried.spans, found.reference
+    larger = np.zeros_like(earth)
+    for _ in range(_SIZES):
+        larger = (_reference(carried, site, size + _STEP) - found.reference) / _STEP
+        weights = _weights(spans, replace(found, larger=larger))[:, 3]
+        size += float(np.tensordot(weights, found.residual, ([0, 1], [0, 1])))
+        found = _laid_on(_reference(carried, site, size), measured, spans)
+    return replace(found, reference=earth, larger=larger, size=size)
 
 
 def sensitivity(weights: Array, C_ni: Array, carried: Carried) -> tuple[Array, Array]:
@@ -690,18 +706,29 @@ def laid(
     readings: ImuReadings, carried: Carried, site: Site, priors: Priors
 ) -> tuple[Match, Noise, Arm]:
     """The match of the curves, the noise and the arm that it is by."""
-    matched = match(carried, site)
+    known = "gyro" not in priors.noise_only
+    matched = match(carried, site, unbiased=known)
     noise = stated_noise(readings, carried, matched, priors)
     arm = arm_of(carried, matched, noise, priors, site)
     if priors.lever_arm > 0:
-        matched = match(carried, site, arm.place)
+        matched = match(carried, site, arm.place, known)
     return matched, noise, arm
 
 
 def attitude_weights(carried: Carried, matched: Match) -> Array:
     """How the matched rotation follows the block means of velocity error (m, 3, 3), in n."""
-    reference, spans = matched.reference, carried.spans[:, None]
-    return np.asarray(-fit_matrix(carried.spans, reference) @ cross_matrix(reference * spans))
+    return -_weights(carried.spans, matched)[:, :3]
+
+
+def _weights(spans: Array, matched: Match) -> Array:
+    """Least squares (m, 3 or 4, 3) of a small rotation, and of the level rate's size if it is free,
+    by the block means of velocity."""
+    curves = cross_matrix(matched.reference)  # of a turn by phi: phi x r, rows by phi's components
+    if matched.larger is not None:
+        curves = np.concatenate([curves, matched.larger[:, None]], axis=1)
+    weighted = spans[:, None, None] * curves
+    normal = np.tensordot(weighted, curves, ([0, 2], [0, 2]))
+    return np.asarray(np.linalg.inv(normal) @ weighted)
 
 
 def less_arm(weights: Array, arm: Arm) -> tuple[Array, Array]:
@@ -722,7 +749,9 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
         ``latitude`` needed, not at a pole.
     options : Options
         `priors`: ``gyro_walk`` and ``accel_walk`` (both 0: see `white_levels` and `quieter`);
-        biases and scale factor errors enter the covariance by theirs.
+        biases and scale factor errors enter the covariance by theirs. Of a unit of which nothing
+        but noise is known, the size of the Earth's level rate is free: a gyro's bias along north
+        would else tilt the answer.
 
     Returns
     -------
@@ -765,11 +794,12 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     found = []
     for end in ends:
         part = carried.until(int(end))
-        arm = arm_of(part, match(part, site), noise, priors, site)
-        matched = match(part, site, arm.place)
+        known = "gyro" not in priors.noise_only
+        arm = arm_of(part, match(part, site, unbiased=known), noise, priors, site)
+        matched = match(part, site, arm.place, known)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
         P, _ = covariances(part, matched, noise, priors, arm)
-        P = P + rest_covariance(part, matched, rest) + bias_covariance(part, matched, rest, site)
+        P = P + rest_covariance(part, matched, rest)
         P += lag_covariance(part, matched.C_ni.as_matrix(), priors, site)[-1]
         P *= less_turned(P, left_of_the_turn(part, matched, priors))
         found.append((C_nb, tilts_about(P)))
@@ -810,7 +840,6 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance, wander = covariances(carried, matched, noise, priors, arm)
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     covariance = covariance + rest_covariance(carried, matched, rest)
-    covariance += bias_covariance(carried, matched, rest, site)
     covariance += lag_covariance(carried, matched.C_ni.as_matrix(), priors, site)[-1]
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
     covariance = tilts_about(covariance)
@@ -845,14 +874,14 @@ def covariances(
     turned by a right angle: what both make of heading on the whole circle is stated.
     """
     C_ni = matched.C_ni.as_matrix()
-    spans, reference = carried.spans, matched.reference
-    fit = fit_matrix(spans, reference)
+    spans = carried.spans
     basis = _legendre(carried)[:, _WANDER_ORDERS] * spans[:, None]
     m = len(spans)
     weights = np.empty((m, 13, 3))
     weights[:, :3] = attitude_weights(carried, matched)
     weights[:, 12] = weights[:, 2] @ _ALONG
     weights[:, 3:12] = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 9, 3)
+    ends = [weights[k, :3] / spans[k] for k in (0, -1)]
     weights, left = less_arm(weights, arm)
     gyro, accel = sensitivity(weights, C_ni, carried)
     gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
@@ -864,7 +893,6 @@ def covariances(
     # Each order is one at both ends of the record, where the sway happens to stand.
     wander = P[3:12, 3:12] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
     sway = sway + _slow_sway(wander_values(carried, matched), wander)
-    ends = [fit @ cross_matrix(reference[[k]])[0] for k in (0, -1)]
     attitude = P[:3, :3] + sum(e @ sway @ e.T for e in ends)
     along = np.ix_([12, 2], [12, 2])
     return whole_circle(attitude, by_direction(P[along])), wander
@@ -884,12 +912,15 @@ def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors
 
 def left_of_the_turn(carried: Carried, matched: Match, priors: Priors) -> float:
     """Part of the Earth's level rate that gyros of unknown bias show, as order 2 of the level
-    velocity tells; 1 with a data sheet."""
-    if not priors.noise_only:
+    velocity tells; 1 where a data sheet tells it."""
+    if "gyro" not in priors.noise_only:
         return 1.0
     basis = _smooth(carried)[:, 2] * np.sqrt(carried.spans)
     expected = basis @ matched.reference[:, :2]
-    found = expected + basis @ matched.residual[:, :2]
+    shown = matched.residual
+    if matched.larger is not None:
+        shown = shown + matched.size * matched.larger
+    found = expected + basis @ shown[:, :2]
     return float(np.linalg.norm(found) / np.linalg.norm(expected))
 
 
@@ -1011,12 +1042,6 @@ def _after(rows: Array) -> Array:
     total = np.cumsum(rows[::-1], axis=0)[::-1]
     total -= 0.5 * rows
     return np.asarray(total)
-
-
-def fit_matrix(spans: Array, reference: Array) -> Array:
-    """Inverse of the normal matrix of a small rotation of the reference curve."""
-    square = (spans[:, None] * reference).T @ reference
-    return np.asarray(np.linalg.inv(np.trace(square) * np.eye(3) - square))
 
 
 def _legendre(carried: Carried) -> Array:

@@ -305,7 +305,7 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
         + saturation_doubt(dwell.label, readings)
         + heading_doubt(covariance)
         + around_doubt(dwell)
-        + faint_doubt(readings) * options.priors.noise_only
+        + faint_doubt(readings, options.priors)
         + _doubts(readings, sway, latitude),
         sway=asdict(sway) | {"bound": sway_bound(sway, latitude)},
     )
@@ -377,10 +377,12 @@ def two_gyro_functional(readings: ImuReadings, site: Site, options: Options) -> 
 
 
 def _left_of_the_turn(w: Array, readings: ImuReadings, site: Site, priors: Priors) -> float:
-    """Part of the Earth's level rate that gyros of unknown bias show; 1 with a data sheet."""
+    """Part of the Earth's level rate that gyros of unknown bias show; 1 where a sheet tells it."""
+    if "gyro" not in priors.noise_only:
+        return 1.0
     up = readings.f_b.mean(axis=0)
     level_rate = float(np.linalg.norm(np.cross(w, up / np.linalg.norm(up))))
-    return level_rate / site.horizontal_rate() if priors.noise_only else 1.0
+    return level_rate / site.horizontal_rate()
 
 
 def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
