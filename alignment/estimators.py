@@ -8,7 +8,7 @@ from alignment.methods.calibration import calibration, calibration_design
 from alignment.methods.carousel import carousel
 from alignment.methods.carousel_gains import carousel_gains
 from alignment.methods.fine import fine, fine_tracks, innovations
-from alignment.methods.inertial import inertial, inertial_tracks
+from alignment.methods.inertial import LEAST_SAMPLES, inertial, inertial_tracks
 from alignment.methods.integration import integration_gains, rk4, rk4_tracks
 from alignment.methods.position_gains import multi_position_gains, two_position_gains
 from alignment.methods.positions import (
@@ -22,6 +22,7 @@ from alignment.methods.rocking_gains import fine_functional, inertial_functional
 from alignment.methods.single_gyro import single_gyro, single_gyro_gains
 from alignment.methods.six_position import six_position, six_position_gains, six_position_tracks
 from alignment.methods.triad import triad, triad_gains
+from alignment.methods.two_gyro import LEAST_SAMPLES as two_gyro_least
 from alignment.methods.two_gyro import two_gyro, two_gyro_functional
 from alignment.methods.two_sample import two_sample, two_sample_tracks
 from alignment.methods.vectors.method import vector_matching
@@ -125,7 +126,8 @@ ESTIMATORS = {
         estimate=two_gyro,
         alone=True,
         knows_skew=True,
-        takes="any",
+        takes="standing",
+        least_samples=two_gyro_least,
         functional=two_gyro_functional,
         needs_latitude=True,
         needs_upright=True,
@@ -139,6 +141,7 @@ ESTIMATORS = {
         estimate=inertial,
         alone=True,
         takes="any",
+        least_samples=LEAST_SAMPLES,
         functional=inertial_functional,
         needs_latitude=True,
         tracks=inertial_tracks,
@@ -150,6 +153,7 @@ ESTIMATORS = {
         estimate=fine,
         alone=True,
         takes="any",
+        least_samples=LEAST_SAMPLES,
         functional=fine_functional,
         needs_latitude=True,
         tracks=fine_tracks,

@@ -18,7 +18,7 @@ from alignment.earth import Site
 from alignment.information import Stretch
 from alignment.levelling import attitude_sensitivity
 from alignment.options import Options
-from alignment.strapdown import Carried
+from alignment.strapdown import Carried, changes_in_b
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -88,6 +88,8 @@ class Functional:
         What the sway itself leaves.
     C_nb : Rotation
         At the end.
+    changes : (m, 6) or None
+        How fast rates and forces in b change in each block; None: not told.
     checked_by : Functional or None
         The match of velocity curves by which the method checks that the instrument does not
         travel; None: itself.
@@ -101,6 +103,7 @@ class Functional:
     motion: Array
     C_nb: Rotation
     checked_by: "Functional | None" = None
+    changes: Array | None = None
 
     def __post_init__(self) -> None:
         m = len(self.t) - 1
@@ -113,6 +116,24 @@ class Functional:
             force=(self.force, (m, 3), float),
             motion=(self.motion, (3, 3), float),
         )
+        if self.changes is not None:
+            set_owned(self, changes=(self.changes, (m, 6), float))
+
+    @property
+    def changing(self) -> Array:
+        """The same (m, 6), nothing where it is not told."""
+        return np.zeros((len(self.t) - 1, 6)) if self.changes is None else self.changes
+
+    @property
+    def middle(self) -> Array:
+        """Of each block (m,) [s]."""
+        return np.asarray((self.t[1:] + self.t[:-1]) / 2)
+
+    def answer(self, errors: Array) -> Array:
+        """Rotation about n (3,) by mean errors (m, 6) of rates and forces in the blocks."""
+        rates, forces = errors[:, :3], errors[:, 3:]
+        by_rates = np.einsum("mij,mj->i", self.gyro, rates)
+        return np.asarray(by_rates + np.einsum("mij,mj->i", self.accel, forces))
 
 
 Gains = Callable[[Sequence[Stretch], Site, Options], list[Answer]]
@@ -137,6 +158,7 @@ def functional(
         motion=motion,
         C_nb=C_ni * Rotation.from_quat(carried.q[-1]),
         checked_by=checked_by,
+        changes=changes_in_b(carried),
     )
 
 

@@ -19,10 +19,11 @@ from alignment.readings import Dwell, ImuReadings
 A = TypeVar("A")
 B = TypeVar("B")
 C = TypeVar("C")
-Takes = Literal["rest", "turning", "any", "fixes"]
+Takes = Literal["rest", "standing", "turning", "any", "fixes"]
 TAKEN: Mapping[Takes, str] = MappingProxyType(
     {
         "rest": "at rest",
+        "standing": "that stands, on a base that may rock",
         "turning": "at constant rate",
         "any": "to estimate from",
         "fixes": "with satellite fixes",
@@ -70,8 +71,11 @@ class Method:
     alone : bool
         It answers each stretch by itself, as if it were asked of that one only.
     takes : str
-        Which stretches it is for: those at 'rest', those 'turning' at a constant rate, 'any' (a
-        base that rocks), or those with satellite 'fixes'.
+        Which stretches it is for: those at 'rest', those of a table that is 'standing' on a base
+        that may rock, those 'turning' at a constant rate, 'any' of these, or those with satellite
+        'fixes'.
+    least_samples : int
+        Of a stretch: of fewer it tells nothing.
     gains : callable or None
         Predicts, for rests and steady turns: an `Answer` per estimate, from the planned stretches.
     functional : callable or None
@@ -125,6 +129,7 @@ class Method:
     alone: bool = False
     estimate_of_runs: EstimateOfRuns | None = None
     takes: Takes = "rest"
+    least_samples: int = 2
     gains: Gains | None = None
     functional: Callable[[ImuReadings, Site, Options], Functional] | None = None
     design: Callable[[Session, Site, Options], Design] | None = None
@@ -168,7 +173,7 @@ class Method:
 
     def for_motion(self, *, turning: bool) -> bool:
         """Whether it is for a stretch of a table that does or does not turn steadily."""
-        return self.takes == "any" or self.takes == ("turning" if turning else "rest")
+        return self.takes in ("any", "turning") if turning else self.takes != "turning"
 
     @property
     def lacking(self) -> str:

@@ -45,10 +45,16 @@ class Priors:
     lag : float
         By how much readings come later than their stamps [s], as a low-pass and a bus make them: an
         attitude at the end of a motion is that of as long before.
+    accel_later : float
+        How much later than the gyros' the accelerometers' come [s]; with a sign, as `lag`.
+    clock : float
+        Part by which the unit's clock runs fast: readings of a time t are of ``clock t`` later.
+    jitter : float
+        By how much the time of each sample trembles [s]: noise wherever readings change.
     gyro_random_walk, accel_random_walk : float
-        Of the bias [rad/s/sqrt(s)], [m/s^2/sqrt(s)].
+        Of the bias [rad/s/sqrt(s)], [m/s^2/sqrt(s)], since time 0 of the stamps.
     gyro_ramp, accel_ramp : float
-        Steady change of the bias [rad/s^2], [m/s^3].
+        Steady change of the bias [rad/s^2], [m/s^3], since time 0 of the stamps.
     gyro_misalignment, accel_misalignment : float
         Small rotation of each triad's case from b [rad], about each axis.
     gyro_non_orthogonality, accel_non_orthogonality : float
@@ -78,6 +84,9 @@ class Priors:
     azimuth: float = 0.0
     lever_arm: float = 0.0
     lag: float = 0.0
+    accel_later: float = 0.0
+    clock: float = 0.0
+    jitter: float = 0.0
     gyro_random_walk: float = 0.0
     accel_random_walk: float = 0.0
     gyro_ramp: float = 0.0

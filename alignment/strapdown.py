@@ -17,6 +17,9 @@ from alignment.parts import in_parts, release
 from alignment.quaternions import multiply, normalised, prefix_product
 from alignment.readings import ImuReadings
 
+_OF_A_CUBIC = 4  # means that it goes through
+_NO_TURN = 1e-300  # rad: below any
+_LEAST_KEPT = 0.1  # of a vector that turns by most of a circle in a block
 _CHUNK = 65536  # samples integrated at once: bounds the memory of hour-long records
 _LARGEST_STEP = 0.2  # rad in one sample: beyond, two samples no longer describe the turn
 
@@ -259,3 +262,42 @@ def _padded(rows: Array, count: int, blocks: slice, edges: np.ndarray) -> Array:
     if missing:
         rows = np.concatenate([np.zeros((missing, rows.shape[1])), rows])
     return rows.reshape(-1, 2, rows.shape[1])
+
+
+def changes_in_b(carried: Carried) -> Array:
+    """How fast rates and forces in b change in each block (m, 6).
+
+    Of a force ``C_bi (f_i' - w_i x f_i)``: gravity that turns in b is taken as it turns. A mean
+    over a block that turns by a leaves ``sin(a/2)/(a/2)`` of what stands across the axis in i.
+    """
+    spans = carried.spans[:, None]
+    C_ib = Rotation.from_quat(carried.q)
+    turn_i = (C_ib[1:] * C_ib[:-1].inv()).as_rotvec()
+    middle = Rotation.from_rotvec(turn_i / 2) * C_ib[:-1]
+    force_i = np.diff(carried.v, axis=0) / spans
+    change_i = _changes(force_i, carried.t) - cross(turn_i / spans, force_i)
+    angle = np.linalg.norm(turn_i, axis=1, keepdims=True)
+    axis = turn_i / np.maximum(angle, _NO_TURN)
+    along = np.sum(axis * change_i, axis=1, keepdims=True) * axis
+    kept = np.maximum(np.sinc(angle / (2 * np.pi)), _LEAST_KEPT)
+    change_i = along + (change_i - along) / kept
+    rate = _changes(carried.dtheta / spans, carried.t)
+    return np.concatenate([rate, middle.inv().apply(change_i)], axis=1)
+
+
+def _changes(means: Array, t: Array) -> Array:
+    """How fast means (m, k) over even blocks between `t` (m + 1,) [s] change within each.
+
+    By the values at the edges, of the cubic through the four means around each, and at the ends of
+    the parabola through three.
+    """
+    if len(means) < _OF_A_CUBIC:
+        return np.zeros_like(means)
+    u = means
+    inner = (7 * (u[1:-2] + u[2:-1]) - u[:-3] - u[3:]) / 12
+    (first, second), (last, before) = (
+        ((11 * v[0] - 7 * v[1] + 2 * v[2]) / 6, (2 * v[0] + 5 * v[1] - v[2]) / 6)
+        for v in (u, u[::-1])
+    )
+    edges = np.concatenate([[first, second], inner, [before, last]])
+    return np.asarray(np.diff(edges, axis=0) / np.diff(t)[:, None])

@@ -117,8 +117,8 @@ def _opened(path: Path, s: DriveSettings) -> DriveWriter:
             "drive.toml": ("application/toml", s.drive.text.encode()),
             "imu.toml": ("application/toml", s.imu.text.encode()),
         },
-        rate_noise=np.full(3, unit.gyro_sigma**2),
-        force_noise=np.full(3, unit.accel_sigma**2),
+        rate_noise=unit.variances[0],
+        force_noise=unit.variances[1],
     )
 
 

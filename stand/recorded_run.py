@@ -169,6 +169,7 @@ class _Run:
             self.folder,
             moves=follows_moves(known),
             imu=known.unit,
+            sampling=known.sampling,
             stand=self.simulation.encoders_of,
         )
         waiting: list[Future[None]] = []
@@ -239,8 +240,8 @@ class _Run:
                 MODEL_FOLDER + name: ("application/octet-stream", data)
                 for name, data in self.own_model.items()
             },
-            rate_noise=np.full(3, self.simulation.imu.gyro_sigma**2),
-            force_noise=np.full(3, self.simulation.imu.accel_sigma**2),
+            rate_noise=self.simulation.imu.variances[0],
+            force_noise=self.simulation.imu.variances[1],
         )
 
     def _open_review(self) -> Any:

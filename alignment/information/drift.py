@@ -21,6 +21,8 @@ LEVEL = 0.76475  # least Allan deviation, between 10 and 1000 s, of a unit proce
 
 LEAST = 0.01  # part of a bias that is left to switching on: none at all is for what nobody states
 
+_BEGINNING = 0.01  # of a stretch: a bias that walks has walked so long before, or it were none
+
 _TO_REAL = np.array([[1, 0, 0], [0, 1, 1], [0, -1j, 1j]])  # of integrals with k = 0, 1, -1
 
 
@@ -58,6 +60,39 @@ def switched_on(priors: Priors) -> Priors:
         gyro_bias=max(turn_on(p.gyro_bias, p.gyro_instability), LEAST * p.gyro_bias),
         accel_bias=max(turn_on(p.accel_bias, p.accel_instability), LEAST * p.accel_bias),
     )
+
+
+def at_the_start(priors: Priors, start: float, length: float) -> Priors:
+    """The priors of biases as a stretch may find them that begins `start` [s] after they were
+    switched on: walks and ramps have gone on.
+
+    What a ramp comes to by its `length` [s] is not apart from what it was before: with
+    ``start (start + length)`` its mean has the right variance beside that of the rise alone, but
+    for a twelfth of ``length^2``.
+    """
+    before = max(start, _BEGINNING * length)
+    return _grown(priors, before, before * (before + length))
+
+
+def in_the_mean(priors: Priors, start: float, length: float) -> Priors:
+    """The priors of biases as the mean over a stretch has them: ``start + length/3`` of a walk."""
+    middle = max(start, 0.0) + length / 2
+    return _grown(priors, max(start, 0.0) + length / 3, middle**2)
+
+
+def _grown(priors: Priors, walked: float, ramped: float) -> Priors:
+    """The same with variances of unit walks [s] and ramps [s^2] added to the biases'."""
+    p = priors
+    if not _walks(p):
+        return p
+    gyro = p.gyro_bias**2 + walked * p.gyro_random_walk**2 + ramped * p.gyro_ramp**2
+    accel = p.accel_bias**2 + walked * p.accel_random_walk**2 + ramped * p.accel_ramp**2
+    return replace(p, gyro_bias=sqrt(gyro), accel_bias=sqrt(accel))
+
+
+def _walks(priors: Priors) -> bool:
+    p = priors
+    return any((p.gyro_random_walk, p.gyro_ramp, p.accel_random_walk, p.accel_ramp))
 
 
 def sum_covariance(gain: Array, span: float, processes: Sequence[GaussMarkov]) -> Array:
@@ -166,6 +201,17 @@ def random_walk(spans: Sequence[Span]) -> Array:
     starts = _by_order(spans, [s.start for s in spans])
     before = starts[:, None] < starts[None, :]
     return _assembled(spans, within, before * np.array(early)[:, None] * late[None, :])
+
+
+def walked(priors: Priors, spans: Sequence[Span]) -> Array:
+    """Covariance (2, n, n) of means of gyro and accelerometer biases over rests, by walks and
+    ramps since time 0 of the spans."""
+    p, n = priors, len(spans)
+    if not _walks(p):
+        return np.zeros((2, n, n))
+    times = np.concatenate([ramp_coefficients(span) for span in spans])
+    sizes = np.array([(p.gyro_random_walk, p.gyro_ramp), (p.accel_random_walk, p.accel_ramp)])
+    return np.einsum("sp,pij->sij", sizes**2, [random_walk(spans), np.outer(times, times)])
 
 
 def _moment(span: Span, order: float) -> complex:

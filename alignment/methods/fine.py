@@ -27,7 +27,7 @@ from alignment.doubts import heading_doubt
 from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack, determined
-from alignment.information.drift import GaussMarkov
+from alignment.information.drift import GaussMarkov, at_the_start
 from alignment.methods.drifting import held
 from alignment.methods.inertial import (
     Match,
@@ -81,6 +81,7 @@ _SIZE, _NORTH, _FOREVER = "size", np.diag([1.0, 0.0, 0.0]), 1e12  # s
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
 _TOLD = ("x", "variances", "attitude", "values")  # of a pass, by each update or by the last
+_ROUND = 1.0  # rad: what turns by more goes round
 _ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
 
 
@@ -361,7 +362,8 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
-    model = replace(model_of(readings, site, noise, priors), whole=False)
+    found = at_the_start(priors, dwell.t_from, readings.interval * len(readings))
+    model = replace(model_of(readings, site, noise, found), whole=False)
     reference = _Reference(carried, matched.C_ni, np.zeros((len(model.names), 3)))
     # as much information a second, however far apart the updates are
     variance = _update_variance(carried, noise, priors) * (UPDATE / model.update)
@@ -387,14 +389,20 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     if _turns(carried) and coarse[2, 2] > _HIDDEN**2:
         run = _round(run, _by_size(model, reference, run, variance))
     added = rest_covariance(carried, matched, rest) + _in_the_mean(rest, carried, matched, site)
-    more = added, left_of_the_turn(carried, matched, priors)
+    late = lag_covariance(carried, matched, priors, site)
+    more = added, left_of_the_turn(carried, matched, priors), late
     return _answer(model, reference, run, more, flags)
 
 
 def _turns(carried: Carried) -> bool:
     """Whether the stretch turns or rocks."""
+    return _angle(carried) >= _ROCKED
+
+
+def _angle(carried: Carried) -> float:
+    """By how much it ever stands otherwise than at the start [rad]."""
     _, _, _, w = carried.q.T
-    return float(2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0))) >= _ROCKED
+    return float(2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0)))
 
 
 def _by_size(model: Model, reference: _Reference, run: _Pass, variance: float) -> float:
@@ -471,7 +479,9 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     Of a stretch that turns or rocks, axes that are off are no bias, and remain errors of their own.
     Rocking tells how the triads lie to one another, and how gravity's share changes in b; but not
     a case that is turned as a whole, which is tilted in full. Of second order, by `with_products`,
-    axes lean together: of coarse sensors' errors the record would else tell by their products.
+    axes lean together: of coarse sensors' errors the record would else tell by their products. An
+    asymmetry makes a constant of what goes to and fro, ``a (mean |x| - |mean x|)``; of what goes
+    round it is a scale error.
     """
     if not _turns(carried):
         return in_one_attitude(priors, site.gravity)
@@ -481,6 +491,13 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
         lean, turned = f"{sensor}_non_orthogonality", own[f"{sensor}_misalignment"]
         own[lean] = float(np.hypot(own[lean], turned**2))
     folded = in_one_attitude(replace(priors, **dict.fromkeys(_ASTRAY, 0.0)), site.gravity)
+    rocks = _angle(carried) < _ROUND
+    for sensor, sums in _SUMS.items() if rocks else ():
+        size = getattr(priors, f"{sensor}_asymmetry")
+        means = getattr(carried, sums) / carried.spans[:, None]
+        rectified = size * float(np.max(np.abs(means).mean(axis=0) - np.abs(means.mean(axis=0))))
+        bias = float(np.hypot(getattr(folded, f"{sensor}_bias"), rectified))
+        own[f"{sensor}_bias"] = bias
     return replace(folded, **own)
 
 
@@ -998,11 +1015,12 @@ def _answer(
     model: Model,
     reference: _Reference,
     run: _Pass,
-    more: tuple[Array, float],
+    more: tuple[Array, float, Array],
     flags: tuple[str, ...],
 ) -> Filtered:
     """Attitudes and constants from the reference and its errors; `more` (3, 3): what the filter
-    does not know of, and what a bias leaves of the Earth's level rate."""
+    does not know of, what a bias leaves of the Earth's level rate, and (m, 3, 3) what comes late.
+    """
     carried, told_from = reference.carried, -len(run.x)
     t = carried.t[told_from:]
     left = (t[-1] - t)[:, None] * model.site.w_ie_n  # n turns back to then
@@ -1012,8 +1030,7 @@ def _answer(
     m, count = len(t), len(model.names)
     told = slice(_ERRORS, _ERRORS + 3 * count)
     covariance = R @ run.attitude @ R.transpose(0, 2, 1) + more[0]
-    lag = lag_covariance(carried, reference.C_ni.as_matrix(), model.priors, model.site)
-    covariance += lag[told_from:]
+    covariance += more[2][told_from:]
     return Filtered(
         t,
         to_n * at_end * Rotation.from_quat(carried.q[told_from:]),

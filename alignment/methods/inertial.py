@@ -37,18 +37,20 @@ from alignment.noise import (
     drift_of,
     faint_doubt,
     gap_doubt,
+    is_at_rest,
     jitter_of,
 )
 from alignment.options import SENSORS, Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
-from alignment.strapdown import Carried, carry, matrices
+from alignment.strapdown import Carried, carry, changes_in_b, matrices
 
 METHOD = "inertial"
 EVERY = slice(None)
 BLOCK = 0.5  # s: the sums of the match run over blocks, the integration over samples
 _LEAST_BLOCKS = 16
+LEAST_SAMPLES = 2 * _LEAST_BLOCKS
 _WELL_RESOLVED, _RESOLVED = 64, 4096  # blocks into which a short, a long record is cut
 LEAST_SPECTRUM, _MOST_SPECTRUM = 64, 2**17  # samples from which noise is told
 _GRAVITY_DOUBT = 0.01  # part of gravity by which the mean specific force may differ unremarked
@@ -239,11 +241,7 @@ def rest_of(
     """
     nothing = Rest(*np.zeros((3, 3)), drift_around=np.zeros(6), part=1.0)
     unknown = np.array([sensor in priors.noise_only for sensor in SENSORS], float)
-    if not unknown.any() or len(readings) < LEAST_SPECTRUM:
-        return nothing
-    try:
-        check_rest(readings, "")
-    except NotAtRest:
+    if not unknown.any() or len(readings) < LEAST_SPECTRUM or not is_at_rest(readings):
         return nothing
     w = readings.w_ib_b
     jitter = unknown[0] * jitter_of(w) * readings.interval**2
@@ -617,13 +615,16 @@ def functional_covariance(
 
 
 def _by_biases(gain: Array, carried: Carried, priors: Priors, sensor: str) -> Array:
-    """Covariance (k, k) by biases and their drifts, of gains (m, k, 3) to each block's mean."""
+    """Covariance (k, k) by biases and their drifts, of gains (m, k, 3) to each block's mean.
+
+    Walks and ramps since time 0 of the stamps, as biases are those that were switched on.
+    """
     bias, instability, walk, ramp = (
         float(getattr(priors, f"{sensor}_{name}"))
         for name in ("bias", "instability", "random_walk", "ramp")
     )
     covariance = np.zeros((gain.shape[1],) * 2)
-    middle = (carried.t[1:] + carried.t[:-1]) / 2 - carried.t[0]
+    middle = np.maximum((carried.t[1:] + carried.t[:-1]) / 2, 0.0)
     if sigma := turn_on(bias, instability):
         J = sigma * gain.sum(axis=0)
         covariance += J @ J.T
@@ -801,7 +802,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         P, _ = covariances(part, matched, noise, priors, arm)
         P = P + rest_covariance(part, matched, rest)
         P *= less_turned(P, left_of_the_turn(part, matched, priors))
-        late = lag_covariance(part, matched.C_ni.as_matrix(), priors, site)[-1]
+        late = lag_covariance(part, matched, priors, site)[-1]
         found.append((C_nb, tilts_about(P) + late))
     sequence = options.rule.sequence_at(found[-1][0])
     return [
@@ -819,8 +820,8 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
 def checked_readings(dwell: Dwell) -> ImuReadings:
     """The stretch's readings; refused when a gap lost rotation or they are too few."""
     readings = dwell.window()
-    if len(readings) < 2 * _LEAST_BLOCKS:
-        raise TooShort(f"{dwell.label}: {len(readings)} samples, at least {2 * _LEAST_BLOCKS}")
+    if len(readings) < LEAST_SAMPLES:
+        raise TooShort(f"{dwell.label}: {len(readings)} samples, at least {LEAST_SAMPLES}")
     for gap in gap_doubt(readings):
         raise AlignmentError(f"{dwell.label}: {gap}: what the gyros felt there is lost")
     return readings
@@ -842,7 +843,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance = covariance + rest_covariance(carried, matched, rest)
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
     covariance = tilts_about(covariance)
-    covariance += lag_covariance(carried, matched.C_ni.as_matrix(), priors, site)[-1]
+    covariance += lag_covariance(carried, matched, priors, site)[-1]
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
@@ -901,13 +902,16 @@ def covariances(
 def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors: Priors) -> Noise:
     """White noise by the priors, or as the readings show it in the band that matters."""
     noise = noise_of(readings, priors)
-    if priors.gyro_walk > 0 or priors.accel_walk > 0:
+    if not (priors.gyro_walk > 0 or priors.accel_walk > 0):
+        noise = quieter(noise, carried, matched)
+        if is_at_rest(readings):  # else what is beyond noise there is motion
+            noise = louder(noise, readings, carried, matched)
+    if not priors.jitter:
         return noise
-    try:
-        check_rest(readings, "")
-    except NotAtRest:  # what is beyond noise there is motion
-        return quieter(noise, carried, matched)
-    return louder(quieter(noise, carried, matched), readings, carried, matched)
+    change = np.sqrt(np.mean(changes_in_b(carried) ** 2, axis=0))
+    by_stamps = priors.jitter * np.sqrt(readings.interval) * change
+    gyro, accel = np.hypot(noise.gyro, by_stamps[:3]), np.hypot(noise.accel, by_stamps[3:])
+    return replace(noise, gyro=gyro, accel=accel)
 
 
 def left_of_the_turn(carried: Carried, matched: Match, priors: Priors) -> float:
@@ -968,18 +972,32 @@ def _slow_covariance(
     return covariance
 
 
-def lag_covariance(carried: Carried, C_ni: Array, priors: Priors, site: Site) -> Array:
+def lag_covariance(carried: Carried, matched: Match, priors: Priors, site: Site) -> Array:
     """What readings that come late leave of the attitude's covariance at the edges (m + 1, 3, 3).
 
     The same motion a time `lag` before is as good a record: all is as then, turned on by the rate.
+    Of accelerometers that come later than gyros a force is felt that changed meanwhile, which the
+    match takes for one of another attitude: of a steady spin about a level axis that undoes what
+    late gyros do. Of a clock that runs fast readings come later the later they are: gravity turns
+    in b at another rate than the gyros say.
     """
-    if not priors.lag:
+    if not (priors.lag or priors.accel_later or priors.clock):
         return np.zeros((len(carried.t), 3, 3))
-    rates = carried.dtheta / carried.spans[:, None]
+    spans, C_ni = carried.spans[:, None], matched.C_ni.as_matrix()
+    rates = carried.dtheta / spans
     C_nb = C_ni @ matrices(carried.q)
     w_ib_n = C_nb @ np.concatenate([rates[:1], rates])[:, :, None]
-    late = priors.lag * (w_ib_n - site.w_ie_n[:, None])
-    return np.asarray(late * late.transpose(0, 2, 1))
+    turning = w_ib_n - site.w_ie_n[:, None]
+    late, fast = priors.lag * turning, np.zeros((3, 1))
+    if priors.accel_later or priors.clock:
+        gyro, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
+        change, turned = changes_in_b(carried)[:, :, None], drive(carried, C_ni)
+        since = ((carried.t[1:] + carried.t[:-1]) / 2 - carried.t[-1])[:, None, None]
+        felt, seen = (accel @ turned) @ change[:, 3:], ((gyro + np.eye(3)) @ turned) @ change[:, :3]
+        late = late + priors.accel_later * felt.sum(axis=0)
+        fast = carried.t[-1] * turning[-1] + np.sum(since * (felt + seen), axis=0)
+        fast *= priors.clock
+    return np.asarray(late * late.transpose(0, 2, 1) + fast * fast.T)
 
 
 def _share(one: Apart, carried: Carried) -> Array:

@@ -17,6 +17,7 @@ from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gains import Answer, after_offset
 from alignment.information import Stretch
+from alignment.information.drift import in_the_mean
 from alignment.misplaced import misplaced
 from alignment.noise import BLOCKS, check_at_rest, gap_doubt, mean_variance
 from alignment.nominal import (
@@ -26,7 +27,7 @@ from alignment.nominal import (
     track_ends,
     zero_offset,
 )
-from alignment.options import Options
+from alignment.options import Options, Priors
 from alignment.quaternions import multiply, normalised, prefix_product
 from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
@@ -103,6 +104,13 @@ def integrated_drift_covariance(
     return growth[:, None] * variance_rate + late[:, None] ** 2 * offset
 
 
+def drifted_apart(late: Array, window: float, priors: Priors) -> Array:
+    """Variance (m,) [rad^2] of what a walk and a ramp of the bias turn `late` (m,) [s] after the
+    offset's `window` [s]: ``K^2 (late^3 + window late^2)/3``, ``(R late (window + late)/2)^2``."""
+    walked = priors.gyro_random_walk**2 * late**2 * (late + window) / 3
+    return np.asarray(walked + (priors.gyro_ramp * late * (window + late) / 2) ** 2)
+
+
 def _track(
     method: str,
     integrator: Integrator,
@@ -126,8 +134,10 @@ def _track(
     # bias of later readings against that of the window: the two differ by the Allan deviation
     late = np.maximum(elapsed - options.offset_window, 0.0)
     about_b += 2 * (priors.gyro_instability * late[:, None]) ** 2
+    about_b += drifted_apart(late, options.offset_window, priors)[:, None]
     R = nominal.as_matrix()
-    beyond, told = misplaced(offset, nominal, site, priors)
+    begun = in_the_mean(priors, dwell.t_from, options.offset_window)
+    beyond, told = misplaced(offset, nominal, site, begun)
     placed = placed_covariance(priors) + beyond
     covariance = np.einsum("ij,mj,kj->mik", R, about_b, R) + placed
     sequence = sequence_of(nominal, options.rule)

@@ -15,7 +15,7 @@ from alignment.constant_errors import ConstantForm, constant_form
 from alignment.cross import cross_matrix
 from alignment.earth import EARTH_RATE, Site, normal_gravity
 from alignment.errors import PoleError
-from alignment.information.drift import Span, flicker, gauss_markov, ramp_coefficients, random_walk
+from alignment.information.drift import Span, flicker, gauss_markov, walked
 from alignment.levelling import attitude_from_means
 from alignment.options import Priors
 from alignment.readings import BoolArray
@@ -931,15 +931,11 @@ def steady_drift(priors: Priors, span: Span) -> Array:
 
 @lru_cache(maxsize=64)  # every run of a procedure has the same times
 def _drifts(priors: Priors, spans: tuple[Span, ...]) -> Array:
-    p, n = priors, len(spans)
-    gyro = (p.gyro_instability, p.gyro_random_walk, p.gyro_ramp)
-    sizes = np.array([gyro, (p.accel_instability, p.accel_random_walk, p.accel_ramp)])
-    if not sizes.any():
-        return np.zeros((2, n, n))
-    unit = sum(one.sigma**2 * gauss_markov(spans, one.time) for one in flicker(1.0))
-    times = np.concatenate([ramp_coefficients(span) for span in spans])
-    parts = np.array([unit, random_walk(spans), np.outer(times, times)])
-    found = np.asarray(np.einsum("sp,pij->sij", sizes**2, parts))
+    found = walked(priors, spans)
+    heights = np.array([priors.gyro_instability, priors.accel_instability])
+    if heights.any():
+        unit = sum(one.sigma**2 * gauss_markov(spans, one.time) for one in flicker(1.0))
+        found = found + np.square(heights)[:, None, None] * unit
     found.flags.writeable = False  # there is one for all who ask
     return found
 

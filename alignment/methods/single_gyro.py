@@ -20,6 +20,7 @@ from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate
 from alignment.gains import Answer, each_alone, from_b
 from alignment.information import Stretch
+from alignment.information.drift import in_the_mean
 from alignment.levelling import attitude_covariance
 from alignment.methods.position_fit import ROUNDING, local_vectors
 from alignment.methods.triad import triad_attitude
@@ -189,7 +190,8 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         C_nb, G, latitude, latitude_row, best = _solved(means, site)
     except AlignmentError as error:
         raise type(error)(f"{dwell.label}: {error}") from error
-    whole = np.diag(variances + ROUNDING**2) + constant_covariance(means, options.priors)
+    priors = in_the_mean(options.priors, dwell.t_from, dwell.t_to - dwell.t_from)
+    whole = np.diag(variances + ROUNDING**2) + constant_covariance(means, priors)
     covariance = attitude_covariance(C_nb, whole, G)
     if site.latitude is not None:
         covariance = whole_circle(

@@ -17,6 +17,7 @@ from alignment.earth import Site
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gains import Answer, after_offset, compass_gain, from_b
 from alignment.information import Stretch
+from alignment.information.drift import in_the_mean
 from alignment.levelling import attitude_covariance, attitude_from_means
 from alignment.misplaced import misplaced
 from alignment.noise import (
@@ -51,14 +52,18 @@ def _corrected_attitude(
     return site.plumb * attitude_from_means(w, f, sequence)
 
 
-def _drift_variances(priors: Priors) -> Array:
-    """By how much (6,) biases of a later window differ from those of the offset's window.
+def _drift_variances(priors: Priors, window: float, later: float) -> Array:
+    """By how much (6,) biases of a `later` window [s] differ from those of the offset's `window`.
 
     Twice the squared Allan deviation, which is the definition of that; turn-on biases and scale
     errors act alike in both windows and cancel.
     """
-    plateau = np.repeat([priors.gyro_instability, priors.accel_instability], 3)
-    return np.asarray(2 * plateau**2)
+    p = priors
+    plateau = np.repeat([p.gyro_instability, p.accel_instability], 3)
+    walk = np.repeat([p.gyro_random_walk, p.accel_random_walk], 3)
+    ramp = np.repeat([p.gyro_ramp, p.accel_ramp], 3)
+    both = window + later
+    return np.asarray(2 * plateau**2 + both / 3 * walk**2 + (both / 2 * ramp) ** 2)
 
 
 def six_position(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeEstimate]:
@@ -118,11 +123,14 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     fresh = dwell.window(options.offset_window)
     C_nb = _corrected_attitude(fresh, offset, sequence, site)
     _, variances = mean_and_variance(fresh)
-    variances = variances + offset.variances + _drift_variances(options.priors)
+    later = dwell.t_to - t_offset
+    drifts = _drift_variances(options.priors, options.offset_window, later)
+    variances = variances + offset.variances + drifts
     G = G * [[1.0], [1.0], [_weaker(fresh, offset, C_nb, site)]]
     covariance = _on_the_circle(nominal, variances, G, site)
     covariance = covariance + placed_covariance(options.priors)
-    beyond, told = misplaced(offset, nominal, site, options.priors)
+    begun = in_the_mean(options.priors, dwell.t_from, options.offset_window)
+    beyond, told = misplaced(offset, nominal, site, begun)
     covariance = covariance + beyond
     estimates.append(
         AttitudeEstimate(
@@ -178,10 +186,12 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
     sequence = sequence_of(nominal, options.rule)
     same = dwell.window(0.0, options.offset_window)
     parts: list[tuple[str, ImuReadings, Array]] = [("same", same, np.zeros(6))]
-    if dwell.t_to - dwell.t_from - options.offset_window >= 2 * TRACK_LEAD:
-        extra = offset.variances + _drift_variances(options.priors)
+    later = dwell.t_to - dwell.t_from - options.offset_window
+    if later >= 2 * TRACK_LEAD:
+        extra = offset.variances + _drift_variances(options.priors, options.offset_window, later)
         parts.append(("fresh", dwell.window(options.offset_window), extra))
-    beyond, _ = misplaced(offset, nominal, site, options.priors)
+    begun = in_the_mean(options.priors, dwell.t_from, options.offset_window)
+    beyond, _ = misplaced(offset, nominal, site, begun)
     tracks = []
     for window, readings, extra in parts:
         ends = track_ends(readings)

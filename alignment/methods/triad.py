@@ -16,6 +16,7 @@ from alignment.errors import AlignmentError, PoleError
 from alignment.estimate import AttitudeEstimate
 from alignment.gains import Answer, compass_gain, each_alone, from_b
 from alignment.information import Stretch
+from alignment.information.drift import Span, in_the_mean, walked
 from alignment.levelling import attitude_covariance, attitude_sensitivity
 from alignment.noise import (
     around_doubt,
@@ -156,7 +157,8 @@ def _single(
     G = attitude_sensitivity(
         min(rate * np.cos(latitude), _most_horizontal(site)), rate * np.sin(latitude), gravity
     )
-    whole = np.diag(variances) + constant_covariance(means, options.priors)
+    priors = in_the_mean(options.priors, dwell.t_from, dwell.t_to - dwell.t_from)
+    whole = np.diag(variances) + constant_covariance(means, priors)
     covariance = attitude_covariance(C_nb, whole, G)
     to_latitude = _latitude_sensitivity(latitude, min(rate, EARTH_RATE), gravity)
     variance = attitude_covariance(C_nb, whole, to_latitude)[0, 0]
@@ -219,7 +221,8 @@ def _pair(
     flag = "latitude from the mean vertical rate against Earth rate: axis bias cancels"
     try:
         latitude = pair_latitude(first[:3], first[3:], second[:3], second[3:])
-        sigma = _pair_sigma(means, variances, latitude, priors)
+        walks = walked(priors, [Span(d.t_from, d.t_to - d.t_from) for d in dwells])
+        sigma = _pair_sigma(means, variances, latitude, priors, walks)
     except AlignmentError as error:
         flag = str(error)
     return AttitudeEstimate(
@@ -237,11 +240,16 @@ def _pair(
 
 
 def _pair_sigma(
-    means: tuple[Array, Array], variances: tuple[Array, Array], latitude: float, priors: Priors
+    means: tuple[Array, Array],
+    variances: tuple[Array, Array],
+    latitude: float,
+    priors: Priors,
+    walks: Array,
 ) -> float:
     """Half of each dwell's vertical rate error, and of its tilt toward the horizontal rate.
 
-    Noise differs from dwell to dwell, drift too; the constant errors are one unit's.
+    Noise differs from dwell to dwell, drift too; the constant errors are one unit's. `walks`
+    (2, 2, 2): what biases of gyros and accelerometers have walked to by both.
     """
     gravity = float(np.linalg.norm(means[0][3:]))
     half = np.array([0, 0, -1 / (EARTH_RATE * np.cos(latitude)), 1 / gravity, 0, 0]) / 2
@@ -257,4 +265,6 @@ def _pair_sigma(
         [row @ constant_columns(m[:3], m[3:], priors) for row, m in zip(rows, means, strict=True)],
         axis=0,
     )
-    return _root(float(own + shared @ shared + constant @ constant))
+    by_sensor = np.array(rows).reshape(2, 2, 3)  # dwell, sensor, axis
+    walked_off = np.einsum("isa,sij,jsa->", by_sensor, walks, by_sensor)
+    return _root(float(own + walked_off + shared @ shared + constant @ constant))

@@ -52,6 +52,7 @@ def applicable(plan: Plan) -> tuple[str, ...]:
     """
     turning = [s.turning is not None for s in plan.stretches]
     there = {"any": bool(turning), "turning": any(turning), "rest": not all(turning)}
+    there["standing"] = there["rest"]
     return tuple(name for name, method in ESTIMATORS.items() if there.get(method.takes, False))
 
 

@@ -48,6 +48,23 @@ def noise_variance(bandwidth: float, rate_hz: float, sampling: Sampling = Sampli
     return float(1 - (np.expm1(pole) / pole).real)
 
 
+def slow_variance(bandwidth: float, rate_hz: float, sampling: Sampling = Sampling.MEAN) -> float:
+    """Density of the samples' noise at low frequency, in units of the density squared: what a mean
+    of many samples has, times how long it takes.
+
+    Notes
+    -----
+    Means that follow one another are the mean over all: one. Instants miss what is between them,
+    and what is above half of their rate comes down: ``dt sum_k R(k dt)`` with R of
+    `noise_variance`, ``w0 dt/(2 sqrt2) Re((1 - i) coth((1 - i) a/2))``, a at dt. 262 Hz at 20 Hz is
+    a = 58.2: 29.1. Without a filter there is nothing but the samples' own noise: one.
+    """
+    if sampling is Sampling.MEAN or not np.isfinite(bandwidth):
+        return 1.0
+    pole = _pole(bandwidth, rate_hz)  # a (-1 + i)
+    return abs(pole) / sqrt(8) * float(((1 - 1j) / np.tanh(-pole / 2)).real)
+
+
 def _pole(bandwidth: float, rate_hz: float) -> complex:
     return complex(2 * pi * bandwidth / rate_hz * (-1 + 1j) / sqrt(2))
 

@@ -6,6 +6,7 @@ from math import sqrt
 from alignment.readings import Grain, ImuReadings
 from stand.imu.filter import noise_variance
 from stand.imu.preset import ImuSpec, TriadSpec
+from stand.samples import Sampling
 
 
 def known_readings(readings: ImuReadings, imu: ImuSpec, rate_hz: float) -> ImuReadings:
@@ -14,20 +15,24 @@ def known_readings(readings: ImuReadings, imu: ImuSpec, rate_hz: float) -> ImuRe
     return replace(readings, ranges=ranges, grains=grains)
 
 
-def stated_of(imu: ImuSpec, rate_hz: float) -> tuple[tuple[float, float], tuple[Grain, Grain]]:
+def stated_of(
+    imu: ImuSpec, rate_hz: float, sampling: Sampling = Sampling.MEAN
+) -> tuple[tuple[float, float], tuple[Grain, Grain]]:
     """Full scale and rounding, as fields of `ImuReadings`."""
-    return imu.ranges, grains_of(imu, rate_hz)
+    return imu.ranges, grains_of(imu, rate_hz, sampling)
 
 
-def grains_of(imu: ImuSpec, rate_hz: float) -> tuple[Grain, Grain]:
+def grains_of(
+    imu: ImuSpec, rate_hz: float, sampling: Sampling = Sampling.MEAN
+) -> tuple[Grain, Grain]:
     """Of gyros and of accelerometers; increments carry their remainders on, and lose nothing."""
     gyro, accel = (
-        Grain(0.0 if imu.increments else spec.resolution, _sample_noise(spec, rate_hz))
+        Grain(0.0 if imu.increments else spec.resolution, _sample_noise(spec, rate_hz, sampling))
         for spec in (imu.gyro, imu.accel)
     )
     return gyro, accel
 
 
-def _sample_noise(spec: TriadSpec, rate_hz: float) -> float:
+def _sample_noise(spec: TriadSpec, rate_hz: float, sampling: Sampling) -> float:
     """Standard deviation of one sample's white noise behind the low-pass."""
-    return spec.noise * sqrt(rate_hz * noise_variance(spec.bandwidth, rate_hz))
+    return spec.noise * sqrt(rate_hz * noise_variance(spec.bandwidth, rate_hz, sampling))

@@ -1,31 +1,47 @@
 """What a unit's data sheet says, as errors to first order."""
 
+from math import sqrt
+
 import numpy as np
 
 from alignment.information import GaussMarkov, InstrumentErrors, TriadErrors
-from stand.imu.filter import LAG
+from stand.imu.filter import LAG, slow_variance
 from stand.imu.preset import ImuSpec, TriadSpec
 from stand.imu.processes import plateau
+from stand.samples import Sampling
 
 
-def unit_of(imu: ImuSpec) -> InstrumentErrors:
-    """The instrument's errors as standard deviations, but for the rounding of its samples."""
+def slow_noise(imu: ImuSpec, rate_hz: float, sampling: Sampling) -> tuple[float, float]:
+    """Density of what many samples of gyros and of accelerometers have of white noise
+    [u/sqrt(Hz)]."""
+    gyro, accel = (
+        t.noise * sqrt(slow_variance(t.bandwidth, rate_hz, sampling)) for t in (imu.gyro, imu.accel)
+    )
+    return gyro, accel
+
+
+def unit_of(imu: ImuSpec, noise: tuple[float, float] | None = None) -> InstrumentErrors:
+    """The instrument's errors as standard deviations, but for the rounding of its samples.
+
+    `noise`: densities as `slow_noise` has them; those of the sheet if not given.
+    """
+    gyro, accel = (imu.gyro.noise, imu.accel.noise) if noise is None else noise
     delay = LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
     return InstrumentErrors(
-        _triad(imu.gyro, imu), _triad(imu.accel, imu), float(delay + imu.clock.latency)
+        _triad(imu.gyro, imu, gyro), _triad(imu.accel, imu, accel), float(delay + imu.clock.latency)
     )
 
 
-def lag_of(imu: ImuSpec) -> float:
-    """By how much slow readings come late [s]: those of the later triad."""
-    bandwidth = min(imu.gyro.bandwidth, imu.accel.bandwidth)
-    return float(LAG / bandwidth + imu.clock.latency)
+def lags_of(imu: ImuSpec) -> tuple[float, float]:
+    """By how much slow readings of gyros come late, and those of accelerometers later still [s]."""
+    gyro, accel = (LAG / triad.bandwidth for triad in (imu.gyro, imu.accel))
+    return float(gyro + imu.clock.latency), float(accel - gyro)
 
 
-def _triad(spec: TriadSpec, imu: ImuSpec) -> TriadErrors:
+def _triad(spec: TriadSpec, imu: ImuSpec, noise: float) -> TriadErrors:
     height = spec.instability / plateau(imu.corners)
     return TriadErrors(
-        noise=spec.noise,
+        noise=noise,
         bias=spec.bias,
         ramp=spec.ramp,
         scale=spec.scale,

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from alignment.arrays import Array, set_owned
 from alignment.cross import cross_matrix
-from alignment.skew import components
+from alignment.skew import components, spread
 from stand.errors import unknown
 from stand.imu.filter import LowPass, noise_variance
 from stand.imu.preset import ClockSpec, ImuSpec, TriadSpec
@@ -264,6 +264,15 @@ class Triad:
         self._accumulate = imu.increments
         self._sum = np.zeros((AXES, 1))  # of increments so far, unrounded
 
+    @property
+    def variances(self) -> Array:
+        """Of one sample in b (3,), by white noise and by rounding: a step's square over 12, of
+        increments over 6, for both ends of each are rounded."""
+        step = self._lsb / self._dt
+        variance = self.sigma**2 + step**2 / (6 if self._accumulate else 12)
+        across = np.ones(AXES) if self.spec.axes is None else spread(self.spec.axes).diagonal()
+        return variance * across
+
     def report(
         self,
         x: Array,
@@ -401,6 +410,12 @@ class Imu:
     def accel_sigma(self) -> float:
         """Standard deviation of one sample's white force noise, filtered [m/s^2]."""
         return self._accel.sigma
+
+    @property
+    def variances(self) -> tuple[Array, Array]:
+        """Of one sample's rates (3,) [(rad/s)^2] and forces (3,) [(m/s^2)^2] in b: noise and
+        rounding."""
+        return self._gyro.variances, self._accel.variances
 
     def report(self, sensed: Sensed | TruthBlock) -> ImuBlock:
         """The next block of samples; each block must be asked for once, in order.

@@ -10,7 +10,7 @@ from alignment.fixed_order import norm
 from alignment.information.drift import LASTING
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
-from stand.imu.instrument import lag_of
+from stand.imu.instrument import lags_of
 from stand.imu.processes import plateau
 from stand.table.joints import JOINTS
 from stand.table.table import Table
@@ -30,21 +30,29 @@ BASE_ARM = 0.73  # m: the unit's height above the crossing of the shipped base's
 GIMBAL_ARM = 0.055227  # m: the unit's place on two lines across the shipped pitch axis, each
 
 
-def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
+def priors_of(
+    imu: ImuSpec,
+    table: Table | None,
+    arm: float = 0.0,
+    noise: tuple[float, float] | None = None,
+) -> Priors:
     """Standard deviations of a unit's constant errors and of a table's placement.
 
     A dwell of minutes cannot tell a bias from what of its instability changes more slowly than
     that. What misaligned accelerometers and g-sensitive gyros make of gravity is no bias: it
     changes with the attitude, and is told by its own name. Where a base rocks or a table turns the
-    unit moves about axes that are some `arm` [m] away.
+    unit moves about axes that are some `arm` [m] away. `noise`: densities as `slow_noise` has them;
+    those of the sheet if not given.
     """
     turn, seat, nominal, azimuth = (0.0, 0.0, 0.0, 0.0) if table is None else placement(table)
     slow = _slow_part(imu.corners)
+    lag, accel_later = lags_of(imu)
+    gyro, accel = (imu.gyro.noise, imu.accel.noise) if noise is None else noise
     return Priors(
         gyro_bias=float(np.hypot(imu.gyro.bias, slow * imu.gyro.instability)),
         accel_bias=float(np.hypot(imu.accel.bias, slow * imu.accel.instability)),
-        gyro_walk=imu.gyro.noise,
-        accel_walk=imu.accel.noise,
+        gyro_walk=gyro,
+        accel_walk=accel,
         **_alike(imu),
         gyro_g_sensitivity=imu.gyro.g_sensitivity,
         gyro_g2_sensitivity=imu.gyro.g2_sensitivity,
@@ -55,7 +63,10 @@ def priors_of(imu: ImuSpec, table: Table | None, arm: float = 0.0) -> Priors:
         nominal=nominal,
         azimuth=azimuth,
         lever_arm=arm,
-        lag=lag_of(imu),
+        lag=lag,
+        accel_later=accel_later,
+        clock=imu.clock.offset,
+        jitter=imu.clock.jitter,
         gyro_axes=imu.gyro.axes,
         accel_axes=imu.accel.axes,
     )

@@ -14,7 +14,6 @@ from alignment.information.circle import Rival
 from alignment.information.result import DETERMINED
 from alignment.methods.position_gains import known_to
 from alignment.units import DEG
-from stand.imu.instrument import unit_of
 from stand.motion.plan import Plan, PlannedStep
 from stand.rehearsal.constants import constants_by
 from stand.rehearsal.planned import planned_stretch
@@ -42,13 +41,14 @@ from stand.rehearsal.rocking import (
 from stand.rehearsal.scene import Scene
 
 Predicted = tuple[list[Prediction], list[Observability]]
+ROUNDED = 1e-6  # of a sample: a stretch that ends on one has it
 
 
 def predict(scene: Scene, methods: Sequence[str], observe: bool = True) -> Predicted:
     """All methods' predictions, and, to `observe`, what their readings can tell."""
     predictions: list[Prediction] = []
     observed: list[Observability] = []
-    unit = unit_of(scene.imu)
+    unit = scene.unit
     for method in methods:
         try:
             _check_square(scene)
@@ -70,10 +70,9 @@ def _check_square(scene: Scene) -> None:
             )
 
 
-def _refused(method: str, reason: str) -> Prediction:
-    return Prediction(
-        method, "", "", "heading", unit="deg", per=DEG, sigma=None, contributions=(), reason=reason
-    )
+def _refused(method: str, reason: str, label: str = "") -> Prediction:
+    named = {"unit": "deg", "per": DEG, "sigma": None, "contributions": (), "reason": reason}
+    return Prediction(method, "", label, "heading", **named)
 
 
 def _method(name: str, scene: Scene, unit: InstrumentErrors, observe: bool) -> Predicted:
@@ -188,23 +187,40 @@ def _observed(method: str, known: Information) -> Observability:
 def _over_time(
     name: str, method: Method, scene: Scene, unit: InstrumentErrors, observe: bool
 ) -> Predicted:
-    """Of a method for any motion."""
-    assert method.functional is not None
-    truth = scene.truth()
+    """Of a method for any motion, which answers each stretch by itself."""
     found: list[Prediction] = []
-    steps = scene.plan.stretches
+    refused: list[AlignmentError] = []
+    steps = [s for s in scene.plan.stretches if method.for_motion(turning=s.turning is not None)]
     if not steps:
         raise AlignmentError(method.lacking)
     for step in steps:
-        readings = readings_of(truth, scene.plan.motion, step.steady_from, step.steady_to)
-        run = method.functional(readings, scene.site, scene.options)
-        check_carried(step.label, over_time(run.checked_by or run, unit, scene))
-        parts = over_time(run, unit, scene)
-        if not method.tells_mean:
-            parts["lag"] = late(run, scene)
-        told = angles(name, "", step.label, run.C_nb, turned_by_heading(parts), str)
-        found += withheld(told, ("pitch", "roll"), tilt_doubt(parts))
+        try:
+            found += _of_stretch(name, method, scene, unit, step)
+        except AlignmentError as error:
+            refused.append(error)
+            found.append(_refused(name, str(error), step.label))
+    if len(refused) == len(steps):
+        raise refused[0]
     if not observe:
         return found, []
     known = known_to([planned_stretch(steps[0])], scene.site, scene.options)
     return found, [_observed(name, known)]
+
+
+def _of_stretch(
+    name: str, method: Method, scene: Scene, unit: InstrumentErrors, step: PlannedStep
+) -> list[Prediction]:
+    """Of one stretch, whatever moves in it."""
+    assert method.functional is not None
+    samples = int((step.steady_to - step.steady_from) * scene.rate_hz + ROUNDED)
+    if samples < method.least_samples:
+        least = method.least_samples
+        raise AlignmentError(f"{step.label}: {samples} samples, at least {least} are needed")
+    readings = readings_of(scene.truth(), scene.plan.motion, step.steady_from, step.steady_to)
+    run = method.functional(readings, scene.site, scene.options)
+    check_carried(step.label, over_time(run.checked_by or run, unit, scene))
+    parts = over_time(run, unit, scene)
+    if not method.tells_mean:
+        parts["lag"] = late(run, scene)
+    told = angles(name, "", step.label, run.C_nb, turned_by_heading(parts), str)
+    return list(withheld(told, ("pitch", "roll"), tilt_doubt(parts)))

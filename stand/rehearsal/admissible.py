@@ -15,7 +15,6 @@ from alignment.arrays import Array
 from alignment.errors import AlignmentError
 from alignment.methods.two_gyro import METHOD as TWO_GYRO
 from alignment.methods.two_gyro import two_gyro_functional
-from stand.imu.instrument import unit_of
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.result import Prediction
 from stand.rehearsal.rocking import over_time, readings_of
@@ -105,7 +104,7 @@ def _at_rest(scene: Scene, step: PlannedStep) -> float:
         run = two_gyro_functional(still, scene.site, scene.options)
     except AlignmentError:  # not upright, or at a pole: no rocking helps
         return np.inf
-    parts = over_time(run, unit_of(scene.imu), scene)
+    parts = over_time(run, scene.unit, scene)
     return float(np.sqrt(sum(P[2, 2] for P in parts.values())))
 
 

@@ -20,7 +20,6 @@ from stand.motion.plan import PlannedStep
 from stand.rehearsal.predictions import Parts
 from stand.rehearsal.response import ReadingErrors, Response
 from stand.rehearsal.rocking import FOLLOWS
-from stand.rehearsal.rounding import roundings_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.verification import AGREES, MOSTLY
 
@@ -43,9 +42,7 @@ def check_quiet(
     blocks = sum(step.steady_to - step.steady_from for step in steps) / REST_BLOCK
     gyro, accel = (
         np.hypot(np.max(triad.noise), one.noise / sqrt(scene.rate_hz)) / sqrt(REST_BLOCK)
-        for triad, one in zip(
-            (unit.gyro, unit.accel), roundings_of(scene.imu, scene.rate_hz), strict=True
-        )
+        for triad, one in zip((unit.gyro, unit.accel), scene.roundings, strict=True)
     )
     moved = 0.0
     for sigma, limit, axes in (
@@ -98,7 +95,7 @@ def check_carried(label: str, match: Parts) -> None:
 
 def coarse(scene: Scene) -> str:
     """Why rounding forbids a number for a heading from Earth rate; '' where it does not."""
-    gyro, _ = roundings_of(scene.imu, scene.rate_hz)
+    gyro, _ = scene.roundings
     if gyro.steepness <= STEEPEST:
         return ""
     return (
@@ -114,7 +111,7 @@ def coarse_tilt(scene: Scene) -> str:
     Such a difference is nothing in the middle of a step and that of coin tosses at its edges: far
     off in a few runs and nothing in the others, which no sigma says.
     """
-    _, accel = roundings_of(scene.imu, scene.rate_hz)
+    _, accel = scene.roundings
     if accel.steepness <= STEEPEST:
         return ""
     return (

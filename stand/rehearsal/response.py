@@ -17,7 +17,6 @@ from stand.motion.plan import PlannedStep
 from stand.rehearsal.following import left_off
 from stand.rehearsal.predictions import Parts, name_of, prediction
 from stand.rehearsal.result import Prediction
-from stand.rehearsal.rounding import roundings_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.warmth import warmed
 from stand.simulation.collector import ticks_of
@@ -122,7 +121,7 @@ class ReadingErrors:
         spans = zip(self.true.stretches, seen, strict=True)
         fresh: Array = np.asarray(block_diag(*(_fresh(s, len(w), scene) for s, (w, *_) in spans)))
         found = {}
-        for k, one in enumerate(roundings_of(scene.imu, scene.rate_hz)):
+        for k, one in enumerate(scene.roundings):
             total = np.zeros_like(doubt)
             for channel in range(3 * k, 3 * k + 3):
                 own = slice(channel, None, 6)

@@ -15,11 +15,10 @@ from alignment.constant_errors import BY_AXIS
 from alignment.gains import Functional
 from alignment.information import InstrumentErrors
 from alignment.information.drift import sum_covariance
-from stand.imu.instrument import lag_of
+from stand.imu.instrument import lags_of
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
 from stand.rehearsal.predictions import Parts, name_of
-from stand.rehearsal.rounding import roundings_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.warmth import above_reference, triad_of
 
@@ -43,7 +42,7 @@ def readings_of(truth: Truth, motion: Motion, begin: float, end: float) -> ImuRe
 def steps_as_noise(scene: Scene) -> tuple[float, float]:
     """White noise of gyros and accelerometers [u/sqrt(Hz)] by rounding: a rocking base carries
     readings over many steps, so each sample's is anew."""
-    gyro, accel = roundings_of(scene.imu, scene.rate_hz)
+    gyro, accel = scene.roundings
     return gyro.step / sqrt(12 * scene.rate_hz), accel.step / sqrt(12 * scene.rate_hz)
 
 
@@ -51,7 +50,8 @@ def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
     """Covariances about n at the end of a stretch, by source."""
     rounding = steps_as_noise(scene)
     spans = np.diff(run.t)
-    middle = (run.t[1:] + run.t[:-1]) / 2
+    middle = run.middle
+    trembling = scene.imu.clock.jitter / sqrt(scene.rate_hz) * run.changing
     parts: Parts = {}
     force = run.force
     for k, (name, triad, gain, x, step) in enumerate(
@@ -64,6 +64,9 @@ def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
         for source, size in (("white noise", triad.noise), ("rounding", step)):
             white = each * np.asarray(size)
             parts[f"{name} {source}"] = np.einsum("mij,mkj->ik", white, white)
+        if scene.imu.clock.jitter:
+            white = each * trembling[:, None, 3 * k : 3 * k + 3]
+            parts[f"{name} jitter"] = np.einsum("mij,mkj->ik", white, white)
         parts[f"{name} bias instability"] = sum_covariance(gain, float(spans[-1]), triad.drift)
         if triad.random_walk:
             parts[f"{name} random walk"] = _walked(gain, middle, triad.random_walk)
@@ -86,9 +89,16 @@ def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
 
 
 def late(run: Functional, scene: Scene) -> Array:
-    """Covariance about n by a lag: the attitude is that of as long before the end."""
-    turn = lag_of(scene.imu) * (run.C_nb.as_matrix() @ run.rate[-1] - scene.site.w_ie_n)
-    return np.outer(turn, turn)
+    """Covariance about n by a lag: the attitude is that of as long before the end, and by what
+    accelerometers that come later than gyros feel; by a clock that runs fast, as much at the end.
+    """
+    lag, later = lags_of(scene.imu)
+    turn = run.C_nb.as_matrix() @ run.rate[-1] - scene.site.w_ie_n
+    felt = run.changing * np.repeat([0.0, 1.0], 3)
+    late = lag * turn + later * run.answer(felt)
+    since = run.middle[:, None] - run.t[-1]
+    fast = scene.imu.clock.offset * (run.t[-1] * turn + run.answer(since * run.changing))
+    return np.outer(late, late) + np.outer(fast, fast)
 
 
 def turned_by_heading(parts: Parts) -> Parts:

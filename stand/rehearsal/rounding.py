@@ -10,6 +10,7 @@ from alignment.arrays import Array, set_owned
 from alignment.rounding import waves
 from stand.imu import ImuSpec
 from stand.imu.grains import grains_of
+from stand.samples import Sampling
 
 _NOTHING = 1e-15  # of a step squared: waves below it are none
 _ANYWHERE = 0.6  # steps that a place is known to, from which it may be any: the slope is 1 +- 0.002
@@ -140,7 +141,9 @@ class Rounding:
         return np.array(found)
 
 
-def roundings_of(imu: ImuSpec, rate_hz: int) -> tuple[Rounding, Rounding]:
+def roundings_of(
+    imu: ImuSpec, rate_hz: int, sampling: Sampling = Sampling.MEAN
+) -> tuple[Rounding, Rounding]:
     """Of gyros and of accelerometers; increments carry their remainders on, and lose nothing."""
-    gyro, accel = (Rounding(one.step, one.noise) for one in grains_of(imu, rate_hz))
+    gyro, accel = (Rounding(one.step, one.noise) for one in grains_of(imu, rate_hz, sampling))
     return gyro, accel

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 
 from alignment import Options, Site
 from alignment.arrays import Array
+from alignment.information import InstrumentErrors
 from stand.imu import ImuSpec, Temperature
+from stand.imu.instrument import slow_noise, unit_of
 from stand.motion.limits import Torque
 from stand.motion.plan import Plan
 from stand.motion.polynomial import MotionKind
 from stand.physics.truth import Truth
+from stand.rehearsal.rounding import Rounding, roundings_of
 from stand.simulation.settings import Settings
 from stand.table.joints import StandModel
 from stand.table.known_errors import StatedErrors, stated
@@ -38,6 +41,17 @@ class Scene:
     def imu(self) -> ImuSpec:
         """The unit, less the terms that are switched off."""
         return self.settings.unit
+
+    @property
+    def unit(self) -> InstrumentErrors:
+        """The unit's errors, its noise as the samples have it."""
+        s = self.settings
+        return unit_of(self.imu, slow_noise(self.imu, s.rate_hz, s.sampling))
+
+    @property
+    def roundings(self) -> tuple[Rounding, Rounding]:
+        """Of gyros and accelerometers."""
+        return roundings_of(self.imu, self.rate_hz, self.settings.sampling)
 
     @property
     def table(self) -> Table:

@@ -209,6 +209,7 @@ def simulated(settings: Settings, progress: Callable[[float], None]) -> Simulate
         settings.rate_hz,
         moves=follows_moves(settings),
         imu=settings.unit,
+        sampling=settings.sampling,
         stand=simulation.encoders_of,
     )
     found, done = _room(simulation.total), 0

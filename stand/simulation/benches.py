@@ -14,7 +14,7 @@ from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec, Temperature
 from stand.imu.filter import LAG as FILTER_LAG
 from stand.imu.filter import noise_variance
-from stand.imu.instrument import unit_of
+from stand.imu.instrument import slow_noise, unit_of
 from stand.imu.priors import placement
 from stand.physics.mjcf import describe, load_model
 from stand.samples import Sampling
@@ -111,7 +111,7 @@ def _of_unit(imu: ImuSpec, rate_hz: float, sampling: Sampling) -> dict:
             for sensor, triad in zip(SENSORS, pair, strict=True)
             for one in triad.known
         ),
-        "unit": unit_of(imu),
+        "unit": unit_of(imu, slow_noise(imu, rate_hz, sampling)),
         "lag": lag,
         "lag_sigma": np.maximum(lag, LAG),
         "temperature_bias": np.array([t.bias_temperature for t in pair]),

@@ -16,7 +16,7 @@ from stand.imu import ImuSpec
 from stand.imu.grains import stated_of
 from stand.motion.plan import PlannedStep
 from stand.room import Room
-from stand.samples import ImuBlock, TruthBlock
+from stand.samples import ImuBlock, Sampling, TruthBlock
 from stand.table.joints import JOINTS, StandModel
 from stand.table.kinematics import C_NW
 from stand.table.leanings import joints_read
@@ -43,8 +43,8 @@ class DwellCollector:
     Of the stretches labelled in `moving` the true attitude is kept for every sample. What is too
     much for memory lies in a file in `folder`, see `Room`. `moves`: whether stretches at rest keep
     the readings of the moves beside them too. The readings know what the sheet of the unit `imu`
-    states of them. `stand`: where joints do not follow the plan, which makes of their encoders'
-    means where they stood.
+    states of samples by `sampling`. `stand`: where joints do not follow the plan, which makes of
+    their encoders' means where they stood.
     """
 
     def __init__(
@@ -56,7 +56,9 @@ class DwellCollector:
         moves: bool = False,
         imu: ImuSpec | None = None,
         stand: StandModel | None = None,
+        sampling: Sampling = Sampling.MEAN,
     ) -> None:
+        self._sampling = sampling
         self._steps, self._rate, self._imu, self._stand = stretches, rate_hz, imu, stand
         self._encoders = np.zeros((len(stretches), len(JOINTS)))
         self._ranges = [ticks_of(step, rate_hz) for step in stretches]
@@ -175,7 +177,7 @@ class DwellCollector:
         dwells, attitudes, means = [], [], []
         ranges, grains = (inf, inf), None
         if self._imu is not None:
-            ranges, grains = stated_of(self._imu, self._rate)
+            ranges, grains = stated_of(self._imu, self._rate, self._sampling)
         kept = zip(self._t, self._w, self._f, self._angle, strict=True)
         self._t = self._w = self._f = self._angle = []
         ends = zip(self._steps, self._ranges, self._held, self._q_wb, self._squares, strict=True)

@@ -144,7 +144,8 @@ class Trials:
 
     def _collector(self, plan: Plan, stand: StandModel | None = None) -> DwellCollector:
         rate, moves = self.settings.rate_hz, self._moves
-        return DwellCollector(plan.stretches, rate, moves=moves, imu=self._spec, stand=stand)
+        told = {"imu": self._spec, "sampling": self.settings.sampling}
+        return DwellCollector(plan.stretches, rate, moves=moves, stand=stand, **told)
 
     def _made(self, settings: Settings) -> Readings:
         planned = self._first.replanned(settings.seed) if self._drawn else self.plan
@@ -349,7 +350,8 @@ class Watched(NamedTuple):
 def watch(settings: Settings) -> Watched:
     """One run by `stand.simulation.simulation`, for curves over time."""
     simulation = Simulation(settings)
-    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz, imu=settings.unit)
+    told = {"imu": settings.unit, "sampling": settings.sampling}
+    collector = DwellCollector(simulation.plan.stretches, settings.rate_hz, **told)
     t, q = [], []
     for block in simulation.blocks():
         collector.add(block.truth, block.readings)

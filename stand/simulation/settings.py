@@ -28,6 +28,7 @@ from stand.arguments import (
 )
 from stand.errors import StandError, unknown, whole
 from stand.imu import ImuSpec, Temperature, load_imu, without
+from stand.imu.instrument import slow_noise
 from stand.imu.priors import BASE_ARM, GIMBAL_ARM, priors_of
 from stand.motion.polynomial import MotionKind
 from stand.physics.dynamics import Payload
@@ -301,7 +302,9 @@ def stated_priors(made: Settings) -> Priors:
     Of a table without errors that is none; a base that rocks and an axis that turns move the unit,
     whoever built it.
     """
-    return priors_of(made.unit, made.stated_table, arm_of(made.procedure, made.table))
+    arm = arm_of(made.procedure, made.table)
+    noise = slow_noise(made.unit, made.rate_hz, made.sampling)
+    return priors_of(made.unit, made.stated_table, arm, noise)
 
 
 def run_id(settings: Settings) -> str:

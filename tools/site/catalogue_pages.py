@@ -79,7 +79,7 @@ def _method(name: str) -> str:
     module = inspect.getmodule(function)
     assert module is not None
     needs = {
-        "takes": f"stretches {method.takes if method.takes != 'rest' else 'at rest'}",
+        "takes": f"stretches {'at rest' if method.takes == 'rest' else method.takes}",
         "latitude": "must be known" if method.needs_latitude else "need not be known",
         "zero offset": "from the first seconds of each stretch" if method.needs_offset else "",
         "Y1": "must be near the vertical" if method.needs_upright else "",

@@ -9,7 +9,7 @@ from rocking import G, Motion
 from scipy.spatial.transform import Rotation
 from test_inertial import QUIET, SLOW, STILL, dwell, errors, site
 
-from alignment import Dwell, ImuReadings, Options, Priors, Site
+from alignment import ESTIMATORS, Dwell, ImuReadings, Options, Priors, Site
 from alignment.information.drift import Span, flicker, gauss_markov
 from alignment.methods.drifting import Held, held
 from alignment.methods.fine import filtered
@@ -126,3 +126,41 @@ def test_a_filter_at_rest_knows_what_the_best_weights_leave(noise):
     # processes that the noise hides are taken for white: up to a twentieth of each sigma
     assert sqrt(P[0, 0]) == pytest.approx(sqrt(one[0, 0]) / G, rel=0.05)
     assert sqrt(P[2, 2]) == pytest.approx(sqrt(line[1, 1]) / (G * W * cos(radians(48.5))), rel=0.05)
+
+
+@pytest.mark.parametrize("method", ["triad", "single-gyro", "two-gyro"])
+def test_biases_have_walked_since_they_were_switched_on(method):
+    """A mean over T that begins at t: ``K^2 (t + T/3)`` of a walk, ``R (t + T/2)`` of a ramp.
+
+    Both are of gyros, which a level X1 north makes heading of, by ``1/(W cos lat)``.
+    """
+    t, w, f, C = LEVEL.readings(60.0, 10, start=90.0)
+    stretch = Dwell("p", 90.0, 150.0, ImuReadings(t, w, f), Rotation.from_matrix(C))
+    where = Site(radians(48.5), local_gravity=G)
+
+    def heading(**told):
+        (e, *_) = ESTIMATORS[method].estimate([stretch], where, Options(priors=Priors(**told)))
+        return e.covariance[2, 2] * (W * cos(radians(48.5))) ** 2
+
+    quiet = heading(gyro_walk=1e-9)
+    walked = heading(gyro_walk=1e-9, gyro_random_walk=1e-9) - quiet
+    assert walked == pytest.approx(1e-18 * (90 + 60 / 3), rel=1e-3)
+    ramped = heading(gyro_walk=1e-9, gyro_ramp=1e-10) - quiet
+    assert ramped == pytest.approx((1e-10 * 120) ** 2, rel=1e-3)
+
+
+def test_offsets_and_later_readings_walk_apart():
+    """Means of the first ten seconds and of the fifty behind them: ``K^2 (10 + 50)/3``, ``30 R``.
+
+    Integrated over those fifty: ``K^2 50^2 (10 + 50)/3`` and ``R 50 (10 + 50)/2``.
+    """
+    t, w, f, C = LEVEL.readings(60.0, 10, start=90.0)
+    stretch = Dwell("p", 90.0, 150.0, ImuReadings(t, w, f), Rotation.from_matrix(C))
+    where = Site(radians(48.5), local_gravity=G)
+    for method, scale in (("six-position", W * cos(radians(48.5))), ("rk4", 1 / 50)):
+        quiet, walked, ramped = (
+            ESTIMATORS[method].estimate([stretch], where, Options(priors=told))[-1].covariance
+            for told in (Priors(), Priors(gyro_random_walk=1e-9), Priors(gyro_ramp=1e-10))
+        )
+        assert (walked - quiet)[2, 2] * scale**2 == pytest.approx(1e-18 * 20, rel=1e-6), method
+        assert (ramped - quiet)[2, 2] * scale**2 == pytest.approx((30e-10) ** 2, rel=1e-6), method

@@ -234,6 +234,63 @@ def test_readings_that_come_late_tell_where_a_turn_stood(method):
     np.testing.assert_allclose(resting.covariance, same.covariance, rtol=1e-9)
 
 
+@pytest.mark.parametrize("method", [fine, inertial])
+@pytest.mark.parametrize("of", ["gyros", "accelerometers"])
+def test_of_a_spin_about_a_level_axis_only_accelerometers_that_come_late_tell(method, of):
+    """Gyros of a steady rate read the same later on; gravity was 20 deg/s times 1 ms elsewhere."""
+    late, turning = 1e-3, Motion(roll=Angle(0.3, rate=radians(20.0)))
+    before = replace(turning, roll=Angle(0.3 - 3.491e-4, rate=radians(20.0)))
+    t, w, f, C = turning.readings(T, 10.0)
+    _, _, then, _ = before.readings(T, 10.0)
+    gyros = of == "gyros"
+    told = {"lag": late, "accel_later": -late} if gyros else {"accel_later": late}
+    knows, not_told = (
+        method([dwell(t, w, f if gyros else then)], site(turning), Options(priors=priors))[0]
+        for priors in (replace(QUIET, **told), QUIET)
+    )
+    expected = 0.0 if gyros else 3.491e-4
+    error = errors(knows.C_nb.as_matrix()[None], C)[0]
+    assert error[0] == pytest.approx(-expected, abs=4e-6)
+    more = knows.covariance[0, 0] - not_told.covariance[0, 0]
+    # blocks of half a second turn by ten degrees: a thousandth of the whole is left
+    assert np.sqrt(max(more, 0.0)) == pytest.approx(expected, abs=4e-6)
+
+
+def test_a_clock_that_runs_fast_turns_gravity_at_another_rate():
+    """By difference: of a spin that is a part c faster, but for the rate itself, which stays."""
+    size, turning = 1e-6, Motion(roll=Angle(0.3, rate=radians(20.0)))
+    faster = replace(turning, roll=Angle(0.3, rate=radians(20.0) * (1 + size)))
+    t, w, f, _ = turning.readings(T, 10.0)
+    _, rates, forces, _ = faster.readings(T, 10.0)
+    rates = rates - np.array([radians(20.0) * size, 0.0, 0.0])
+    base, moved, knows = (
+        inertial([dwell(t, *read)], site(turning), Options(priors=priors))[0]
+        for read, priors in (
+            ((w, f), QUIET), ((rates, forces), QUIET), ((w, f), replace(QUIET, clock=size)),
+        )
+    )  # fmt: skip
+    J = (moved.C_nb * base.C_nb.inv()).as_rotvec()
+    assert J[0] == pytest.approx(radians(20.0) * size * T / 2, rel=0.01)  # of the middle
+    got, root = knows.covariance - base.covariance, abs(J[0])
+    np.testing.assert_allclose(got / root**2, np.outer(J, J) / root**2, atol=0.02)
+
+
+def test_stamps_that_tremble_are_noise_of_what_turns():
+    """``j |f'|`` of each sample: 20 deg/s of gravity across the axis, along none of it."""
+    jitter, turning = 1e-4, Motion(roll=Angle(0.3, rate=radians(20.0)))
+    t, w, f, _ = turning.readings(T, 10.0)
+    trembling, noisy = (
+        inertial([dwell(t, w, f)], site(turning), Options(priors=priors))[0].covariance
+        for priors in (
+            replace(QUIET, jitter=jitter),
+            # of gravity on two axes in turn: the root of a half of it on each
+            replace(QUIET, accel_walk=1e-4 * radians(20.0) * 9.81 / np.sqrt(2) / np.sqrt(10.0)),
+        )
+    )
+    # about the axis both of them are what the two across it make; elsewhere one of them is still
+    assert trembling[0, 0] == pytest.approx(noisy[0, 0], rel=0.02)
+
+
 def test_unstated_vertical_bias_is_not_taken_for_sway():
     """Half a milli-g along the vertical, and no word of it: gravity's size is free."""
     stretch, C = exact(STILL, T, 10.0)

@@ -246,6 +246,27 @@ def test_sigmas_that_the_recording_states():
     assert Imu(bare, 0, 100).accel_sigma == pytest.approx(4.0e-3, rel=1e-12)
 
 
+SKEWED = ((0.9, 0.3, 0.0), (0.0, 0.8, 0.5), (0.2, 0.0, 1.0))
+
+
+@pytest.mark.parametrize("bandwidth", [np.inf, 20.0])
+@pytest.mark.parametrize("rounded", ["", "samples", "increments", "samples, of skewed axes"])
+def test_variances_that_the_recording_states_are_those_of_its_samples(bandwidth, rounded):
+    """At rest, in all channels: noise of 0.01, rounded to as much."""
+    ideal, n = load_imu("ideal"), 4000
+    steps = {"increment_lsb": 1e-4} if rounded == "increments" else {"resolution": 0.01}
+    triad = TriadSpec(noise=1e-3, bandwidth=bandwidth, **(steps if rounded else {}))
+    triad = replace(triad, axes=SKEWED if "skewed" in rounded else None)
+    unit = replace(ideal, gyro=triad, accel=triad, increments=rounded == "increments")
+    imu = Imu(unit, 5, 100)
+    still = truth(n)
+    still = replace(still, w_ib_b=np.full((n, 3), 0.0123), f_b=np.full((n, 3), -0.0457))
+    seen = imu.report(still)
+    for values, told in zip((seen.w_ib_b, seen.f_b), imu.variances, strict=True):
+        # of 4000 samples, a filter's lasting for one or two: 4 sigma of sqrt(2 x 2 / 4000)
+        assert values.var(axis=0) == pytest.approx(told, rel=0.13)
+
+
 # --- streams
 
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from alignment import Site
 from stand.imu import Imu, ImuSpec, TriadSpec, load_imu
-from stand.imu.filter import LowPass, noise_innovations, noise_variance
+from stand.imu.filter import LowPass, noise_innovations, noise_variance, slow_variance
 from stand.motion.polynomial import Motion
 from stand.physics.mjcf import load_model
 from stand.physics.truth import Truth
@@ -319,3 +319,14 @@ def test_its_state_is_all_that_it_remembers(known):
     expected = fed(whole, 200, 300)
     other.state = kept
     assert fed(other, 200, 300).tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize(("bandwidth", "rate"), [(262.0, 20.0), (262.0, 200.0), (50.0, 7.0)])
+def test_instants_fold_what_is_above_half_of_their_rate_into_their_mean(bandwidth, rate):
+    """Every alias: ``sum_k |H(k f)|^2`` of Butterworth's ``1/(1 + (k f/bandwidth)^4)``."""
+    k = np.arange(-20000, 20001)
+    by_hand = np.sum(1 / (1 + (k * rate / bandwidth) ** 4))
+    # what is left out falls with the cube of the number of aliases
+    assert slow_variance(bandwidth, rate, Sampling.INSTANT) == pytest.approx(by_hand, rel=1e-9)
+    assert slow_variance(bandwidth, rate, Sampling.MEAN) == 1.0
+    assert slow_variance(np.inf, rate, Sampling.INSTANT) == 1.0

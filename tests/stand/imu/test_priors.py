@@ -55,12 +55,14 @@ def test_placement_by_hand():
     assert told.lag == 0.0  # no bandwidth, no latency
 
 
-def test_readings_come_as_late_as_the_slower_triads_filter_and_the_bus():
-    """``sqrt2/(2 pi f)`` of 100 Hz is 2.2508 ms, and 3 ms on the way."""
+def test_readings_come_as_late_as_their_filters_and_the_bus_make_them():
+    """``sqrt2/(2 pi f)`` of 400 and 100 Hz is 0.5627 and 2.2508 ms, and 3 ms on the way."""
     ideal = load_imu("ideal")
     gyro, accel = TriadSpec(bandwidth=400.0), TriadSpec(bandwidth=100.0)
     slow = replace(ideal, gyro=gyro, accel=accel, clock=replace(ideal.clock, latency=3e-3))
-    assert priors_of(slow, None).lag == pytest.approx(5.2508e-3, rel=1e-4)
+    told = priors_of(slow, None)
+    assert told.lag == pytest.approx(3.5627e-3, rel=1e-4)  # of the gyros
+    assert told.accel_later == pytest.approx(2.2508e-3 - 0.5627e-3, rel=1e-4)
 
 
 @pytest.mark.parametrize(("corners", "slow"), [((1.0,), 0.0), ((1e6,), 1 / 0.6174)])

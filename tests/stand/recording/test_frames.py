@@ -35,15 +35,24 @@ turns = 1
 LARGE = """
 [table_errors]
 base_tilt_arc_s = [300, -200]
+base_azimuth_arc_s = 250
 mounting_arc_s = [100, 500, -250]
 [table_errors.axis.outer]
 wobble_arc_s = 200
 non_orthogonality_arc_s = 300
 placement_arc_s = -400
+encoder_once_arc_s = [300, -150]
+encoder_twice_arc_s = [-100, 80]
+[table_errors.axis.base_yaw]
+non_orthogonality_arc_s = 90
+wobble_arc_s = -60
 [table_errors.axis.inner]
 wobble_arc_s = 150
 wobble_phase_deg = 30
 non_orthogonality_arc_s = -120
+rate_ripple_percent = 0.3
+ripple_per_turn = 3
+ripple_phase_deg = 50
 """
 FAST = """
 title = "Beyond the range"

@@ -282,6 +282,9 @@ def test_a_walk_has_begun_before_the_stretch():
     assert walked / 9e-18 == pytest.approx((105 * 25 + 10 * 9) * np.eye(3), rel=1e-9)
 
 
+NONE = TriadErrors()
+
+
 def one_block(**changes):
     """Answers of 2 to gyros and 3 to accelerometers, over 4 s from 10 s on."""
     made = Functional(
@@ -316,6 +319,17 @@ def test_noise_and_steps_of_a_rocking_base_by_hand():
         ("motion", 5e-9),
     ):
         assert found[name] == pytest.approx(variance * np.eye(3), rel=1e-12), name
+
+
+def test_stamps_that_tremble_are_noise_of_what_changes_by_hand():
+    """1 ms at 20 Hz of 0.1 rad/s^2 and 2 m/s^3: ``(g j x')^2 / (20 Hz 4 s)``, axis by axis."""
+    still = load_imu("ideal")
+    unit = replace(still, clock=replace(still.clock, jitter=1e-3))
+    changes = np.array([[0.1, 0.0, 0.3, 2.0, 1.0, 0.0]])
+    found = over_time(one_block(changes=changes), InstrumentErrors(NONE, NONE), scene_of(unit))
+    squares = changes[0] ** 2 * 1e-6 / 80
+    assert found["gyro jitter"] == pytest.approx(4 * np.diag(squares[:3]), rel=1e-12)
+    assert found["accelerometer jitter"] == pytest.approx(9 * np.diag(squares[3:]), rel=1e-12)
 
 
 def test_warmth_and_constants_of_a_rocking_base_by_hand():
