@@ -16,6 +16,7 @@ from alignment.parts import excerpts, parts, release
 SHORT = 0.5  # of the mean step: less between two stamps is a burst
 BURSTS = 0.05  # of all steps that must be so short, and as many that make up for it
 ALIKE = 0.98  # of the runs of repeated rows that must be of one length, or of two that follow
+BEATS = 4  # variance that chance would make of sums of runs; a beat of rates makes a half at most
 OFTEN = 1.3  # rows that must stand so many times on average
 FEWEST_RUNS = 32  # below which repeats may be chance
 FINEST = 1e-6  # of the span of values: finer is no step, or one that matters to nobody
@@ -94,7 +95,17 @@ def repeats(values: Array) -> IntArray | None:
         return None
     usual = int(np.floor(np.median(runs)))
     share = max(np.mean((runs == k) | (runs == k + 1)) for k in (usual - 1, usual))
-    return starts if share >= ALIKE else None
+    return starts if share >= ALIKE and _take_turns(runs) else None
+
+
+def _take_turns(runs: IntArray) -> bool:
+    """Whether runs of two lengths follow a beat of two rates: by chance their sums over many would
+    vary as the runs do."""
+    among = int(np.ceil(BEATS / max(float(runs.var()), 1e-9)))
+    if len(runs) < 2 * BEATS * among:  # too few to tell
+        return True
+    sums = runs[: len(runs) // among * among].reshape(-1, among).sum(axis=1)
+    return bool(sums.var() < BEATS / 2)
 
 
 def some_of(values: Array) -> Array:

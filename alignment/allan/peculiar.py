@@ -13,12 +13,13 @@ from alignment.allan.running import PIECE, Grid, pieces, running_sum, second_dif
 from alignment.arrays import Array, IntArray
 from alignment.parts import in_parts, parts, release
 from alignment.readings import ImuReadings
-from alignment.sampling import every, some_of
+from alignment.sampling import every, seldom_change, some_of, step_of
 
 AXES = ("x", "y", "z")
 BLOCK = 64  # samples whose scatter is read about their own mean
 AT_ONCE = 512  # blocks: a quarter of a MB
 SHAKEN = 25.0  # times the median variance in such a block: no chance, but a knock or a vibration
+TWO_NUMBERS = 0.26  # of a step squared: a quarter, and 64 over 63
 FAR = 8.0  # usual deviations from the mean of both neighbours: no chance in any record
 SILENT = 1e-13  # of the signal's size: less is rounding
 STUCK = 4  # blocks without any scatter, one after the other
@@ -61,7 +62,7 @@ def peculiar(sensor: str, stretches: Sequence[ImuReadings], interval: float) -> 
         values = part.w_ib_b if sensor == "gyro" else part.f_b
         spread = scatter(values)
         usual = np.median(spread, axis=0)
-        notes += _shaken(sensor, part.t, spread, usual)
+        notes += _shaken(sensor, part.t, values, spread, usual)
         low, high = _ends(values)
         rounds = SILENT * np.maximum(high, -low)
         for k, axis in enumerate(AXES):
@@ -83,8 +84,11 @@ def _ends(values: Array) -> tuple[Array, Array]:
     return low.min(axis=0), high.max(axis=0)
 
 
-def _shaken(sensor: str, t: Array, spread: Array, usual: Array) -> Iterator[str]:
+def _shaken(sensor: str, t: Array, values: Array, spread: Array, usual: Array) -> Iterator[str]:
     beyond = spread > SHAKEN * np.where(usual > 0, usual, np.inf)
+    if beyond.any():  # by more than a reading between two numbers does
+        steps = [step_of(own) or seldom_change(own) for own in values.T]
+        beyond &= spread > TWO_NUMBERS * np.square(steps)
     if beyond.any():
         first = int(np.flatnonzero(beyond.any(axis=1))[0])
         share = 100 * np.mean(beyond.any(axis=1))

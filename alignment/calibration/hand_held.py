@@ -128,7 +128,7 @@ def hand_held(
     log = _Log(readings, rests, unknowns, gravity, site=site, priors=priors, choices=choices)
     left = _without_clipped(log)
     problem = log.problem(left)
-    _check_axes(problem)
+    _check_axes(problem, left)
     _gyros_tell(problem, start(problem), priors)  # before the fit, which could not settle
     left = left if choices.as_published else _without_wild(log, left)
     problem = log.problem(left)
@@ -280,10 +280,11 @@ def _odd_gravity(gravity: Gravity, site: Site) -> tuple[str, ...]:
     return (f"gravity {gravity.value:g} m/s^2 is {off:+.3g} off normal gravity of the site",)
 
 
-def _check_axes(problem: Problem) -> None:
+def _check_axes(problem: Problem, out: _Left) -> None:
     """`AlignmentError` where the gyros turn otherwise than the accelerometers' vertical does."""
     if not len(problem.moves.spans):
-        raise AlignmentError("no move between rests that is whole: nothing tells the gyros")
+        why = "".join(f"; {one.stretch}: {one.reason}" for one in out.reasons[:1])
+        raise AlignmentError(f"no move between rests that is whole: nothing tells the gyros{why}")
     whole = _miss(problem)
     if whole < ASTRAY:
         return
@@ -475,7 +476,8 @@ def _calibration(
     basis = unknowns.basis
     turned_case = 0.0 if priors is None else priors.accel_misalignment
     case = turned_case**2 * unknowns.rotation @ unknowns.rotation.T
-    drift = np.diag(_of_biases(unknowns, log.drift(log.rests)[:, 0]))
+    common = log.drift(log.rests)[:, 0] + np.array([problem.rests.rounding, 0.0])
+    drift = np.diag(_of_biases(unknowns, common))
     covariance = basis @ fit.covariance[:q, :q] @ basis.T + case + drift
     values = basis @ fit.state.z
     before = np.sqrt(_prior_variances(unknowns) + case.diagonal())

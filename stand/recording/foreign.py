@@ -34,8 +34,8 @@ from stand.recording.time_stamps import (
     array_ns,
     likely_unit,
     parser_of,
+    separated,
     time_unit_ns,
-    told_apart,
     unwrapped,
 )
 
@@ -156,7 +156,7 @@ def _once(table: _Table) -> tuple[_Table, tuple[str, ...]]:
     if t_ns is None:
         return table, ()
     again = repeats(t_ns, table.values)
-    if not len(again) or (told_apart(t_ns) and len(again) < np.count_nonzero(np.diff(t_ns) == 0)):
+    if not len(again) or (separated(t_ns) and len(again) < np.count_nonzero(np.diff(t_ns) == 0)):
         return table, ()
     once = np.delete(np.arange(len(t_ns)), again)
     kept = replace(table, t_ns=t_ns[once], row=table.row[once], values=table.values[once])
@@ -349,7 +349,7 @@ def _stamps(path: Path, table: _Table, form: LogForm) -> tuple[IntArray, int, tu
         if not 1 <= period <= _LONGEST_NS:
             raise StandError(f"--wrap {form.wrap:g}: must be 1 ns to {_LONGEST_NS:g} ns (31 years)")
         t_ns = unwrapped(path, t_ns, round(period))
-    t_ns, told = _told_apart(path, t_ns, table.values)
+    t_ns, told = _separated(path, t_ns, table.values)
     _check_increase(path, t_ns, table.row)
     unix = t_ns[0] >= YEAR_1990 * _SECOND and t_ns[-1] < YEAR_2038 * _SECOND
     whole = int(t_ns[0]) // _SECOND * _SECOND if unix else 0
@@ -362,9 +362,9 @@ def _stamps(path: Path, table: _Table, form: LogForm) -> tuple[IntArray, int, tu
     return t_ns - whole, whole or EPOCH_NS, told
 
 
-def _told_apart(path: Path, t_ns: IntArray, values: Array) -> tuple[IntArray, tuple[str, ...]]:
+def _separated(path: Path, t_ns: IntArray, values: Array) -> tuple[IntArray, tuple[str, ...]]:
     """Stamps of which none is another's, where rows shared them, and a word of it."""
-    found = told_apart(t_ns)
+    found = separated(t_ns)
     if found is None:
         return t_ns, ()
     apart, rows = found

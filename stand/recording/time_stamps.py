@@ -153,7 +153,7 @@ def unwrapped(path: object, t_ns: IntArray, period: int) -> IntArray:
     return t_ns + period * np.cumsum(back)
 
 
-def told_apart(t_ns: IntArray) -> tuple[IntArray, IntArray] | None:
+def separated(t_ns: IntArray) -> tuple[IntArray, IntArray] | None:
     """Stamps (n,) of rows that share them, told apart, and how many rows each had; None: few do.
 
     Samples that are handed over together, or whose stamps are rounded, have one stamp: the last of

@@ -80,6 +80,14 @@ def test_coarse_values_are_no_repeats(sigma):
         assert repeats(np.rint([0.3, -0.4, 0.1] + sigma * normal(5000, seed))) is None
 
 
+def test_runs_that_follow_no_beat_are_no_repeats():
+    """Rows of coarse values stand once or twice by chance, by a driver's rate every third twice."""
+    by_chance = 1 + (np.random.default_rng(1).random(600) < 1 / 3)
+    assert repeats(np.repeat(normal(600), by_chance, axis=0)) is None
+    by_turns = 1 + (np.arange(600) % 3 == 0)
+    assert repeats(np.repeat(normal(600), by_turns, axis=0)) is not None
+
+
 def test_dead_and_new_values_are_no_repeats():
     assert repeats(np.zeros((1000, 3))) is None
     assert repeats(normal(1000)) is None

@@ -116,6 +116,13 @@ def test_noise_of_any_colour_is_none_of_it_in_parts(short_parts):
     check_no_false_alarms(seeds=3)
 
 
+def test_coarse_readings_between_two_numbers_are_no_knock():
+    """Of one number but for a few; the usual scatter is rounding in the last digits."""
+    x = np.full(N, 0.1234)
+    x[[6400, 6410, 9000]] += SIGMA
+    assert not [note for note in told(x) if "scatter" in note]
+
+
 def test_the_slope_of_a_filter_is_no_line():
     """Of fourth order at 8 of 100 Hz, as a unit has it: near 50 Hz the level falls to nothing, and
     dozens of lines were named there. A line beside it still is."""

@@ -15,7 +15,7 @@ from alignment.calibration.gravity import gravity_of
 from alignment.calibration.hand_held import HandHeld, hand_held
 from alignment.calibration.moves import moves_of, turned
 from alignment.calibration.orientations import NAMES, additions, in_words, norm_rows, rank_of
-from alignment.calibration.rest_means import drift_variances, rounding_variance
+from alignment.calibration.rest_means import drift_variances, rounding_variances
 from alignment.errors import AlignmentError, TooShort
 from stand.calibration.truth import true_values
 from stand.imu.priors import priors_of
@@ -152,13 +152,32 @@ def test_drift_alike_and_apart():
 
 
 def test_what_rounding_leaves():
-    """Steps of 1 with noise of 0.3: (1/pi) exp(-2 pi^2 0.09) at most, its mean square half."""
-    rng = np.random.default_rng(2)
-    values = np.rint(0.3 * rng.standard_normal((100_000, 1)) + 0.4)
-    seen = float(values.var())
-    by_hand = (np.exp(-2 * np.pi**2 * (seen - 1 / 12)) / np.pi) ** 2 / 2
-    assert rounding_variance(values) == pytest.approx([by_hand])
-    assert rounding_variance(rng.standard_normal((1000, 1))) == 0
+    """Steps of 2 with noise of 0.6: the first wave's (2/pi) exp(-2 pi^2 0.09), its mean square
+    half; without noise 2^2/12; noise below the steps that are asked for is none."""
+    shown = np.array([[4 * (0.09 + 1 / 12), 0.0, 1.0]])
+    first = (2 * np.exp(-2 * np.pi**2 * 0.09) / np.pi) ** 2 / 2
+    found = rounding_variances(shown, np.array([2.0, 2.0, 0.0]))
+    np.testing.assert_allclose(found, [[first, 4 / 12, 0.0]], rtol=0.01)  # waves beyond it
+    (none,) = rounding_variances(shown[:, :1], np.array([2.0]), least=0.6)
+    np.testing.assert_allclose(none, 4 / 12, rtol=0.01)
+
+
+def test_a_unit_too_coarse_for_its_noise():
+    """Gyros in steps of 0.3 deg/s read their bias alike in all rests: it is known to a step over
+    sqrt 12, however many there are. Accelerometers in steps of 10 mg; 21 numbers."""
+    unit = unit_of("ideal", 1, 25)
+    log, _, _ = log_of(unit, anyhow(20, 3), rest_s=5)
+    q, qa = np.radians(0.3), 0.1
+    w = q * np.rint((log.w_ib_b + q * np.array([0.3, -0.45, 5.2])) / q)
+    coarse = ImuReadings(log.t, w, qa * np.rint(log.f_b / qa))
+    found = hand_held(coarse, Gravity(value=G, sigma=1e-6), SITE)
+    own = [k for k, key in enumerate(found.keys) if (key.sensor, key.term) == ("gyro", "bias")]
+    off = found.values[own] - q * np.array([0.3, -0.45, 5.2])
+    assert np.all(found.sigmas[own] > 0.28 * q)
+    assert np.all(found.sigmas[own] < 0.6 * q)
+    assert np.all(np.abs(off) < 0.51 * q)
+    force = [k for k, key in enumerate(found.keys) if key.sensor == "accel"]
+    assert 0.1 < np.mean((found.values / found.sigmas)[force] ** 2) < 3.0
 
 
 def test_gravity_as_it_is_known():
@@ -325,7 +344,7 @@ def test_a_sensor_at_full_scale(a_log):
     found = hand_held(log, MEASURED, SITE)
     assert {out.reason.partition(" gyro ")[2] for out in found.left_out} == {"at full scale"}
     assert found.chi_square < 2 * found.dof
-    with pytest.raises(AlignmentError, match=r"gyros by \d+ moves: rank \d of 9|no move between"):
+    with pytest.raises(AlignmentError, match=r"rank \d of 9|no move between .* gyro at full"):
         hand_held(replace(a_log, w_ib_b=np.clip(a_log.w_ib_b, -0.7, 0.7)), MEASURED, SITE)
 
 

@@ -147,6 +147,21 @@ def test_accelerometers_that_jump_tell_the_filter_no_heading():
     assert abs(off) < 3 * sigma
 
 
+def test_a_bias_along_north_does_not_tilt_the_match():
+    """0.3 deg/h turn 45 arc seconds in half of the record: the end was as far off, at a sigma of
+    one."""
+    r, truth = readings(2), np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
+    turned = radians(0.3) / 3600 * SPAN / 2
+    w = r.w_ib_b + np.array([radians(0.3) / 3600, 0.0, 0.0])
+    (one,) = inertial([Dwell("p", 0.0, SPAN, ImuReadings(r.t, w, r.f_b))], HERE, Options())
+    assert one.C_nb is not None
+    assert one.covariance is not None
+    off = Rotation.from_matrix(one.C_nb.as_matrix() @ truth.T).as_rotvec()
+    sigmas = np.sqrt(np.diag(one.covariance))
+    assert np.all(np.abs(off[:2]) < 3 * sigmas[:2])
+    assert np.all(sigmas[:2] < 0.2 * turned)
+
+
 @pytest.mark.parametrize("method", [inertial, fine])
 def test_gyros_that_say_nothing_tell_no_heading(method):
     r = readings(2)
