@@ -32,6 +32,7 @@ proof: $(READY)
 	$(PY) tests/benchmarks/proof.py
 	$(PY) tests/benchmarks/proof_allan.py
 	$(PY) tests/benchmarks/proof_nees.py
+	$(PY) tests/benchmarks/proof_drives.py
 	$(PY) tests/benchmarks/proof_calibration.py
 
 docs: $(READY)

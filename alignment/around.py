@@ -14,6 +14,7 @@ _DRAWS = np.linspace(-6, 6, 97)  # of a normal number, and their weights
 _WEIGHTS = np.exp(-(_DRAWS**2) / 2) / np.sum(np.exp(-(_DRAWS**2) / 2))
 _BOTH = np.outer(_WEIGHTS, _WEIGHTS)
 _LEAST_LEFT = 1e-3  # of the Earth's level rate
+_ANYWHERE = np.pi / np.sqrt(3)  # rad, of a direction of which nothing is known
 
 
 def whole_circle(covariance: Array, heading: float) -> Array:
@@ -97,8 +98,30 @@ def less_turned(covariance: Array, left: float) -> Array:
     """Factors (3, 3) of a covariance about n where an unknown bias leaves less than the Earth's.
 
     Heading is the direction of a level rate: where the gyros show but a part `left` of the Earth's,
-    the same noise turns it by more. Noise of its own size makes a rate as small by chance.
+    the same noise turns it by more. Noise of its own size makes a rate as small by chance. Gyros
+    that show nothing of it, dead ones say, leave the whole circle, whatever their noise.
     """
-    least = max(float(np.hypot(left, np.sqrt(covariance[2, 2]))), _LEAST_LEFT)
-    more = np.array([1.0, 1.0, max(1.0, 1 / least)])
+    sigma = float(np.sqrt(covariance[2, 2]))
+    least = max(float(np.hypot(left, sigma)), _LEAST_LEFT)
+    grown = max(1.0, 1 / least)
+    if left < _LEAST_LEFT:
+        grown = max(grown, _ANYWHERE / max(sigma, np.finfo(float).tiny))
+    more = np.array([1.0, 1.0, grown])
     return np.outer(more, more)
+
+
+def tilts_about(covariance: Array) -> Array:
+    """`covariance` (3, 3) about n, with tilts about a north that is as unsure as heading.
+
+    By an error d of heading the tilts' covariance P turns; over normal d of variance s^2 it is
+    ``(1 - p) P + p Q``, Q being P turned by a right angle and ``p = (1 - exp(-2 s^2))/2``. Their
+    correlation loses as much.
+    """
+    part = -np.expm1(-2 * float(covariance[2, 2])) / 2
+    found = covariance.copy()
+    own = covariance[:2, :2]
+    other = np.array([[own[1, 1], -own[0, 1]], [-own[1, 0], own[0, 0]]])
+    found[:2, :2] = (1 - part) * own + part * other
+    found[:2, 2] *= np.sqrt(1 - part)
+    found[2, :2] *= np.sqrt(1 - part)
+    return found

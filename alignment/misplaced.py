@@ -27,18 +27,18 @@ def misplaced(
     noise, constants and table are stated to make it, it may be wrong by as much: one sigma, of
     level axes alike, for a bias turns where it points.
 
-    Without a data sheet any offset may be a bias: nothing is added.
+    Of sensors of which nothing but noise is known any offset may be a bias: nothing is added.
     """
     added, flags = np.zeros((3, 3)), []
-    if priors.noise_only:
-        return added, ()
     G = from_b(compass_gain(site), nominal)
     drifts = np.repeat([priors.gyro_instability, priors.accel_instability], 3) ** 2
     constants = constant_covariance(nominal_readings(nominal, site), priors)
     own_b = np.diag(offset.variances + drifts + _ROUNDING**2) + constants
     likely = G @ own_b @ G.T + placed_covariance(priors)
     seen = G @ offset.values
-    for part, where in ((_LEVEL, "level"), (_DOWN, "heading")):
+    for part, where, sensor in ((_LEVEL, "level", "accel"), (_DOWN, "heading", "gyro")):
+        if sensor in priors.noise_only:
+            continue
         own, off = likely[part, part], seen[part]
         sigma = float(np.sqrt(np.trace(own)))
         if np.linalg.matrix_rank(own) < len(off) or not sigma:

@@ -149,6 +149,10 @@ class Integrals:
     def __len__(self) -> int:
         return len(self.duration)
 
+    def at(self, k: np.ndarray) -> "Integrals":
+        """Of some of the stretches."""
+        return Integrals(**{name: getattr(self, name)[k] for name in self.__slots__})
+
     def since(self, first: np.ndarray, last: np.ndarray) -> "Integrals":
         """From the ends of stretches `first` to those of `last`, in b at the former."""
         T = self.duration[last] - self.duration[first]
@@ -226,14 +230,14 @@ def _stepped(edges: Array, w: Array, f: Array) -> list[Array]:
     middle = _matrices(multiply(before, half))
     force = np.einsum("nij,nj->ni", middle, f)
     turn = np.concatenate([np.eye(3)[None], _matrices(after)])
-    velocity, place = _twice(force, h)
-    turn_time, turn_time2 = _twice(middle, h)
+    velocity, place = twice(force, h)
+    turn_time, turn_time2 = twice(middle, h)
     at_middle = turn_time[:-1] + 0.5 * h[:, None, None] * middle
-    velocity_gyro, place_gyro = _twice(-cross_matrix(force) @ at_middle, h)
+    velocity_gyro, place_gyro = twice(-cross_matrix(force) @ at_middle, h)
     return [turn, velocity, place, turn_time, turn_time2, velocity_gyro, place_gyro]
 
 
-def _twice(values: Array, h: Array) -> tuple[Array, Array]:
+def twice(values: Array, h: Array) -> tuple[Array, Array]:
     """First and second integral at every edge of `values` (n, ...) held over steps (n,)."""
     step = h.reshape(-1, *[1] * (values.ndim - 1))
     zero = np.zeros((1, *values.shape[1:]))

@@ -16,6 +16,7 @@ from alignment.arrays import Array
 from alignment.doubts import apart_doubt, drift_doubt, drift_words
 from alignment.errors import NotAtRest, TooShort
 from alignment.once import once
+from alignment.options import SENSORS, Priors
 from alignment.parts import PART, excerpts, mean, parts, release, sums_between
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import rounding_variance
@@ -389,8 +390,10 @@ def rest_doubt(readings: ImuReadings) -> tuple[str, ...]:
     return drift_doubt(drifts[:3], drifts[3:]) + apart_doubt(one)
 
 
-def faint_doubt(readings: ImuReadings) -> tuple[str, ...]:
+def faint_doubt(readings: ImuReadings, priors: Priors) -> tuple[str, ...]:
     """A flag where readings at rest may drift: as much shows in one record of noise in a hundred.
+
+    Of sensors whose drifts no data sheet tells.
 
     Notes
     -----
@@ -402,7 +405,11 @@ def faint_doubt(readings: ImuReadings) -> tuple[str, ...]:
     means, _, _, _, faint = _means_and_shown(readings)
     if np.linalg.norm(means[:3]) > REST_RATE:  # a steady turn, of which the Earth's rate is a wave
         return ()
-    told = drift_words(faint[:3], faint[3:])
+    gyro, accel = (
+        own * (sensor in priors.noise_only)
+        for sensor, own in zip(SENSORS, (faint[:3], faint[3:]), strict=True)
+    )
+    told = drift_words(gyro, accel)
     return (f"may drift from end to end, {told}: too faint to count in sigma",) if told else ()
 
 

@@ -1,10 +1,12 @@
 """Choices of the methods, apart from the readings and the site."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, fields, replace
 
 from alignment.angles import SequenceRule
 from alignment.skew import Axes
 
+SENSORS = ("gyro", "accel")
 _NOISE = ("gyro_walk", "accel_walk")
 _DRIFTS = ("instability", "random_walk", "ramp")
 _CHANGING = (*_NOISE, *(f"{s}_{d}" for s in ("gyro", "accel") for d in _DRIFTS), "lever_arm")
@@ -103,16 +105,33 @@ class Priors:
     accel_axes: Axes | None = None
 
     @property
-    def noise_only(self) -> bool:
-        """Whether nothing but noise is known of the unit's errors: so every sigma is of noise."""
-        names = (f.name for f in fields(self) if f.name.startswith(("gyro_", "accel_")))
-        return not any(getattr(self, name) for name in names if name not in _NOISE)
+    def noise_only(self) -> frozenset[str]:
+        """Of which of `SENSORS` nothing but noise is known: both without a data sheet.
+
+        Sigmas of what they tell are of noise alone: `of_noise_alone`.
+        """
+        names = [f.name for f in fields(self) if f.name not in (*_NOISE, *_DESIGN)]
+        return frozenset(
+            sensor
+            for sensor in SENSORS
+            if not any(getattr(self, name) for name in names if name.startswith(f"{sensor}_"))
+        )
 
     @property
     def changing(self) -> "Priors":
         """What differs from time to time: noise and drifts; no constant of unit or table."""
         constant = {f.name: 0.0 for f in fields(self) if f.name not in (*_CHANGING, *_DESIGN)}
         return replace(self, **constant)
+
+
+def of_noise_alone(quantity: str, noise_only: Collection[str]) -> bool:
+    """Whether the sigma of a quantity is of noise alone, by `Priors.noise_only`.
+
+    Accelerometers tell roll, pitch and tilt, gyros whatever is about the vertical: heading, yaw,
+    latitude. Biases are their sensors' own.
+    """
+    by_accel = quantity.startswith(("roll", "pitch", "tilt", "accel"))
+    return SENSORS[by_accel] in noise_only
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,11 @@ import numpy as np
 from alignment.arrays import Array
 from alignment.options import Priors
 from alignment.readings import ImuReadings
-from alignment.sampling import step_of
+from alignment.sampling import seldom_change, step_of
 
 WAVES = 200  # harmonics of a staircase: those beyond hold 0.3 % of what rounding does
 _BLURRED = 0.6  # steps of noise from which it is seen in the rounded values, and blurs the steps
+_FIRST = 64  # samples: where none is like the one before, no channel hardly changes
 _BLOCK = 10.0  # s: a unit that rests through most of them is told by those
 
 
@@ -33,10 +34,24 @@ def waves(step: float, sigma: float) -> tuple[Array, Array]:
 
 
 def steps_of(readings: ImuReadings) -> Array:
-    """Steps (6,) of rates and forces: what `readings` know, else what their numbers show."""
+    """Steps (6,) of rates and forces: what `readings` know, else what their numbers show.
+
+    A channel that hardly changes shows none: it has that of its triad, or its own least change.
+    """
     if readings.grains is not None:
         return np.repeat([grain.step for grain in readings.grains], 3)
-    return np.array([step_of(channel) for channel in (*readings.w_ib_b.T, *readings.f_b.T)])
+    return np.concatenate([_shown_by(triad) for triad in (readings.w_ib_b, readings.f_b)])
+
+
+def _shown_by(triad: Array) -> Array:
+    """Steps (3,) that the values (n, 3) of a triad show."""
+    steps = np.array([step_of(channel) for channel in triad.T])
+    if steps.all() or np.all(np.diff(triad[:_FIRST], axis=0)):
+        return steps
+    changes = np.array([seldom_change(channel) for channel in triad.T])
+    hardly = (changes > 0) | (np.ptp(triad, axis=0) == 0)
+    usual = np.max(np.where(steps > 0, steps, changes))
+    return np.where(hardly, np.maximum(changes, usual), steps)
 
 
 def rounding_variance(readings: ImuReadings, steps: Array | None = None) -> Array:

@@ -114,8 +114,7 @@ def step_of(values: Array) -> float:
     evenly spaced ones are looked at (of more than `parts.MOST`, of excerpts): a step that they do
     not show is finer than 1e-5 of the spread.
     """
-    pieces = excerpts(values)
-    values = some_of(pieces[0] if len(pieces) == 1 else np.concatenate(pieces))
+    values = _looked_at(values)
     levels = np.unique(values)
     if len(levels) > len(values) / 2 or np.count_nonzero(np.diff(values)) < CHANGES:
         return 0.0
@@ -125,6 +124,22 @@ def step_of(values: Array) -> float:
     step = float(gaps[gaps < 1.5 * step].mean())
     multiples = gaps / step
     return step if np.all(np.abs(multiples - np.rint(multiples)) <= UNEVEN * multiples) else 0.0
+
+
+def seldom_change(values: Array) -> float:
+    """The least change of values (n,) that change too seldom for `step_of`; 0 of all others.
+
+    Noise that were not far below a step would change them more often.
+    """
+    values = _looked_at(values)
+    changes = np.abs(np.diff(values))
+    changes = changes[changes > 0]
+    return float(changes.min()) if 0 < len(changes) < CHANGES else 0.0
+
+
+def _looked_at(values: Array) -> Array:
+    pieces = excerpts(values)
+    return some_of(pieces[0] if len(pieces) == 1 else np.concatenate(pieces))
 
 
 def sigma_below(step: float, variance: float) -> tuple[float, float]:

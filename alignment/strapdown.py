@@ -5,6 +5,7 @@ knows the Earth; quaternions are plain arrays (..., 4), order x, y, z, w.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -121,8 +122,19 @@ def matrices(q: Array) -> Array:
     return C
 
 
+class Made(NamedTuple):
+    """What sensors make of what is true: ``gain @ it + offset``, (3, 3) and (3,)."""
+
+    offset: Array
+    gain: Array
+
+    def undone(self, values: Array) -> Array:
+        """What is true (n, 3) of readings."""
+        return np.asarray((values - self.offset) @ np.linalg.inv(self.gain).T)
+
+
 def carry(
-    readings: ImuReadings, block: float, offset: Array | None = None, scale: Array | None = None
+    readings: ImuReadings, block: float, gyro: Made | None = None, accel: Made | None = None
 ) -> Carried:
     """Attitude and velocity in i, summed over blocks of about `block` seconds.
 
@@ -131,10 +143,8 @@ def carry(
     readings : ImuReadings, n >= 2
     block : float
         [s]; an even number of samples, at least two. The first block takes what is left over.
-    offset : (3,) or None
-        Gyro bias to take from the rates [rad/s].
-    scale : (3,) or None
-        Scale factor errors that multiply what is left.
+    gyro, accel : Made or None
+        Errors of the sensors to be taken out [rad/s], [m/s^2].
 
     Raises
     ------
@@ -160,7 +170,7 @@ def carry(
     step = max(1, _CHUNK // per)
     for first in range(0, m, step):
         blocks = slice(first, min(first + step, m))
-        _carry_blocks(readings, start_t, edges, blocks, (offset, scale), out)
+        _carry_blocks(readings, start_t, edges, blocks, (gyro, accel), out)
         release(readings.t, readings.w_ib_b, readings.f_b)
     return out
 
@@ -213,7 +223,7 @@ def _carry_blocks(
     start_t: float,
     edges: np.ndarray,
     blocks: slice,
-    wrong: tuple[Array | None, Array | None],
+    made: tuple[Made | None, Made | None],
     out: Carried,
 ) -> None:
     """Fill `blocks` of `out`, whose edge before them is already known."""
@@ -221,10 +231,11 @@ def _carry_blocks(
     count = blocks.stop - blocks.start
     before = start_t if part.start == 0 else readings.t[part.start - 1]
     h = np.diff(readings.t[part], prepend=before)[:, None]
-    offset, scale = wrong
-    w = readings.w_ib_b[part] if offset is None else readings.w_ib_b[part] - offset
-    w = w if scale is None else w / (1 + scale)
-    d, f, h = (_padded(x, count, blocks, edges) for x in (w * h, readings.f_b[part] * h, h))
+    w, f = (
+        x[part] if own is None else own.undone(x[part])
+        for x, own in zip((readings.w_ib_b, readings.f_b), made, strict=True)
+    )
+    d, f, h = (_padded(x, count, blocks, edges) for x in (w * h, f * h, h))
     first, second = d[:, 0], d[:, 1]
     run = prefix_product(quaternions(rotation_vectors(first, second)))
     start = out.q[blocks.start]

@@ -19,6 +19,7 @@ from stand.evaluation.drive_result import START_SIGMA, DriveResult, DriveSetting
 from stand.evaluation.score import Truths, score
 from stand.folder import folder_beside, recording_folder, refuse_existing, write_file
 from stand.imu import Imu
+from stand.imu.priors import noise_alone
 from stand.recording.mcap.writer import EPOCH_NS, DriveWriter, Satellites
 from stand.recording.metadata import DRIVE, RUN, describe_drive, describe_estimate, describe_site
 from stand.report.vectors import picture
@@ -100,7 +101,8 @@ def drawn(result: DriveResult, note: str = "") -> bytes:
     """The errors of each solution over time as a PNG; `note` behind its title."""
     s = result.settings
     title = f"{s.drive.title}: {s.imu.title}, seed {s.seed}{note}"
-    return picture(title, result.matchings, result.fixes, s.drive.path)
+    alone = bool(noise_alone(s.imu))
+    return picture(title, result.matchings, result.fixes, s.drive.path, noise_only=alone)
 
 
 def _opened(path: Path, s: DriveSettings) -> DriveWriter:

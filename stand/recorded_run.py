@@ -257,6 +257,7 @@ class _Run:
             w_ie_enu=C_NW.inv().apply(settings.site.w_ie_n),
             properties=self._metadata()[RUN],
             following=settings.motion is MotionKind.SERVO,
+            noise_only=settings.options.priors.noise_only,
         )
 
     def _unique_id(self) -> str:

@@ -398,6 +398,7 @@ def _opened_review(log: Log, path: Path, model: StandModel, *, following: bool) 
         w_ie_enu=C_NW.inv().apply(log.site.w_ie_n),
         properties=run,
         following=following,
+        noise_only=noise_alone(sheet_beside(metadata)),
     )
 
 
@@ -429,7 +430,8 @@ def _curves(log: Log, answered: Sequence[str], file: Path) -> Any:
 def _verdict(log: Log, scores: Sequence[Score], refusals: Sequence[Refusal]) -> str:
     metadata = log.imu.metadata
     head = [f"# {_title(metadata)}", "", f"{len(log.imu)} samples were whole.", ""]
-    return verdict_document(head, score_tables(scores, sheet_beside(metadata)), refusals)
+    sheet = sheet_beside(metadata)
+    return verdict_document(head, score_tables(scores, sheet, noise_alone(sheet)), refusals)
 
 
 def _parts(metadata: Metadata) -> list[tuple[str, str, str]]:

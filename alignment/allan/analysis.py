@@ -29,7 +29,7 @@ from alignment.errors import NotAtRest, TooShort
 from alignment.noise import check_rest
 from alignment.parts import MOST, mean
 from alignment.readings import ImuReadings
-from alignment.sampling import bursts, evened, repeats, sigma_below, step_of
+from alignment.sampling import bursts, evened, repeats, seldom_change, sigma_below, step_of
 from alignment.saturation import saturation_doubt
 
 SENSORS = ("gyro", "accel")
@@ -466,9 +466,11 @@ def _fitted(curve: Deviation, signals: Sequence[Array], bandwidth: float) -> tup
 
 def _rounding(signals: Sequence[Array], fitted: Fit) -> Rounding:
     """How coarse the readings are for their noise."""
-    step = step_of(_all_or_longest(signals))
+    values = _all_or_longest(signals)
+    step = step_of(values)
     if step == 0.0:
-        return Rounding(0.0)
+        seldom = seldom_change(values)
+        return Rounding(seldom, resolved=not seldom)
     added = step**2 / 12
     low, high = interval(fitted, _Q)
     if low <= 2 * added and high >= added / 2 and shown(fitted, _Q):

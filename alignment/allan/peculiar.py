@@ -28,6 +28,8 @@ MEANS, SHORTEST = 32, 16  # in a record at least, samples of one
 CHANCE = 1e-4  # that white noise shows a line in one channel
 SLOWEST = 256  # periods of a record: of slower ones the level nearby is not known
 NEARBY = 8  # part of a frequency over which the median is what a line stands on
+BESIDE = 32  # frequencies to either side of a line that tell the level there at least, ...
+WIDE = 4  # ... from this one on: a window makes three neighbours of each line
 LINES = 3  # that are named
 SEGMENT = 1 << 21  # samples whose spectrum is taken at once: over half an hour at 1 kHz
 _FINE = 5  # bits of a segment's length that may differ from 0: few small factors
@@ -226,7 +228,8 @@ def _lines(name: str, values: Array, interval: float) -> Iterator[str]:
     Notes
     -----
     Of a long record the mean spectrum of several segments: its level is chi-square of twice as
-    many degrees of freedom.
+    many degrees of freedom. The level falls steeply where a unit's filter cuts: so a line stands
+    above the higher of those just below and just above it, too.
     """
     count, n = _segments(len(values))
     power = _spectrum(values, count, n)
@@ -238,7 +241,8 @@ def _lines(name: str, values: Array, interval: float) -> Iterator[str]:
     beyond = 2 * chdtri(2 * count, CHANCE / n) / chdtri(2 * count, 0.5)
     for a, b in pairwise(edges):
         level = float(np.median(some_of(power[a:b])))
-        high += (a + np.flatnonzero(power[a:b] > beyond * level)).tolist()
+        found = a + np.flatnonzero(power[a:b] > beyond * level)
+        high += [k for k in found.tolist() if power[k] > beyond * _around(power, k)]
     # a window makes three neighbours of each line: the highest of them counts
     split = np.split(np.array(high), np.flatnonzero(np.diff(high) > 3) + 1) if high else []
     lines = sorted((int(g[np.argmax(power[g])]) for g in split), key=lambda k: -power[k])
@@ -247,6 +251,13 @@ def _lines(name: str, values: Array, interval: float) -> Iterator[str]:
         more = f" and {len(lines) - LINES} more" if len(lines) > LINES else ""
         what = "a line" if len(lines) == 1 else "lines"
         yield f"{name}: {what} at {shown}{more} Hz: vibration or supply is in the terms"
+
+
+def _around(power: Array, k: int) -> float:
+    """The higher of the median powers of `BESIDE` frequencies or more below k, and above it."""
+    reach = max(BESIDE, k // (4 * NEARBY))  # a fan's speed wanders
+    below, above = power[max(1, k - WIDE - reach) : k - WIDE], power[k + WIDE :][:reach]
+    return max(float(np.median(some)) for some in (below, above) if len(some) > WIDE)
 
 
 def _segments(n: int) -> tuple[int, int]:

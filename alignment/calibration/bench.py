@@ -12,10 +12,9 @@ from alignment.calibration.gravity import NORMAL_SIGMA
 from alignment.calibration.result import Key
 from alignment.errors import AlignmentError
 from alignment.information.model import InstrumentErrors, TriadErrors, assumed
-from alignment.options import Priors
+from alignment.options import SENSORS, Priors
 from alignment.units import DEG, DEG_PER_HOUR, MICRO_G, PPM, STANDARD_GRAVITY
 
-SENSORS = ("gyro", "accel")
 MEASURED_GRAVITY = 2e-6  # m/s^2 (0.2 mGal): of a measured value that comes without a sigma
 LAG = 1e-3  # s: of a delay that no sheet states
 PLACE = 2e-3  # m: of an accelerometer's place from where the sheet, or the seat, has it

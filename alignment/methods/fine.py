@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.around import by_direction, by_size, less_turned, whole_circle
 from alignment.arrays import Array, set_owned
-from alignment.constant_errors import BY_AXIS, in_one_attitude
+from alignment.constant_errors import BY_AXIS, in_one_attitude, with_products
 from alignment.cross import cross_matrix
 from alignment.doubts import heading_doubt
 from alignment.earth import Site
@@ -52,7 +52,7 @@ from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
-from alignment.strapdown import Carried, carry, matrices
+from alignment.strapdown import Carried, Made, carry, matrices
 
 METHOD = "fine"
 UPDATE = 0.1  # s between zero-displacement updates
@@ -62,7 +62,7 @@ START = np.repeat([0.3, 10.0, 1.0, 1.0], [2, 1, 3, 3])  # rad N, E; D; m/s; m: a
 _GRAVITY = 0.01  # part by which gravity's size is free where no accelerometer constant has a prior
 _ERRORS = len(START) + 1  # attitude, velocity, displacement, size of gravity
 _SETTLED = 0.01  # rad: a correction of the reference above it calls for another pass
-_PASSES = 8
+_PASSES = 16
 _COARSE = 5.0  # times as far apart in passes that only look for the reference
 _ROUNDS = 3  # of them and the filter itself, after the first
 _PARTS = (0.25, 4.0)  # least and most of a correction of heading that is taken
@@ -196,21 +196,16 @@ class Model:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reference:
-    """What the filter runs on the errors of: gyros less `offset`, of `scale` errors, carried, and
-    where i stands.
+    """What the filter runs on the errors of: sensors rid of the constants `found` (k, 3), those of
+    the model, but for a lever arm, carried; and where i stands.
 
-    Of quick turns a scale factor error makes an angle whose square, times gravity, is felt.
+    Of quick turns errors of scale and axes make angles whose squares, times gravity, are felt, and
+    one error of the axes times another passes for knowledge of both.
     """
 
     carried: Carried
     C_ni: Rotation
-    offset: Array
-    scale: Array = field(default_factory=lambda: np.zeros(3))
-
-    @property
-    def removed(self) -> tuple[tuple[str, Array], ...]:
-        """Constants that the reference is rid of."""
-        return ("gyro_bias", self.offset), ("gyro_scale", self.scale)
+    found: Array
 
 
 class Steps(NamedTuple):
@@ -369,7 +364,7 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     flags += wander_doubt(dwell.label, carried, matched, wander)
     found = at_the_start(priors, dwell.t_from, readings.interval * len(readings))
     model = replace(model_of(readings, site, noise, found), whole=False)
-    reference = _Reference(carried, matched.C_ni, np.zeros(3))
+    reference = _Reference(carried, matched.C_ni, np.zeros((len(model.names), 3)))
     # as much information a second, however far apart the updates are
     variance = _update_variance(carried, noise, priors) * (UPDATE / model.update)
     far = float(np.trace(coarse)) > (_SETTLED / 2) ** 2
@@ -483,12 +478,18 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
 
     Of a stretch that turns or rocks, axes that are off are no bias, and remain errors of their own.
     Rocking tells how the triads lie to one another, and how gravity's share changes in b; but not
-    a case that is turned as a whole, which is tilted in full. An asymmetry makes a constant of what
-    goes to and fro, ``a (mean |x| - |mean x|)``; of what goes round it is a scale error.
+    a case that is turned as a whole, which is tilted in full. Of second order, by `with_products`,
+    axes lean together: of coarse sensors' errors the record would else tell by their products. An
+    asymmetry makes a constant of what goes to and fro, ``a (mean |x| - |mean x|)``; of what goes
+    round it is a scale error.
     """
     if not _turns(carried):
         return in_one_attitude(priors, site.gravity)
-    own = {name: getattr(priors, name) for name in _ASTRAY}
+    astray = with_products(priors)
+    own = {name: getattr(astray, name) for name in _ASTRAY}
+    for sensor in _SUMS:  # and a turn has its square
+        lean, turned = f"{sensor}_non_orthogonality", own[f"{sensor}_misalignment"]
+        own[lean] = float(np.hypot(own[lean], turned**2))
     folded = in_one_attitude(replace(priors, **dict.fromkeys(_ASTRAY, 0.0)), site.gravity)
     rocks = _angle(carried) < _ROUND
     for sensor, sums in _SUMS.items() if rocks else ():
@@ -639,10 +640,17 @@ def _corrected(
 ) -> _Reference:
     """The reference with the attitude, gyro bias and scale that the filter found."""
     left = run.left
-    offset, scale = (now + _constant(model, left, name) for name, now in reference.removed)
     turn = left[:3] * np.array([1.0, 1.0, aim.part(float(left[2]))])
     C_nb = Rotation.from_rotvec(-turn) * _at_end(reference)
-    return _about(model, C_nb, replace(reference, offset=offset, scale=scale), span)
+    of_sensors = np.array([name != "lever_arm" for name in model.names])[:, None]
+    found = _found_by(model, reference, left) * of_sensors
+    return _about(model, C_nb, replace(reference, found=found), span)
+
+
+def _found_by(model: Model, reference: _Reference, x: Array) -> Array:
+    """The constants (..., k, 3) that states (..., s) of a reference's errors come to."""
+    told = slice(_ERRORS, _ERRORS + 3 * len(model.names))
+    return np.asarray(reference.found + x[..., told].reshape(*x.shape[:-1], -1, 3))
 
 
 def _at_end(reference: _Reference) -> Rotation:
@@ -652,22 +660,32 @@ def _at_end(reference: _Reference) -> Rotation:
 
 def _about(model: Model, C_nb: Rotation, less: _Reference, span: float) -> _Reference:
     """The reference rid of what `less` is, by blocks of `span` seconds; at the end ``C_nb``."""
-    carried = carry(model.readings, span, less.offset, less.scale)
+    carried = carry(model.readings, span, *(_made(model, less.found, sensor) for sensor in _SUMS))
     return replace(less, carried=carried, C_ni=C_nb * Rotation.from_quat(carried.q[-1]).inv())
+
+
+def _made(model: Model, found: Array, sensor: str) -> Made:
+    """What a sensor of these constants (k, 3) makes of what is true."""
+    unit, gain, offset = np.eye(3), np.eye(3), np.zeros(3)
+    for name, own in zip(model.names, found, strict=True):
+        its, _, kind = name.partition("_")
+        if its == sensor and kind == "bias":
+            offset = own
+        elif its == sensor:
+            gain = gain + (BY_AXIS[kind](unit, unit) @ own).T
+    return Made(offset, gain)
 
 
 def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     """One run over all updates; of a model that is not `whole` the last is told."""
-    carried, names = reference.carried, model.names
-    C_ni = reference.C_ni.as_matrix()
+    carried, C_ni = reference.carried, reference.C_ni.as_matrix()
     m, size = len(carried.t), model.size
     v, p = gravity_velocity(carried.t, model.site)
     z = np.concatenate([np.zeros((1, 3)), np.cumsum(carried.p, axis=0)]) @ C_ni.T - p
     state = np.zeros((size, size + 1))
     state[:, :-1] = np.diag(model.start)
-    for name, now in reference.removed:  # the reference has some of it taken out already
-        if name in names:
-            state[columns_of(names.index(name)), -1] = -now
+    for k, own in enumerate(reference.found):  # taken out already
+        state[columns_of(k), -1] = -own
     out = _Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
     careful = min(_CAREFUL, m)
     # an update or more after whole blocks; as fast one by one where more than errors move
@@ -679,7 +697,11 @@ def _filter(model: Model, reference: _Reference, variance: float) -> _Pass:
     edges = [0, *range(careful, blocks, _CHUNK), *range(blocks, m, _CHUNK), m]
     for part in map(slice, edges[:-1], edges[1:]):
         push = np.diff(v[part.start : part.stop + 1], axis=0)
-        given = (*error_matrices(model, carried, C_ni, push, part), z[part], variance)
+        given = (
+            *error_matrices(model, carried, C_ni, push, part, reference.found),
+            z[part],
+            variance,
+        )
         updates = by_blocks if careful <= part.start < blocks else _updates
         (updates if part.start else careful_updates)(state, given, part, out)
     out = replace(out, heading=state[:, 2].copy())
@@ -890,13 +912,19 @@ def _inverse(S: Array) -> Array:
 
 
 def error_matrices(
-    model: Model, carried: Carried, C_ni: Array, gravity: Array, part: slice
+    model: Model,
+    carried: Carried,
+    C_ni: Array,
+    gravity: Array,
+    part: slice,
+    found: Array | None = None,
 ) -> tuple[Steps, Array]:
     """The intervals after the edges of `part`, and what updates observe of the state (., 3, s).
 
     Errors of the reference: ``phi' = C (w errors)``, ``u' = phi x f + C (f errors)``,
     ``rho' = u``, where f is the reaction to gravity whose increments (k, 3) are `gravity`: were
-    it the measured force, its noise times the unknown heading would pass for information. The
+    it the measured force, its noise times the unknown heading would pass for information. Of
+    sensors whose constants `found` (k, 3) are taken out, errors are those of what is true. The
     reference's place is ``rho + C r`` with lever arm r; its C holds phi, so the sway's own force
     is not in f. Within an interval of 0.1 s rates, f and C stay.
     """
@@ -908,6 +936,8 @@ def error_matrices(
     H[:, :, 6:9] = np.eye(3)
     spans, push = carried.spans[steps, None, None], cross_matrix(gravity)
     turned = drive(carried, C_ni, steps)
+    errors = np.zeros((len(model.names), 3)) if found is None else found
+    by = {s: turned @ np.linalg.inv(_made(model, errors, s).gain) for s in _SUMS}
     F[:, 3:6, :3] = -push
     F[:, 6:9, :3] = -spans / 2 * push
     F[:, 6:9, 3:6] = spans * np.eye(3)
@@ -919,16 +949,18 @@ def error_matrices(
             H[:, :, column] = C_nb
             continue
         sensor, _, kind = name.partition("_")
-        driven = turned
+        driven = by[sensor]
         if kind != "bias":
             felt = getattr(carried, _SUMS[sensor])[steps] / spans[:, 0]
-            driven = turned @ BY_AXIS[kind](felt, felt)
+            driven = driven @ BY_AXIS[kind](felt, felt)
         _drive(F[:, :9, column], sensor, driven, push, spans)
     for k, (sensor, _) in enumerate(model.drifts, start=len(model.names)):
         if sensor == _SIZE:
-            _drive(F[:, :9, columns_of(k)], "gyro", spans * _NORTH, push, spans)
+            ago = (carried.t[-1] - carried.t[steps])[:, None] - spans[:, 0] / 2
+            north = Rotation.from_rotvec(-ago * model.site.w_ie_n).as_matrix() @ _NORTH
+            _drive(F[:, :9, columns_of(k)], "gyro", spans * north, push, spans)
             continue
-        _drive(F[:, :9, columns_of(k)], sensor, turned, push, spans)
+        _drive(F[:, :9, columns_of(k)], sensor, by[sensor], push, spans)
     Q = _walks(model, turned, push, spans)
     up = gravity / np.linalg.norm(gravity, axis=1, keepdims=True)
     heave = _heave_density(carried, model.noise, model.priors, model.site.gravity)
@@ -999,16 +1031,12 @@ def _answer(
     told = slice(_ERRORS, _ERRORS + 3 * count)
     covariance = R @ run.attitude @ R.transpose(0, 2, 1) + more[0]
     covariance += more[2][told_from:]
-    constants = run.x[:, told].reshape(m, count, 3).copy()
-    for name, now in reference.removed:
-        if name in model.names:
-            constants[:, model.names.index(name)] += now
     return Filtered(
         t,
         to_n * at_end * Rotation.from_quat(carried.q[told_from:]),
         covariance * less_turned(covariance[-1], more[1]),
         model.names,
-        constants,
+        _found_by(model, reference, run.x),
         np.sqrt(run.variances[:, told]).reshape(m, count, 3),
         Innovations(t, run.values, np.sqrt(run.expected[told_from:])),
         flags,

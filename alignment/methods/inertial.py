@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.spatial.transform import Rotation
+from scipy.special import chdtri
 
 from alignment.apart import Apart
-from alignment.around import by_direction, less_turned, whole_circle
+from alignment.around import by_direction, less_turned, tilts_about, whole_circle
 from alignment.arrays import Array
 from alignment.constant_errors import constant_columns, constant_form
 from alignment.cross import cross_matrix
@@ -38,7 +39,7 @@ from alignment.noise import (
     gap_doubt,
     jitter_of,
 )
-from alignment.options import Options, Priors
+from alignment.options import SENSORS, Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import with_rounding
 from alignment.saturation import saturation_doubt
@@ -56,6 +57,8 @@ _WANDER_ORDERS = slice(3, 6)  # Legendre orders of velocity that neither the fit
 _SMOOTH_ORDER = 8  # velocity beyond it is sway, not drift
 _TOLD_ORDERS = slice(3, 9)  # by which noise is told where the spectrum of the readings is motion's
 _PARTS = np.geomspace(1e-6, 1.0, 13)  # of a variance
+_MORE = np.append(0.0, np.geomspace(1.0, 1e6, 13))  # parts of a variance that are added to it
+_SELDOM = 0.01
 _JITTERS = np.geomspace(1e-3, 1.0, 7)  # of the mean square of the velocities that tell
 _CERTAIN = 3.0  # of log likelihood: chi-square of two degrees of freedom at one in twenty
 _BEYOND = 3.0  # sigmas from which a slow force is no noise
@@ -71,6 +74,7 @@ _CHUNK = 8192  # blocks at once
 _ALONG = np.array(
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
 )  # (N, E, D) @ it: (E, -N, 0)
+_SIZES, _STEP = 3, 1e-3  # passes that find the level rate's size, and its step of differences
 _TRACK_POINTS = 200  # of a track: each is a match of the record so far
 
 
@@ -140,11 +144,16 @@ class Match:
         What gravity's reaction alone gives, mean over each block, in n at the end, centred.
     residual : (m, 3) m/s
         Mean velocity over each block beyond that, centred: sway and what noise made.
+    larger : (m, 3) m/s or None
+        What a level rate twice the Earth's would add, where its size is free; `size`: how many
+        times that was found, which is not in the residual.
     """
 
     C_ni: Rotation
     reference: Array
     residual: Array
+    larger: Array | None = None
+    size: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,25 +231,29 @@ def rest_of(
     seen: tuple[Carried, Match, Noise],
     site: Site,
 ) -> Rest:
-    """What the readings show beside white noise, where they are at rest and no sheet tells it.
+    """What the readings show beside white noise, where they are at rest and no sheet tells it of
+    their sensors.
 
     Drifts are those that are the sensors' own, by what is `seen` of the base in these readings and
     in the record around them: see `own_parts`. That tells of how the windows' drifts differ whether
     the base turned; of what is straight from end to end of it, it does not.
     """
     nothing = Rest(*np.zeros((3, 3)), drift_around=np.zeros(6), part=1.0)
-    if not priors.noise_only or len(readings) < LEAST_SPECTRUM:
+    unknown = np.array([sensor in priors.noise_only for sensor in SENSORS], float)
+    if not unknown.any() or len(readings) < LEAST_SPECTRUM:
         return nothing
     try:
         check_rest(readings, "")
     except NotAtRest:
         return nothing
     w = readings.w_ib_b
-    jitter = jitter_of(w) * readings.interval**2
+    jitter = unknown[0] * jitter_of(w) * readings.interval**2
     steady = np.concatenate([drift_of(w), drift_of(readings.f_b)])
     own = np.maximum(steady, np.concatenate([np.zeros(3), _slow_force(*seen)]))
+    own = own * np.repeat(unknown, 3)
     wide, part = drift_around(dwell)
-    one, other = apart_of(readings), apart_around(dwell)
+    wide = wide * np.repeat(unknown, 3)
+    one, other = apart_of(readings).of(*unknown), apart_around(dwell).of(*unknown)
     straight = np.zeros(3)
     if own.any() or wide.any() or one.off.any() or other.off.any():
         parts = own_parts(*seen, own[:3])
@@ -261,7 +274,7 @@ def rest_of(
         part=part,
         apart=(one, other),
         straight=bool(straight.any()),
-        faint=faint_doubt(readings),
+        faint=faint_doubt(readings, priors),
         biased=_bias_doubt(*seen, priors),
     )
 
@@ -368,8 +381,13 @@ def base_turns(dwell: Dwell, site: Site) -> bool:
 def _told_of_the_base(noise: Noise, carried: Carried, matched: Match) -> tuple[Array, Array, Array]:
     """As `_told_by_the_curve`, of N and E alone: (12,) and (12, 12)."""
     values, by_gyro, by_accel = _told_by_the_curve(noise, carried, matched)
-    level = np.arange(len(values)) % 3 < 2
+    level = _level_ones(len(values))
     return values[level], by_gyro[np.ix_(level, level)], by_accel[np.ix_(level, level)]
+
+
+def _level_ones(count: int) -> np.ndarray:
+    """Which of so many in N, E, D by turns are level: a gyro bias bends D to second order."""
+    return np.arange(count) % 3 < 2
 
 
 def _made_by_force(carried: Carried, matched: Match) -> tuple[Array, Array]:
@@ -421,6 +439,43 @@ def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
     return Noise(alike.gyro * np.sqrt(a), alike.accel * np.sqrt(b), float(np.sqrt(c)))
 
 
+def louder(noise: Noise, readings: ImuReadings, carried: Carried, matched: Match) -> Noise:
+    """The noise as the velocity curve of a record at rest shows it, where that is more.
+
+    Notes
+    -----
+    A filter, or a sample that is held for several, leaves less in the spectrum's fast octaves than
+    noise has below them; steps and flicker have more below. Where the velocities of `quieter` are
+    beyond the noise, and what is counted of drifts and of what lies apart, by what one record of a
+    hundred has, the variances of gyros and accelerometers grow by parts that are equally likely by
+    their logarithm, each by the mean of what fits.
+    """
+    values, by_gyro, by_accel = _told_of_the_base(noise, carried, matched)
+    whole = by_gyro + by_accel + noise.jitter**2 * np.eye(len(values))
+    if _within(values, whole):
+        return noise
+    weights = _weights_of_orders(carried)[:, _level_ones(3 * len(values) // 2)]
+    drifts = np.concatenate([drift_of(readings.w_ib_b), drift_of(readings.f_b)])
+    slow = Rest(np.zeros(3), drifts[:3], drifts[3:], np.zeros(6), 1.0, (apart_of(readings),))
+    whole += _slow_covariance(weights, np.zeros((len(values), 3)), carried, matched, slow)
+    if _within(values, whole):
+        return noise
+    white, V = np.linalg.eigh(
+        whole + _MORE[:, None, None, None] * by_gyro + _MORE[:, None, None] * by_accel
+    )
+    squares = np.einsum("abij,i->abj", V, values) ** 2
+    likelihood = -0.5 * np.sum(np.log(white) + squares / white, axis=-1)
+    weight = np.exp(likelihood - likelihood.max())
+    weight /= weight.sum()
+    a, b = 1 + weight.sum(axis=1) @ _MORE, 1 + weight.sum(axis=0) @ _MORE
+    return replace(noise, gyro=noise.gyro * np.sqrt(a), accel=noise.accel * np.sqrt(b))
+
+
+def _within(values: Array, covariance: Array) -> bool:
+    """Whether all but one record of a hundred has values (k,) as large."""
+    return bool(values @ np.linalg.solve(covariance, values) < chdtri(len(values), _SELDOM))
+
+
 def _alike(noise: Noise) -> Noise:
     """The same noise in the mean, of each triad's axes alike."""
     gyro, accel = (np.full(3, np.sqrt(np.mean(own**2))) for own in (noise.gyro, noise.accel))
@@ -432,29 +487,32 @@ def _told_by_the_curve(
 ) -> tuple[Array, Array, Array]:
     """Velocities (18,) [m/sqrt(s)] of orders 3 to 8 in N, E, D, and their covariances (18, 18) by
     gyros and by accelerometers; a jitter of velocity makes the unit matrix of them."""
-    size = _TOLD_ORDERS.stop - _TOLD_ORDERS.start
     C_ni = matched.C_ni.as_matrix()
-    root = np.sqrt(carried.spans)[:, None]
-    smooth, _ = np.linalg.qr(_legendre(carried) * root)  # a vertical bias is in the lower orders
-    basis = smooth[:, _TOLD_ORDERS] * root
-    weights = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(len(basis), 3 * size, 3)
+    weights = _weights_of_orders(carried)
     gyro, accel = sensitivity(weights, C_ni, carried)
     none = Noise(np.zeros(3), np.zeros(3))
     by_gyro, by_accel = (
         functional_covariance(gyro, accel, C_ni, carried, part, Priors())
         for part in (replace(none, gyro=noise.gyro), replace(none, accel=noise.accel))
     )
-    values = (basis.T @ matched.residual).ravel()
+    values = np.tensordot(weights, matched.residual, ([0, 2], [0, 1]))
     return values, by_gyro, by_accel + _FINEST**2 * np.eye(len(by_accel))
 
 
-def gravity_velocity(t: Array, site: Site) -> tuple[Array, Array]:
+def _weights_of_orders(carried: Carried) -> Array:
+    """Functionals (m, 18, 3) of the velocity curve: its orders 3 to 8 in N, E, D."""
+    basis = _smooth(carried)[:, _TOLD_ORDERS] * np.sqrt(carried.spans)[:, None]
+    m, size = basis.shape  # a vertical bias is in the lower orders
+    return np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 3 * size, 3)
+
+
+def gravity_velocity(t: Array, site: Site, size: float = 1.0) -> tuple[Array, Array]:
     """Integral of gravity's reaction (k, 3) [m/s] from ``t[0]``, and the integral of that [m].
 
     In n as it stood at ``t[-1]``, held in inertial space; `t` (k,) [s]. The components along and
-    across the Earth's axis are integrated in closed form.
+    across the Earth's axis are integrated in closed form. `size`: times as large a level rate.
     """
-    w_n, f_n = site.w_ie_n, site.f_n
+    w_n, f_n = site.w_ie_n * [size, size, 1.0], site.f_n
     rate = float(np.linalg.norm(w_n))
     axis = w_n / rate
     along, across = (f_n @ axis) * axis, np.cross(axis, f_n)
@@ -469,22 +527,45 @@ def gravity_velocity(t: Array, site: Site) -> tuple[Array, Array]:
     return back.apply(v), back.apply(p)
 
 
-def match(carried: Carried, site: Site, place: Array | None = None) -> Match:
+def match(carried: Carried, site: Site, place: Array | None = None, unbiased: bool = True) -> Match:
     """Wahba's problem for the centred velocity curves, by singular values.
 
     `place` (3,) [m]: the instrument's, from the point that stays; None where that is not known.
+    `unbiased`: whether gyros show the Earth's level rate as large as it is, but for what is stated.
     """
     spans = carried.spans
-    _, p = gravity_velocity(carried.t, site)
-    reference = _centred(np.diff(p, axis=0) / spans[:, None], spans)
     moved = carried.p
     if place is not None:
         moved = moved - np.diff(matrices(carried.q) @ place, axis=0)
     measured = _centred(moved / spans[:, None], spans)
+    found = _laid_on(_reference(carried, site), measured, spans)
+    return found if unbiased else _of_any_size(found, measured, carried, site)
+
+
+def _reference(carried: Carried, site: Site, size: float = 0.0) -> Array:
+    """What gravity's reaction gives (m, 3), centred; of a level rate larger by `size` of it."""
+    _, p = gravity_velocity(carried.t, site, 1 + size)
+    return _centred(np.diff(p, axis=0) / carried.spans[:, None], carried.spans)
+
+
+def _laid_on(reference: Array, measured: Array, spans: Array) -> Match:
     U, _, Vt = np.linalg.svd((spans[:, None] * reference).T @ measured)
     proper = np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)])
     C = U @ proper @ Vt
     return Match(Rotation.from_matrix(C), reference, measured @ C.T - reference)
+
+
+def _of_any_size(found: Match, measured: Array, carried: Carried, site: Site) -> Match:
+    """The match with the size of the Earth's level rate free: a bias b along north adds to it, and
+    would tilt the answer by ``b T/2``."""
+    size, spans, earth = 0.0, carried.spans, found.reference
+    larger = np.zeros_like(earth)
+    for _ in range(_SIZES):
+        larger = (_reference(carried, site, size + _STEP) - found.reference) / _STEP
+        weights = _weights(spans, replace(found, larger=larger))[:, 3]
+        size += float(np.tensordot(weights, found.residual, ([0, 1], [0, 1])))
+        found = _laid_on(_reference(carried, site, size), measured, spans)
+    return replace(found, reference=earth, larger=larger, size=size)
 
 
 def sensitivity(weights: Array, C_ni: Array, carried: Carried) -> tuple[Array, Array]:
@@ -629,18 +710,29 @@ def laid(
     readings: ImuReadings, carried: Carried, site: Site, priors: Priors
 ) -> tuple[Match, Noise, Arm]:
     """The match of the curves, the noise and the arm that it is by."""
-    matched = match(carried, site)
+    known = "gyro" not in priors.noise_only
+    matched = match(carried, site, unbiased=known)
     noise = stated_noise(readings, carried, matched, priors)
     arm = arm_of(carried, matched, noise, priors, site)
     if priors.lever_arm > 0:
-        matched = match(carried, site, arm.place)
+        matched = match(carried, site, arm.place, known)
     return matched, noise, arm
 
 
 def attitude_weights(carried: Carried, matched: Match) -> Array:
     """How the matched rotation follows the block means of velocity error (m, 3, 3), in n."""
-    reference, spans = matched.reference, carried.spans[:, None]
-    return np.asarray(-fit_matrix(carried.spans, reference) @ cross_matrix(reference * spans))
+    return -_weights(carried.spans, matched)[:, :3]
+
+
+def _weights(spans: Array, matched: Match) -> Array:
+    """Least squares (m, 3 or 4, 3) of a small rotation, and of the level rate's size if it is free,
+    by the block means of velocity."""
+    curves = cross_matrix(matched.reference)  # of a turn by phi: phi x r, rows by phi's components
+    if matched.larger is not None:
+        curves = np.concatenate([curves, matched.larger[:, None]], axis=1)
+    weighted = spans[:, None, None] * curves
+    normal = np.tensordot(weighted, curves, ([0, 2], [0, 2]))
+    return np.asarray(np.linalg.inv(normal) @ weighted)
 
 
 def less_arm(weights: Array, arm: Arm) -> tuple[Array, Array]:
@@ -661,7 +753,9 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
         ``latitude`` needed, not at a pole.
     options : Options
         `priors`: ``gyro_walk`` and ``accel_walk`` (both 0: see `white_levels` and `quieter`);
-        biases and scale factor errors enter the covariance by theirs.
+        biases and scale factor errors enter the covariance by theirs. Of a unit of which nothing
+        but noise is known, the size of the Earth's level rate is free: a gyro's bias along north
+        would else tilt the answer.
 
     Returns
     -------
@@ -704,14 +798,15 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     found = []
     for end in ends:
         part = carried.until(int(end))
-        arm = arm_of(part, match(part, site), noise, priors, site)
-        matched = match(part, site, arm.place)
+        known = "gyro" not in priors.noise_only
+        arm = arm_of(part, match(part, site, unbiased=known), noise, priors, site)
+        matched = match(part, site, arm.place, known)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
         P, _ = covariances(part, matched, noise, priors, arm)
         P = P + rest_covariance(part, matched, rest)
         P += lag_covariance(part, matched, priors, site)[-1]
         P *= less_turned(P, left_of_the_turn(part, matched, priors))
-        found.append((C_nb, P))
+        found.append((C_nb, tilts_about(P)))
     sequence = options.rule.sequence_at(found[-1][0])
     return [
         AttitudeTrack(
@@ -751,6 +846,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance = covariance + rest_covariance(carried, matched, rest)
     covariance += lag_covariance(carried, matched, priors, site)[-1]
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
+    covariance = tilts_about(covariance)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
@@ -782,14 +878,14 @@ def covariances(
     turned by a right angle: what both make of heading on the whole circle is stated.
     """
     C_ni = matched.C_ni.as_matrix()
-    spans, reference = carried.spans, matched.reference
-    fit = fit_matrix(spans, reference)
+    spans = carried.spans
     basis = _legendre(carried)[:, _WANDER_ORDERS] * spans[:, None]
     m = len(spans)
     weights = np.empty((m, 13, 3))
     weights[:, :3] = attitude_weights(carried, matched)
     weights[:, 12] = weights[:, 2] @ _ALONG
     weights[:, 3:12] = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 9, 3)
+    ends = [weights[k, :3] / spans[k] for k in (0, -1)]
     weights, left = less_arm(weights, arm)
     gyro, accel = sensitivity(weights, C_ni, carried)
     gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
@@ -801,7 +897,6 @@ def covariances(
     # Each order is one at both ends of the record, where the sway happens to stand.
     wander = P[3:12, 3:12] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
     sway = sway + _slow_sway(wander_values(carried, matched), wander)
-    ends = [fit @ cross_matrix(reference[[k]])[0] for k in (0, -1)]
     attitude = P[:3, :3] + sum(e @ sway @ e.T for e in ends)
     along = np.ix_([12, 2], [12, 2])
     return whole_circle(attitude, by_direction(P[along])), wander
@@ -810,8 +905,10 @@ def covariances(
 def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors: Priors) -> Noise:
     """White noise by the priors, or as the readings show it in the band that matters."""
     noise = noise_of(readings, priors)
-    stated = priors.gyro_walk > 0 or priors.accel_walk > 0
-    noise = noise if stated else quieter(noise, carried, matched)
+    if not (priors.gyro_walk > 0 or priors.accel_walk > 0):
+        noise = quieter(noise, carried, matched)
+        if _rests(readings):  # else what is beyond noise there is motion
+            noise = louder(noise, readings, carried, matched)
     if not priors.jitter:
         return noise
     change = np.sqrt(np.mean(changes_in_b(carried) ** 2, axis=0))
@@ -820,14 +917,25 @@ def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors
     return replace(noise, gyro=gyro, accel=accel)
 
 
+def _rests(readings: ImuReadings) -> bool:
+    try:
+        check_rest(readings, "")
+    except NotAtRest:
+        return False
+    return True
+
+
 def left_of_the_turn(carried: Carried, matched: Match, priors: Priors) -> float:
     """Part of the Earth's level rate that gyros of unknown bias show, as order 2 of the level
-    velocity tells; 1 with a data sheet."""
-    if not priors.noise_only:
+    velocity tells; 1 where a data sheet tells it."""
+    if "gyro" not in priors.noise_only:
         return 1.0
     basis = _smooth(carried)[:, 2] * np.sqrt(carried.spans)
     expected = basis @ matched.reference[:, :2]
-    found = expected + basis @ matched.residual[:, :2]
+    shown = matched.residual
+    if matched.larger is not None:
+        shown = shown + matched.size * matched.larger
+    found = expected + basis @ shown[:, :2]
     return float(np.linalg.norm(found) / np.linalg.norm(expected))
 
 
@@ -841,17 +949,29 @@ def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:
     C_ni = matched.C_ni.as_matrix()
     C_nb = C_ni @ matrices(carried.q[-1:])[0]
     covariance: Array = (C_nb * rest.jitter) @ C_nb.T
+    return covariance + _slow_covariance(
+        attitude_weights(carried, matched), np.eye(3), carried, matched, rest
+    )
+
+
+def _slow_covariance(
+    weights: Array, turned_whole: Array, carried: Carried, matched: Match, rest: Rest
+) -> Array:
+    """What drifts and what lies apart make of functionals (m, k, 3) of the velocity curve, which
+    have `turned_whole` (k, 3) of all that gyros turn in the record."""
     own, wide = np.concatenate([rest.gyro_drift, rest.accel_drift]), rest.drift_around
     ramp = np.maximum(own, rest.part * wide)
     constant = np.maximum(own, (1 - rest.part) * wide / np.sqrt(12))
     apart = [one for one in rest.apart if one.off.any()]
+    covariance = np.zeros((weights.shape[1],) * 2)
     if not (ramp.any() or constant.any() or apart):
         return covariance
-    gyro, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
+    C_ni = matched.C_ni.as_matrix()
+    gyro, accel = sensitivity(weights, C_ni, carried)
     turned = drive(carried, C_ni)
     line = _line(carried)
     shares = [_share(one, carried) for one in apart]
-    for part, axes in ((gyro + np.eye(3), slice(3)), (accel, slice(3, 6))):
+    for part, axes in ((gyro + turned_whole, slice(3)), (accel, slice(3, 6))):
         for J, size in (
             ((part @ turned).sum(axis=0), constant),
             ((line * (part @ turned)).sum(axis=0), ramp),
@@ -951,12 +1071,6 @@ def _after(rows: Array) -> Array:
     total = np.cumsum(rows[::-1], axis=0)[::-1]
     total -= 0.5 * rows
     return np.asarray(total)
-
-
-def fit_matrix(spans: Array, reference: Array) -> Array:
-    """Inverse of the normal matrix of a small rotation of the reference curve."""
-    square = (spans[:, None] * reference).T @ reference
-    return np.asarray(np.linalg.inv(np.trace(square) * np.eye(3) - square))
 
 
 def _legendre(carried: Carried) -> Array:

@@ -23,7 +23,6 @@ from alignment.methods.inertial import (
     attitude_weights,
     block_of,
     drive,
-    fit_matrix,
     gravity_velocity,
     laid,
     less_arm,
@@ -45,13 +44,13 @@ def inertial_functional(readings: ImuReadings, site: Site, options: Options) -> 
     carried = carry(readings, block_of(readings))
     matched, _, arm = laid(readings, carried, site, options.priors)
     C_ni = matched.C_ni.as_matrix()
-    weights, left = less_arm(attitude_weights(carried, matched), arm)
+    weights = attitude_weights(carried, matched)
+    ends = [weights[k] / carried.spans[k] for k in (0, -1)]
+    weights, left = less_arm(weights, arm)
     gyro, accel = sensitivity(weights, C_ni, carried)
     gyro = gyro + np.eye(3)  # the attitude carried to the end has all of the gyros' error
     turned = drive(carried, C_ni, EVERY)
     sway = sway_covariance(carried, matched)
-    fit = fit_matrix(carried.spans, matched.reference)
-    ends = [fit @ cross_matrix(matched.reference[k]) for k in (0, -1)]
     motion = sum((e @ sway @ e.T for e in ends), left @ left.T)
     return functional(carried, matched.C_ni, gyro @ turned, accel @ turned, np.asarray(motion))
 

@@ -197,7 +197,7 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         covariance = whole_circle(
             covariance, _around(C_nb, C_nb.as_matrix()[:, best], whole, G, site)
         )
-    if options.priors.noise_only:
+    if "gyro" in options.priors.noise_only:
         covariance[2, 2] += _by_choice(means, variances, C_nb, latitude, best)
     sigma = None
     if latitude_row is not None:
@@ -219,7 +219,7 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         + saturation_doubt(dwell.label, dwell.window())
         + heading_doubt(covariance)
         + rest_doubt(dwell.window())
-        + faint_doubt(dwell.window()) * options.priors.noise_only
+        + faint_doubt(dwell.window(), options.priors)
         + around_doubt(dwell)
         + _rate_doubt(means[:3]),
     )

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.angles import Sequence
+from alignment.around import by_direction
 from alignment.arrays import Array
 from alignment.doubts import heading_doubt
 from alignment.earth import Site
@@ -126,7 +127,8 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     drifts = _drift_variances(options.priors, options.offset_window, later)
     variances = variances + offset.variances + drifts
     G = G * [[1.0], [1.0], [_weaker(fresh, offset, C_nb, site)]]
-    covariance = attitude_covariance(nominal, variances, G) + placed_covariance(options.priors)
+    covariance = _on_the_circle(nominal, variances, G, site)
+    covariance = covariance + placed_covariance(options.priors)
     begun = in_the_mean(options.priors, dwell.t_from, options.offset_window)
     beyond, told = misplaced(offset, nominal, site, begun)
     covariance = covariance + beyond
@@ -144,10 +146,26 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
             + told
             + heading_doubt(covariance)
             + rest_doubt(fresh)
-            + faint_doubt(fresh) * options.priors.noise_only,
+            + faint_doubt(fresh, options.priors),
         )
     )
     return estimates
+
+
+def _on_the_circle(nominal: Rotation, variances: Array, G: Array, site: Site) -> Array:
+    """Covariance about n (3, 3) by `variances` (6,) of means in b, however far they turn it."""
+    covariance = attitude_covariance(nominal, variances, G)
+    more = max(_around(nominal, variances, site) ** 2 - covariance[2, 2], 0.0)
+    return covariance + np.diag([0.0, 0.0, more])
+
+
+def _around(nominal: Rotation, variances: Array, site: Site) -> float:
+    """Heading's root mean square [rad] on the whole circle, by `variances` (6,) of means in b.
+
+    Rates that are off by as much as the Earth's along north turn it round, with none across.
+    """
+    C = (site.plumb.inv() * nominal).as_matrix()[:2]
+    return by_direction(C * variances[:3] @ C.T / site.horizontal_rate() ** 2)
 
 
 def _weaker(fresh: ImuReadings, offset: ZeroOffset, C_nb: Rotation, site: Site) -> float:
@@ -183,7 +201,7 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
         part = ends / len(readings)
         growth = 1 / part - 1 if window == "same" else 1 / part  # "same" ends at its own offset
         placed = placed_covariance(options.priors) + beyond
-        covariance = [attitude_covariance(nominal, whole * g + extra, G) + placed for g in growth]
+        covariance = [_on_the_circle(nominal, whole * g + extra, G, site) + placed for g in growth]
         tracks.append(
             AttitudeTrack(
                 f"{METHOD} {window}",

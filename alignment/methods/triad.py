@@ -164,7 +164,7 @@ def _single(
     variance = attitude_covariance(C_nb, whole, to_latitude)[0, 0]
     flags = gap_doubt(window) + saturation_doubt(dwell.label, window)
     flags += heading_doubt(covariance) + rest_doubt(window) + around_doubt(dwell)
-    flags += faint_doubt(window) * options.priors.noise_only
+    flags += faint_doubt(window, options.priors)
     if abs(rate / EARTH_RATE - 1) > _RATE_DOUBT:
         flags += ("mean rate is not Earth's 15.04 deg/h within 20 %: gyro bias, or not at rest",)
     return AttitudeEstimate(

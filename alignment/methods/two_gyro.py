@@ -18,7 +18,7 @@ from alignment.arrays import Array
 from alignment.constant_errors import constant_covariance
 from alignment.doubts import apart_doubt, drift_doubt, heading_doubt
 from alignment.earth import EARTH_RATE, Site
-from alignment.errors import AlignmentError, TooShort
+from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.estimate import AttitudeEstimate
 from alignment.gains import Functional, functional
 from alignment.information.drift import in_the_mean
@@ -29,11 +29,14 @@ from alignment.noise import (
     apart_of,
     around_doubt,
     around_variance,
+    block_means,
+    check_rest,
     drift_of,
     faint_doubt,
     gap_doubt,
     integral_variance,
     low_density,
+    mean_and_variance,
 )
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
@@ -50,6 +53,7 @@ LARGEST_TILT = np.radians(10.0)  # mean tilt: near enough to level for two gyros
 LARGEST_SWAY = np.radians(5.0)  # rms about the mean
 LEAST_SAMPLES = 32
 _HALF = 0.5
+_FILTERED, _AMONG = 4.0, 8  # times the noise of samples that means of so many are of
 _STEP = 1e-4  # of Earth rate, of gravity: differences for slopes
 _STILL = 1e-5  # rad rms: a base that rocks by less rests
 _BLOCK = 0.5  # s
@@ -275,13 +279,14 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
         )
     sway = sway_of(readings.f_b)
     _check_sway(dwell.label, readings, sway)
-    roll, gamma = level(readings.f_b, Sequence.YAW_ROLL_PITCH)
+    beta, gamma = _tilts(readings)
     w = readings.w_ib_b.mean(axis=0)
     try:
-        found = azimuth_of_sway(w[0], w[2], -roll, gamma, latitude)
+        found = azimuth_of_sway(w[0], w[2], beta, gamma, latitude)
     except AlignmentError as error:
         raise AlignmentError(f"{dwell.label}: {error}") from error
-    C_nb = C_nb_from_angles(Sequence.YAW_ROLL_PITCH, -sway.beta, -found, sway.gamma)
+    means = float(np.mean(beta)), float(np.mean(gamma))
+    C_nb = C_nb_from_angles(Sequence.YAW_ROLL_PITCH, -means[0], -found, means[1])
     slopes = _slopes(C_nb, latitude)
     readings_covariance = _reading_covariance(readings, options) + np.diag(around_variance(dwell))
     covariance = slopes @ readings_covariance @ slopes.T
@@ -301,10 +306,20 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
         + saturation_doubt(dwell.label, readings)
         + heading_doubt(covariance)
         + around_doubt(dwell)
-        + faint_doubt(readings) * options.priors.noise_only
+        + faint_doubt(readings, options.priors)
         + _doubts(readings, sway, latitude),
         sway=asdict(sway) | {"bound": sway_bound(sway, latitude)},
     )
+
+
+def _tilts(readings: ImuReadings) -> tuple[Array, Array]:
+    """How far Z1 and X1 are raised in each sample; of a rest, by the mean force, in all of it.
+
+    There the samples differ by vibration, whose mean square would pass for a tilt.
+    """
+    f = readings.f_b.mean(axis=0) if _rests(readings) else readings.f_b
+    roll, gamma = level(f, Sequence.YAW_ROLL_PITCH)
+    return -roll, gamma
 
 
 def _attitude(w: Array, f: Array, latitude: float) -> Rotation:
@@ -363,27 +378,56 @@ def two_gyro_functional(readings: ImuReadings, site: Site, options: Options) -> 
 
 
 def _left_of_the_turn(w: Array, readings: ImuReadings, site: Site, priors: Priors) -> float:
-    """Part of the Earth's level rate that gyros of unknown bias show; 1 with a data sheet."""
+    """Part of the Earth's level rate that gyros of unknown bias show; 1 where a sheet tells it."""
+    if "gyro" not in priors.noise_only:
+        return 1.0
     up = readings.f_b.mean(axis=0)
     level_rate = float(np.linalg.norm(np.cross(w, up / np.linalg.norm(up))))
-    return level_rate / site.horizontal_rate() if priors.noise_only else 1.0
+    return level_rate / site.horizontal_rate()
 
 
 def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
     """Of the mean rates and forces, (6, 6)."""
     T = readings.interval * len(readings)
     means = np.concatenate([readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0)])
-    variances = np.concatenate(
-        [
-            rocking_rate_variance(readings.w_ib_b, readings.interval)
-            + drift_of(readings.w_ib_b) ** 2,
-            quiet_density(readings.f_b, readings.interval) / T + drift_of(readings.f_b) ** 2,
-        ]
-    )
-    variances += ROUNDING**2 + rounding_variance(readings) + (apart_of(readings).off / PARTS) ** 2
-    noise = np.diag(variances) + _between_axes(readings, options.priors) / T
+    variances = _rocking(readings)
+    if _rests(readings):
+        _, shown = mean_and_variance(readings)
+        own = slice(None) if _filtered(readings.f_b) else slice(3, 6)
+        variances[own] = shown[own]
+    noise = np.diag(variances + ROUNDING**2 + rounding_variance(readings))
+    noise += _between_axes(readings, options.priors) / T
     priors = in_the_mean(options.priors, float(readings.t[-1]) - T, T)
     return noise + constant_covariance(means, priors)
+
+
+def _rocking(readings: ImuReadings) -> Array:
+    """Variances (6,) of the means of a base that rocks: what does so is no noise of its tilt."""
+    w, f, interval = readings.w_ib_b, readings.f_b, readings.interval
+    both = rocking_rate_variance(w, interval), quiet_density(f, interval) / (interval * len(f))
+    drifts = np.concatenate([drift_of(w), drift_of(f)])
+    return np.concatenate(both) + drifts**2 + (apart_of(readings).off / PARTS) ** 2
+
+
+def _filtered(f_b: Array) -> bool:
+    """Whether a rest's samples (n, 3) are less rough than noise makes them: by a filter, or held.
+
+    The accelerometers tell it for the gyros, which a base that rocks by little smooths as well.
+    """
+    if len(f_b) < 4 * _AMONG:
+        return False
+    rough = white_density(f_b, 1.0)
+    among = white_density(block_means(f_b, len(f_b) // _AMONG), _AMONG)
+    return bool(np.median(among > _FILTERED * rough))
+
+
+def _rests(readings: ImuReadings) -> bool:
+    """Whether what the accelerometers feel beside gravity is vibration and noise, no tilt."""
+    try:
+        check_rest(readings, "")
+    except NotAtRest:
+        return False
+    return True
 
 
 def _between_axes(readings: ImuReadings, priors: Priors) -> Array:

@@ -6,14 +6,14 @@ from pathlib import Path
 from alignment.calibration.gravity import gravity_of
 from alignment.calibration.hand_held import HandHeld, hand_held
 from alignment.errors import AlignmentError
-from alignment.stuck import dead
 from stand.arguments import site_with
 from stand.calibration.file import CalibrationRecord
+from stand.calibration.logs import refuse_dead, unit_record
 from stand.calibration.truth import errors_of
 from stand.errors import StandError
 from stand.evaluation.aligned import sheet_beside
 from stand.imu import ImuSpec, load_imu
-from stand.imu.priors import priors_of
+from stand.imu.priors import noise_alone, priors_of
 from stand.recording.entrance import log_file
 from stand.recording.hashes import sha256_of_file
 from stand.recording.log import Log
@@ -65,8 +65,7 @@ def by_hand(
     if not 0.1 <= shortest_s <= 3600:
         raise StandError(f"shortest = {shortest_s:g} s: must be 0.1 to 3600")
     (log,) = logs
-    if not log.simulated and (words := dead(log.readings)):
-        raise StandError(f"{log.path}: {words}")
+    refuse_dead(log)
     sheet = load_imu(imu) if isinstance(imu, str) else imu
     site = site_with(log.site, latitude_deg, height_m)
     measured = gravity_of(site, gravity, gravity_sigma)
@@ -83,7 +82,8 @@ def by_hand(
     told = sheet or sheet_beside(log.imu.metadata)
     return CalibrationRecord(
         calibration=found,
-        unit=_unit(told, serial),
+        unit=unit_record(told, serial),
+        noise_only=noise_alone(sheet),
         source={
             "method": "hand-held, as published" if as_published else "hand-held",
             "recording": Path(log.path).name,
@@ -95,8 +95,3 @@ def by_hand(
         versions=versions(),
         errors=errors_of(found.keys, found.values, log.imu.metadata),
     )
-
-
-def _unit(sheet: ImuSpec | None, serial: str) -> dict[str, str]:
-    told = {} if sheet is None else {"id": sheet.id, "title": sheet.title, "toml": sheet.text}
-    return told | ({"serial": serial} if serial else {})

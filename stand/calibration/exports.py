@@ -10,6 +10,7 @@ import numpy as np
 
 from alignment.arrays import Array
 from alignment.calibration import Key, TriadConstants, constants_of, derived_of
+from alignment.options import SENSORS
 from alignment.units import ARC_SECOND, DEG_PER_HOUR, MICRO_G
 from stand.calibration.file import CalibrationRecord
 from stand.calibration.snippets import c_text, python_text
@@ -18,6 +19,7 @@ from stand.errors import StandError, unknown
 from stand.folder import refuse_files, write_files
 from stand.imu.known import FIELDS
 from stand.imu.preset import imu_from
+from stand.imu.priors import NOISE_ONLY
 from stand.toml_files import Source
 
 NOT_MOMENTARY = ("lag", "lever_arm")
@@ -189,6 +191,7 @@ def preset_files(record: CalibrationRecord, out: Path) -> dict[Path, str]:
             "# One unit as it was calibrated: what is known is drawn about its value with its",
             "# sigma, each apart; the rest is as its data sheet says. Direction: what the unit",
             "# does to the truth.",
+            *_of_noise(record),
             *_apart(record),
             *left,
             "known = [",
@@ -199,6 +202,13 @@ def preset_files(record: CalibrationRecord, out: Path) -> dict[Path, str]:
     )
     imu_from(Source(out.stem, str(out), text))  # its faults are told before it is written
     return {out: text}
+
+
+def _of_noise(record: CalibrationRecord) -> list[str]:
+    """Of which sensors no sheet told drift or anything else but noise."""
+    words = {"gyro": "gyros", "accel": "accelerometers"}
+    named = " and ".join(words[sensor] for sensor in SENSORS if sensor in record.noise_only)
+    return [f"# Sigmas of {named}: {NOISE_ONLY}, no drift is in them."] if named else []
 
 
 def _apart(record: CalibrationRecord) -> list[str]:

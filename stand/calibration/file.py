@@ -61,6 +61,9 @@ class CalibrationRecord:
         SHA-256 of each recording; versions by package.
     errors : sequence of float or None
         Value less truth of each parameter, SI, where the truth is known.
+    noise_only : set of str
+        The sensors ('gyro', 'accel') of which no data sheet told more than noise: sigmas of theirs
+        hold no drift.
     """
 
     calibration: Calibration
@@ -70,6 +73,7 @@ class CalibrationRecord:
     hashes: Mapping[str, str] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     errors: Sequence[float] | None = None
+    noise_only: frozenset[str] = frozenset(SENSORS)
 
 
 # --- written -------------------------------------------------------------------------------------
@@ -87,6 +91,7 @@ def record_to_json(record: CalibrationRecord) -> dict[str, Any]:
             for n, p in enumerate(c.parameters)
         ],
         "derived": [_derived(d) for d in c.derived],
+        "noise_only": sorted(record.noise_only),
         "chi_square": c.chi_square,
         "dof": c.dof,
         "enlarged": c.enlarged,
@@ -296,6 +301,7 @@ class CalibrationEntry(_Read):
     unit: dict[str, str] = {}
     parameters: Annotated[tuple[ParameterEntry, ...], Field(min_length=1, max_length=1000)]
     derived: tuple[DerivedEntry, ...] = ()
+    noise_only: Annotated[tuple[Literal["gyro", "accel"], ...], Field(max_length=2)] | None = None
     chi_square: Annotated[float, Field(ge=0, le=1e18)]
     dof: _Count
     enlarged: Annotated[float, Field(ge=1, le=1e6)] = 1.0
@@ -327,6 +333,12 @@ class CalibrationEntry(_Read):
         _check_covariance(np.array(self.covariance), np.array([p.sigma for p in self.parameters]))
         return self
 
+    def _noise_only(self) -> frozenset[str]:
+        """As written; files of older versions have but the sheet."""
+        if self.noise_only is not None:
+            return frozenset(self.noise_only)
+        return frozenset(() if self.unit.get("toml") else SENSORS)
+
     def record(self) -> CalibrationRecord:
         """The same in SI."""
         parameters = tuple(p.parameter() for p in self.parameters)
@@ -357,6 +369,7 @@ class CalibrationEntry(_Read):
             hashes=self.hashes,
             versions=self.versions,
             errors=known if len(known) == len(errors) else None,
+            noise_only=self._noise_only(),
         )
 
 

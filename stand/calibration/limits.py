@@ -60,6 +60,7 @@ class Judgement:
     expanded: float
     limit: float
     source: str
+    noise_only: bool = False
 
     @property
     def verdict(self) -> Verdict:
@@ -173,6 +174,7 @@ def judged(record: CalibrationRecord, limits: Limits) -> list[Judgement]:
             expanded=limits.coverage * sigma / size,
             limit=limits.largest[sensor, term][0] / size,
             source=limits.largest[sensor, term][1],
+            noise_only=sensor in record.noise_only,
         )
         for name, unit, size, value, sigma, sensor, term in found
     ]

@@ -16,13 +16,16 @@ from alignment.calibration.fit import fitted
 from alignment.calibration.gravity import gravity_of
 from alignment.calibration.observe import Observed, observed
 from alignment.errors import AlignmentError
-from alignment.stuck import dead
+from alignment.information.model import InstrumentErrors
+from alignment.options import SENSORS
 from stand import toml_files as catalogue
 from stand.arguments import site_with
 from stand.calibration.file import CalibrationRecord
+from stand.calibration.logs import refuse_dead, unit_record
 from stand.calibration.truth import errors_of
 from stand.errors import StandError, located
 from stand.imu import ImuSpec, load_imu, unstated, without
+from stand.imu.priors import noise_alone, priors_of
 from stand.procedure.procedure import procedure_from
 from stand.recording.attached_model import attached_model
 from stand.recording.entrance import log_file
@@ -62,7 +65,8 @@ def on_table(
         With stretches and the attitudes that the table was told; each one was switched on, and the
         unit mounted, anew.
     imu : str or ImuSpec, optional
-        Data sheet, whose sigmas are what is known before; else as recorded, else nothing is.
+        Data sheet, whose sigmas are what is known before; else as recorded, else nothing is. Of a
+        sensor of which it states no more than noise, nothing but that is known.
     table : str or Table, optional
         Class of the table; else as recorded, else what the log's priors say of it.
     trust_table : bool
@@ -83,8 +87,7 @@ def on_table(
     if not logs:
         raise StandError("no recording to calibrate from")
     for log in logs:
-        if not log.simulated and (words := dead(log.readings)):
-            raise StandError(f"{log.path}: {words}")
+        refuse_dead(log)
     first = logs[0]
     metadata: Metadata = first.imu.metadata
     with located(first.path):
@@ -98,12 +101,14 @@ def on_table(
     bench = replace(bench, gravity_sigma=sigma)
     bench = trusting(bench) if trust_table else bench
     calibration = _calibrated(logs, bench, site, sheet, trust_table)
-    notes = () if sheet is None else unstated(sheet)
+    found = {(key.sensor, key.term) for key in calibration.keys}
+    notes = () if sheet is None else unstated(sheet, found)
     if trust_table:
         notes += ("the table and the seat were taken for perfect: no sigma knows their errors",)
     return CalibrationRecord(
         calibration=replace(calibration, notes=calibration.notes + notes),
-        unit=_unit(sheet, serial),
+        unit=unit_record(sheet, serial),
+        noise_only=noise_alone(sheet),
         source=_source(logs, on, trust_table),
         axes=axes,
         hashes={Path(log.path).name: sha256_of_file(log_file(log.path)) for log in _files(logs)},
@@ -225,9 +230,10 @@ def _bench(log: Log, sheet: ImuSpec | None, table: Table | None, site: Site) -> 
         ideal=run.get("motion", "ideal") == "ideal",
         joints_known=all(d.joints is not None for d in log.dwells),
     )
-    if sheet is None:
-        wide = from_priors(_noise_of(log))
-        made = replace(made, unit=wide.unit)
+    noise = _noise_of(log)
+    wide = from_priors(noise if sheet is None else priors_of(sheet, None)).unit
+    of_wide = {sensor: getattr(wide, sensor) for sensor in noise_alone(sheet)}
+    made = replace(made, unit=_with_noise(replace(made.unit, **of_wide), noise))
     if table is None:
         p = log.options.priors
         made = replace(made, placement=p.turn, seat=p.seat, tilt=p.nominal, azimuth=p.azimuth)
@@ -235,8 +241,18 @@ def _bench(log: Log, sheet: ImuSpec | None, table: Table | None, site: Site) -> 
     return made if log.simulated else replace(made, arm_sigma=ARM)
 
 
+def _with_noise(unit: InstrumentErrors, shown: Priors) -> InstrumentErrors:
+    """The same with the noise that is `shown` where none is stated."""
+    for sensor in SENSORS:
+        triad = getattr(unit, sensor)
+        if not np.any(triad.noise):
+            walk = np.full(3, getattr(shown, f"{sensor}_walk"))
+            unit = replace(unit, **{sensor: replace(triad, noise=walk)})
+    return unit
+
+
 def _noise_of(log: Log) -> Priors:
-    """White noise as the rests themselves show it, for a unit of which nothing is known."""
+    """White noise as the rests themselves show it, for a unit of which none is known."""
     rests = [d for d in log.dwells if d.turn is None] or list(log.dwells)
     walks = []
     for values in ("w_ib_b", "f_b"):
@@ -259,11 +275,6 @@ def _warmth(metadata: Metadata, sheet: ImuSpec | None) -> Warmth | None:
 
 
 # --- the record ----------------------------------------------------------------------------------
-
-
-def _unit(sheet: ImuSpec | None, serial: str) -> dict[str, str]:
-    told = {} if sheet is None else {"id": sheet.id, "title": sheet.title, "toml": sheet.text}
-    return told | ({"serial": serial} if serial else {})
 
 
 def _source(logs: Sequence[Log], table: Table | None, trusted: bool) -> dict[str, str]:

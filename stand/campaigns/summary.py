@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import nan
+from math import inf, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +15,8 @@ from scipy.special import betaincinv
 
 from alignment import ESTIMATORS
 from alignment.arrays import Array, IntArray
+from alignment.estimate import ANGLE_LIMIT, LATITUDE_LIMIT
+from alignment.options import of_noise_alone
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G
 from stand.campaigns.campaign import PREDICTIONS
 from stand.campaigns.folder import read_sweep, results_of
@@ -24,6 +26,8 @@ from stand.campaigns.sweep import shown as spelled
 from stand.campaigns.trial import NEES
 from stand.errors import StandError
 from stand.evaluation.statistics import TAIL, nees_bounds
+from stand.imu import unstated
+from stand.imu.priors import noise_alone
 from stand.rehearsal.rehearse import limits_of
 from stand.rehearsal.sums import Sums
 from stand.simulation.settings import Settings
@@ -57,7 +61,9 @@ class Cell:
 
     `rms` of the errors of `runs` runs with the 95 % interval of what it estimates, their `mean`,
     the root mean square of the `stated` sigmas, what `rehearse` predicts (None: nothing), and the
-    `parts` of the errors' distribution, as `PARTS`.
+    `parts` of the errors' distribution, as `PARTS`. Runs `without` a number that can stand do not
+    count; where these are most, there is none at all: NaN. `noise_only`: no sheet of the case's
+    unit states more than noise of the sensors that tell it.
     """
 
     case: int
@@ -70,6 +76,13 @@ class Cell:
     stated: float
     predicted: float | None
     parts: tuple[float, ...]
+    without: int = 0
+    noise_only: bool = False
+
+    @property
+    def determined(self) -> bool:
+        """Whether there is a number to stand behind."""
+        return bool(np.isfinite(self.rms))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +133,8 @@ class Refused(NamedTuple):
 
 
 class Worst(NamedTuple):
-    """A unit far off: its error and stated sigma [SI]; `times` its limit, or its case's rms."""
+    """A unit far off: its error and stated sigma [SI]; `times` its limit, or its case's rms;
+    `noise_only` as of its `Cell`."""
 
     case: int
     seed: int
@@ -128,6 +142,7 @@ class Worst(NamedTuple):
     error: float
     sigma: float
     times: float
+    noise_only: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,7 +150,8 @@ class Summary:
     """All that a page and JSON say of a campaign.
 
     `shown`: a series per method and window, of the quantity that is looked at and the place where
-    it is worst. `limits`: what is required of that quantity [rad], by case.
+    it is worst. `limits`: what is required of that quantity [rad], by case. `unstated`: what the
+    units' sheets leave out.
     """
 
     sweep: Sweep
@@ -148,6 +164,7 @@ class Summary:
     refused: tuple[Refused, ...]
     worst: tuple[Worst, ...]
     limits: Mapping[int, float]
+    unstated: tuple[str, ...] = ()
 
     @property
     def total(self) -> int:
@@ -157,6 +174,10 @@ class Summary:
     def of(self, series: Series) -> list[Cell]:
         """One series, case after case."""
         return [cell for cell in self.cells if cell.series == series]
+
+    def told(self, series: Series) -> list[Cell]:
+        """Those cells of it that have a number."""
+        return [cell for cell in self.of(series) if cell.determined]
 
 
 def summarised(folder: Path) -> Summary:
@@ -171,9 +192,11 @@ def summarised(folder: Path) -> Summary:
     rows = results_of(folder).columns()
     if not len(rows["case"]):
         raise StandError(f"{folder}: holds no runs yet")
-    limits = {n: limits_of(sweep.case(n).settings) for n in np.unique(rows["case"]).tolist()}
+    settings = {n: sweep.case(n).settings for n in np.unique(rows["case"]).tolist()}
+    limits = {n: limits_of(made) for n, made in settings.items()}
+    alone = {n: noise_alone(made.unit) for n, made in settings.items()}
     grouped = _Grouped(rows)
-    cells = tuple(_cells(grouped, _predictions(folder)))
+    cells = tuple(_cells(grouped, _predictions(folder), alone))
     yields = tuple(_yields(sweep, rows, limits))
     judged = {(y.method, y.window) for y in yields}  # what units are judged by comes first
     shown = tuple(sorted(_shown(cells), key=lambda one: (one.method, one.window) not in judged))
@@ -190,6 +213,7 @@ def summarised(folder: Path) -> Summary:
         refused=tuple(_refused(rows)),
         worst=tuple(_worst(grouped, cells, shown, of_it)),
         limits=of_it,
+        unstated=tuple(dict.fromkeys(s for one in settings.values() for s in unstated(one.imu))),
     )
 
 
@@ -232,13 +256,30 @@ class _Grouped:
             self.groups.append((int(rows["case"][first]), Series(*words), part))
 
 
-def _cells(grouped: _Grouped, predicted: Mapping[tuple[int, Series], float]) -> Iterator[Cell]:
+def _cells(
+    grouped: _Grouped,
+    predicted: Mapping[tuple[int, Series], float],
+    noise_only: Mapping[int, Collection[str]],
+) -> Iterator[Cell]:
     errors, sigmas = grouped.rows["error"], grouped.rows["sigma"]
+    stands = grouped.rows["refusal"] == ""
     for case, series, part in grouped.groups:
-        found = errors[part][np.isfinite(errors[part])]
+        own = part[stands[part]]
+        found = errors[own][np.isfinite(errors[own])]
+        known: dict[str, Any] = {
+            "case": case,
+            "series": series,
+            "predicted": predicted.get((case, series)),
+            "noise_only": of_noise_alone(series.quantity, noise_only[case]),
+            "without": len(part) - len(own),
+        }
+        if series.quantity and 2 * len(own) < len(part):  # the few others are no sample of it
+            nothing = dict.fromkeys(("rms", "low", "high", "mean", "stated"), nan)
+            yield Cell(**known, **nothing, runs=len(found), parts=(nan,) * len(PARTS))
+            continue
         if not len(found):
             continue
-        stated = sigmas[part][np.isfinite(sigmas[part])]
+        stated = sigmas[own][np.isfinite(sigmas[own])]
         powers = [float((found**k).sum()) for k in (1, 2, 4)]
         of = [[*series, float(len(found)), *powers, float(len(found))]]
         sums = Sums.from_json({"runs": len(found), "of": of, "refused": []})
@@ -246,15 +287,13 @@ def _cells(grouped: _Grouped, predicted: Mapping[tuple[int, Series], float]) -> 
             (series.method, series.window, series.place, series.quantity)
         )
         yield Cell(
-            case=case,
-            series=series,
+            **known,
             runs=runs,
             rms=rms,
             low=low,
             high=high,
             mean=float(found.mean()),
             stated=float(np.sqrt((stated**2).mean())) if len(stated) else nan,
-            predicted=predicted.get((case, series)),
             parts=tuple(np.quantile(found, PARTS).tolist()),
         )
 
@@ -267,7 +306,8 @@ def _shown(cells: Sequence[Cell]) -> Iterator[Series]:
         squares: dict[Series, float] = {}
         for cell in cells:
             if (cell.series.method, cell.series.window) == way and cell.series.quantity == quantity:
-                squares[cell.series] = squares.get(cell.series, 0.0) + cell.rms**2
+                square = cell.rms**2 if cell.determined else inf
+                squares[cell.series] = squares.get(cell.series, 0.0) + square
         if squares:
             yield max(squares, key=lambda series: squares[series])
 
@@ -289,16 +329,22 @@ def _refused(rows: Columns) -> Iterator[Refused]:
     where = np.flatnonzero(refusal != "")
     found: dict[tuple[str, str], list[int]] = {}
     for k in where.tolist():
-        found.setdefault((rows["method"][k], _general(refusal[k])), []).append(k)
+        reason = _general(refusal[k], rows["quantity"][k])
+        found.setdefault((rows["method"][k], reason), []).append(k)
     for (method, reason), own in found.items():
+        named = ", ".join(dict.fromkeys(q for k in own if (q := rows["quantity"][k])))
+        reason = f"{named} not determined: {reason}" if named else reason
         runs = {(int(rows["case"][k]), int(rows["seed"][k])) for k in own}
         case, seed = min(runs)
         yield Refused(method, reason, len(runs), len({c for c, _ in runs}), case=case, seed=seed)
 
 
-def _general(reason: str) -> str:
-    """A reason without the number that differs from run to run."""
-    return "sigma is above 30 deg" if reason.endswith("is above 30 deg") else reason
+def _general(reason: str, quantity: str) -> str:
+    """Why a quantity is not determined, without the number that differs from run to run."""
+    if not quantity:
+        return reason
+    limit = LATITUDE_LIMIT if quantity == "latitude" else ANGLE_LIMIT
+    return f"sigma is above {limit / DEG:.0f} deg"
 
 
 # --- yield ---
@@ -392,11 +438,13 @@ def _worst(
     """The units that are farthest beyond their limit, or beyond their case's rms."""
     if not shown:
         return
-    rms = {(cell.case, cell.series): cell.rms for cell in cells}
+    rms = {(cell.case, cell.series): cell.rms for cell in cells if cell.determined}
+    alone = {cell.case: cell.noise_only for cell in cells if cell.series == shown[0]}
     rows, found = grouped.rows, []
     for case, series, part in grouped.groups:
         if series == shown[0] and (case, series) in rms:
             of = limits.get(case, rms[case, series])
+            part = part[rows["refusal"][part] == ""]
             errors: Array = np.abs(rows["error"][part])
             best = part[np.argsort(-np.nan_to_num(errors))[:WORST]]
             found += [
@@ -410,6 +458,7 @@ def _worst(
             error=float(rows["error"][k]),
             sigma=float(rows["sigma"][k]),
             times=times,
+            noise_only=alone[case],
         )
 
 
@@ -504,6 +553,7 @@ def summary_json(summary: Summary) -> dict[str, Any]:
             for n, values in enumerate(sweep.values, start=1)
         ],
         "errors": [_cell_json(cell) for cell in summary.cells],
+        "unstated": list(summary.unstated),
         "nees": [
             {**_way(h), "case": h.case, "mean": h.mean, "low": h.low, "high": h.high}
             for h in summary.honesty
@@ -541,7 +591,8 @@ def _cell_json(cell: Cell) -> dict[str, Any]:
     numbers = {name: getattr(cell, name) for name in ("rms", "low", "high", "mean", "stated")}
     told = {name: _number(value, per) for name, value in numbers.items()}
     told["predicted"] = None if cell.predicted is None else _number(cell.predicted, per)
-    parts = {f"{100 * p:g} %": x / per for p, x in zip(PARTS, cell.parts, strict=True)}
+    told |= {"undetermined": cell.without, "noise_only": cell.noise_only}
+    parts = {f"{100 * p:g} %": _number(x, per) for p, x in zip(PARTS, cell.parts, strict=True)}
     head = {"case": cell.case, **cell.series._asdict(), "unit": unit, "runs": cell.runs}
     return head | told | {"parts": parts}
 
@@ -555,6 +606,7 @@ def _worst_json(w: Worst) -> dict[str, Any]:
         "unit": unit,
         "error": _number(w.error, per),
         "sigma": _number(w.sigma, per),
+        "noise_only": w.noise_only,
         "times": _number(w.times, 1.0),
     }
 

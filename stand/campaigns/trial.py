@@ -31,7 +31,7 @@ ENDED = "ended the process that made it"
 class Row(NamedTuple):
     """What one method found of one quantity at one place, SI; NaN where there is no number.
 
-    `refusal`: why there is no answer, or none that can stand: its error and sigma are there then.
+    `refusal`: why there is no answer, or none that can stand: only its sigma is there then.
     Without a quantity it is of a method's stretch, its place, or of the method altogether.
     """
 
@@ -114,7 +114,7 @@ def _rows(
             why = e.undetermined.get(name, "")
             estimate, error, sigma = numbers
             if why:
-                estimate = nan
+                estimate = error = nan
             yield of(e.label, name, estimate=estimate, error=error, sigma=sigma, refusal=why)
         nees = _nees(e, truth)
         if np.isfinite(nees):

@@ -69,8 +69,11 @@ class Alignment:
     imu: ImuSpec | None = None
 
     @property
-    def noise_only(self) -> bool:
-        """Whether every sigma is of noise alone: no data sheet says more of the unit."""
+    def noise_only(self) -> frozenset[str]:
+        """The sensors ('gyro', 'accel') of which no data sheet tells more than noise.
+
+        Sigmas of what they tell are of noise alone.
+        """
         return self.options.priors.noise_only
 
     @property

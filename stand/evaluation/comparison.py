@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
-from math import nan, sqrt
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,13 @@ from scipy.spatial.transform import Rotation
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, Site
 from alignment.against_truth import heading_errors, rotation_error
 from alignment.earth import EARTH_RATE
+from alignment.estimate import determined
 from alignment.units import DEG
 from stand.errors import StandError
 from stand.evaluation.score import answered, circular
 from stand.evaluation.statistics import EstimateErrors, Outcome, Tally, tally
 from stand.imu import ImuSpec, unstated
+from stand.imu.priors import noise_alone
 from stand.motion.plan import Plan
 from stand.simulation.journal import Journal
 from stand.simulation.monte_carlo import Trials
@@ -182,9 +184,10 @@ def against_truth(
     assert e.C_nb is not None
     error, off = rotation_error(e.C_nb, truth), float(heading_errors(e.C_nb, truth))
     undetermined = not {"heading", "yaw"}.isdisjoint(e.undetermined)
-    sigmas, nees = (nan, nan), nan
+    tilts, sigmas, nees = error[:2], np.full(2, nan), nan
     if e.covariance is not None:
-        sigmas = (sqrt(e.covariance[0, 0]), sqrt(e.covariance[1, 1]))
+        sigmas = np.sqrt(e.covariance.diagonal()[:2])
+        tilts, sigmas = (np.where(determined(sigmas), x, nan) for x in (tilts, sigmas))
         whole = np.linalg.matrix_rank(e.covariance, hermitian=True) == len(error)
         if whole and not undetermined:
             nees = float(error @ np.linalg.solve(e.covariance, error))
@@ -193,11 +196,11 @@ def against_truth(
         off = sigma = nan
     return EstimateErrors(
         heading=off,
-        north=float(error[0]),
-        east=float(error[1]),
+        north=float(tilts[0]),
+        east=float(tilts[1]),
         heading_sigma=sigma,
-        north_sigma=sigmas[0],
-        east_sigma=sigmas[1],
+        north_sigma=float(sigmas[0]),
+        east_sigma=float(sigmas[1]),
         nees=nees,
         heading_floor=floor[0],
         tilt_floor=floor[1],
@@ -246,6 +249,7 @@ def to_json(comparison: Comparison) -> dict[str, Any]:
         "rate_hz": s.rate_hz,
         "runs": comparison.runs,
         "methods": [_row(t) for t in comparison.tallies],
+        "noise_only": bool(noise_alone(s.unit)),
         "unstated": list(unstated(s.imu)),
     }
 
@@ -260,6 +264,7 @@ def _row(t: Tally) -> dict[str, Any]:
     row |= {"refused": t.refused, "reason": t.reason, "beyond_linear_range": t.beyond_linear}
     row["refused_stretches"] = [one._asdict() for one in t.left_out]
     row |= {"undetermined": t.undetermined, "heading_undetermined": t.why_undetermined}
+    row |= {"tilt_undetermined": t.why_untilted}
     row |= {f"{name}_deg": _number(getattr(t, name) / DEG) for name in _ANGLES}
     row |= {name: _number(getattr(t, name)) for name in (*_RATIOS, *_NEES)}
     return row | {"seconds": t.seconds}

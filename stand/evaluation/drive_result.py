@@ -13,8 +13,8 @@ from stand.errors import StandError
 from stand.evaluation.milestones import LIMITS, doubts, needed, points
 from stand.evaluation.score import Score, score_to_json
 from stand.imu import ImuSpec, unstated
-from stand.imu.priors import noise_alone
-from stand.vehicle.scenario import Drive, priors_of
+from stand.imu.priors import noise_alone, priors_of
+from stand.vehicle.scenario import Drive
 from stand.versions import versions
 
 LOWEST_RATE_HZ = 20  # means over longer samples are not exact: see `Path.means`
@@ -54,7 +54,7 @@ class DriveSettings:
     @property
     def priors(self) -> Priors:
         """What the unit's data sheet says."""
-        return priors_of(self.imu, self.site.gravity)
+        return priors_of(self.imu, None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,6 +113,7 @@ def _solution_json(name: str, result: DriveResult) -> dict[str, Any]:
                 "error_deg": None if p.undetermined else p.error / DEG,
                 "sigma_deg": p.sigma / DEG,
                 "undetermined": p.undetermined,
+                "noise_only": bool(noise_alone(result.settings.imu)),
                 "state": p.state,
             }
             for p in points(curve)

@@ -1,6 +1,6 @@
 """Estimates set against what was true and what was nominal, and their JSON form."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import sqrt
@@ -284,11 +284,11 @@ def by_method(scores: Sequence[Score]) -> list[tuple[tuple[str, str], list[Score
     return list(groups.items())
 
 
-def score_to_json(scored: Score, noise_only: bool = False) -> dict[str, object]:
+def score_to_json(scored: Score, noise_only: Collection[str] = ()) -> dict[str, object]:
     """One estimate for machines: degrees, absent where there is no value.
 
-    null where a value is not determined: `undetermined` says why. `noise_only`: whether its
-    standard deviations are of noise alone, for want of a data sheet.
+    null where a value is not determined: `undetermined` says why. `noise_only`: the sensors
+    that no data sheet tells more of, and whether there are any: standard deviations are of noise.
     """
     e = scored.estimate
     entry: dict[str, object] = {"method": e.method, "label": e.label}
@@ -317,7 +317,7 @@ def score_to_json(scored: Score, noise_only: bool = False) -> dict[str, object]:
         entry["constants"] = told["parameters"]
     if e.sway is not None:
         entry["sway"] = _sway_json(e.sway)
-    entry |= {"undetermined": e.undetermined, "noise_only": noise_only}
+    entry |= {"undetermined": e.undetermined, "noise_only": bool(noise_only)}
     entry["flags"] = list(e.flags)
     return entry
 

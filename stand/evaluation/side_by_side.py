@@ -12,6 +12,7 @@ import numpy as np
 from alignment import ESTIMATORS, AttitudeEstimate, Dwell, ImuReadings
 from alignment.arrays import Array, set_owned
 from alignment.errors import Fault
+from alignment.estimate import determined
 from alignment.noise import BLOCKS, low_density, mean_and_variance
 from alignment.units import DEG
 from stand.errors import StandError, unknown
@@ -69,6 +70,12 @@ class EstimatePair:
             set_owned(self, sigmas=(self.sigmas, (3,), float))
 
     @property
+    def undetermined(self) -> tuple[bool, ...]:
+        """Whether `off` about north, east, down is not determined."""
+        level = (True, True) if self.sigmas is None else determined(self.sigmas[:2]).tolist()
+        return (*(not told for told in level), self.turned_unknown)
+
+    @property
     def turned_unknown(self) -> bool:
         """Whether `off` about down is not determined, for one heading is not."""
         return any({"yaw", "heading"} & set(one.undetermined) for one in (self.a, self.b))
@@ -77,7 +84,7 @@ class EstimatePair:
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SideBySide:
     """Two recordings beside each other; `notes` say how they were matched, what was left out;
-    `noise_only`: of one of them nothing but noise is known, and every sigma is of that."""
+    `noise_only`: sensors of which, in one of them, nothing but noise is known."""
 
     a: Log
     b: Log
@@ -85,7 +92,7 @@ class SideBySide:
     estimates: tuple[EstimatePair, ...]
     refusals: tuple[Refusal, ...]
     notes: tuple[str, ...]
-    noise_only: bool
+    noise_only: frozenset[str]
 
 
 def side_by_side(
@@ -123,7 +130,7 @@ def side_by_side(
     wanted = methods or [m for m in a.methods if m in b.methods] or a.methods
     estimates: list[EstimatePair] = []
     refusals: list[Refusal] = []
-    noise_only = False
+    noise_only: frozenset[str] = frozenset()
     for method in wanted:
         found: list[Alignment] = []
         for log, other in ((a, named), (named, a)):
@@ -133,7 +140,7 @@ def side_by_side(
                 refusals.append(Refusal(method, str(error)))
         if len(found) == 2:
             estimates += _paired(*(one.estimates for one in found))
-            noise_only |= any(one.noise_only for one in found)
+            noise_only = noise_only.union(*(one.noise_only for one in found))
     return SideBySide(
         a=a,
         b=b,
@@ -241,8 +248,11 @@ def side_by_side_json(found: SideBySide) -> dict[str, Any]:
                 "method": e.a.method,
                 "window": e.a.window,
                 "label": e.a.label,
-                "off_ned_deg": [*(e.off[:2] / DEG), None if e.turned_unknown else e.off[2] / DEG],
-                "noise_only": found.noise_only,
+                "off_ned_deg": [
+                    None if none else float(off) / DEG
+                    for off, none in zip(e.off, e.undetermined, strict=True)
+                ],
+                "noise_only": bool(found.noise_only),
                 "sigmas_deg": None if e.sigmas is None else (e.sigmas / DEG).tolist(),
             }
             for e in found.estimates

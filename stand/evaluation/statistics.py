@@ -29,7 +29,8 @@ class EstimateErrors(NamedTuple):
 
     `north`, `east`: the small rotation about N and E that takes truth to estimate, and its
     sigmas; `heading` likewise; `nees` of the whole rotation; floors of white noise.
-    `undetermined` is 1 where the heading is not determined: it has no number then, and no `nees`.
+    `undetermined` is 1 where the heading is not determined: it has no number then, and no `nees`;
+    nor has a tilt that is not, about its own axis.
     """
 
     heading: float = nan
@@ -73,9 +74,9 @@ class Tally:
     `ratio` is rms over floor with its 95 % interval; `nees` the mean over estimates, with the
     interval that a consistent covariance keeps to in 95 of 100 such comparisons. NaN where there
     is nothing to say. `seconds` is the work per run, `estimates` how many were pooled, of which
-    `undetermined` have no heading that can stand: where these are most, nothing is said of
-    heading at all. `refused` runs have no answer whatever; of the others `left_out` has the
-    stretches that were refused.
+    `undetermined` have no heading that can stand, and `untilted` of twice as many no tilt: where
+    these are most, nothing is said of heading, or tilt, at all. `refused` runs have no answer
+    whatever; of the others `left_out` has the stretches that were refused.
     """
 
     method: str
@@ -100,6 +101,7 @@ class Tally:
     nees_high: float
     seconds: float
     undetermined: int = 0
+    untilted: int = 0
     left_out: tuple[LeftOut, ...] = ()
 
     @property
@@ -116,6 +118,14 @@ class Tally:
             return ""
         limit = f"{ANGLE_LIMIT / DEG:.0f} deg"
         return f"sigma above {limit} in {self.undetermined} of {self.estimates} estimates"
+
+    @property
+    def why_untilted(self) -> str:
+        """Why nothing is said of tilt; '' where something is."""
+        if not _most(self.untilted, 2 * self.estimates):
+            return ""
+        limit = f"{ANGLE_LIMIT / DEG:.0f} deg"
+        return f"sigma above {limit} in {self.untilted} of {2 * self.estimates} tilts"
 
     @property
     def beyond_linear(self) -> bool:
@@ -138,7 +148,10 @@ def tally(method: str, runs: int, outcomes: Sequence[Outcome]) -> Tally:
     if _most(undetermined, len(table)):  # the few others are no sample of it
         heading = heading_sigma = nees = np.full(len(table), nan)
     rms, low, high = rms_interval(heading, run)
-    tilts = np.concatenate([north, east])
+    tilts, tilt_sigmas = np.concatenate([north, east]), np.concatenate([north_sigma, east_sigma])
+    untilted = int(np.isnan(tilts).sum())
+    if _most(untilted, len(tilts)):
+        tilts = tilt_sigmas = np.full(len(tilts), nan)
     rms_tilt, tilt_low, tilt_high = rms_interval(tilts, np.tile(run, 2))
     nees_mean, nees_low, nees_high = nees_bounds(nees, run)
     whole, tilt_whole = _root_mean_square(floor), _root_mean_square(tilt_floor)
@@ -158,7 +171,7 @@ def tally(method: str, runs: int, outcomes: Sequence[Outcome]) -> Tally:
         ratio_low=ratio_low,
         ratio_high=ratio_high,
         rms_tilt=rms_tilt,
-        sigma_tilt=_mean(np.concatenate([north_sigma, east_sigma])),
+        sigma_tilt=_mean(tilt_sigmas),
         floor_tilt=tilt_whole,
         ratio_tilt=ratio_tilt,
         ratio_tilt_low=ratio_tilt_low,
@@ -168,6 +181,7 @@ def tally(method: str, runs: int, outcomes: Sequence[Outcome]) -> Tally:
         nees_high=nees_high,
         seconds=sum(o.seconds for o in outcomes) / runs,
         undetermined=undetermined,
+        untilted=untilted,
         left_out=_left_out(outcomes),
     )
 

@@ -20,11 +20,13 @@ from alignment.errors import NotAtRest
 from alignment.estimate import ANGLE_LIMIT, LATITUDE_LIMIT
 from alignment.methods.inertial import base_turns
 from alignment.noise import DISTURBED, check_at_rest
+from alignment.options import of_noise_alone
 from alignment.readings import Grain
 from alignment.rounding import rounding_variance, steps_of
 from alignment.units import DEG
 from stand.errors import StandError
 from stand.evaluation.score import Refusal, answered, circular
+from stand.imu.priors import NOISE_ONLY
 
 _LEFT = 1e-3  # of a step squared: a hundredth of what rounding does without noise
 SHORT = 0.02  # part of a window by which the last one may be short
@@ -42,7 +44,6 @@ MOST = 0.5  # of a variance
 ALIKE = 0.5  # of their scatter by which estimates with and without constant errors may differ
 LEVEL = ("roll", "pitch")
 BASE_MOVES = "the base moves, and so does what is estimated"
-NOISE_ONLY = "noise only"
 BEYOND = "scatter beyond sigma: what changes from window to window shows in none of them"
 
 
@@ -279,7 +280,7 @@ def _summed(
             hidden = other is not None and not same
             hidden |= any(ALIKE_DOUBT in e.flags for e in members)
             moves = label in moving or (label in tilting and quantity in LEVEL)
-            yield _remarked(row, priors.noise_only, moves, hidden)
+            yield _remarked(row, of_noise_alone(quantity, priors.noise_only), moves, hidden)
 
 
 def _grouped(

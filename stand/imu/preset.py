@@ -5,7 +5,7 @@ say) and its source. A key that is absent was not found; its term is zero.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, sqrt
@@ -67,15 +67,15 @@ CONSTANTS = frozenset(
 )
 
 
-_DRIFT = {"drift": ("instability", "random_walk", "ramp")}
+_CHANGING = {"noise": ("noise",), "drift": ("instability", "random_walk", "ramp")}
 _AXES = {
     "turn-on bias": ("bias",),
     "scale factor error": ("scale",),
     "misalignment": ("misalignment", "non_orthogonality"),
 }
 NAMED_WHEN_ABSENT = {
-    "gyros": _DRIFT | _AXES | {"g-sensitivity": ("g_sensitivity",)},
-    "accelerometers": _DRIFT | _AXES,
+    "gyros": _CHANGING | _AXES | {"g-sensitivity": ("g_sensitivity",)},
+    "accelerometers": _CHANGING | _AXES,
 }
 
 
@@ -454,16 +454,25 @@ def _triad(entry: SensorEntry, keys: Mapping[str, Key], known: tuple[Known, ...]
     )
 
 
-def unstated(spec: ImuSpec) -> tuple[str, ...]:
-    """What the data sheet does not say and no prediction holds, one sentence each."""
+_NOT_HELD = ("none is simulated or predicted", "simulated as known by value, not predicted")
+
+
+def unstated(spec: ImuSpec, found: Collection[tuple[str, str]] = ()) -> tuple[str, ...]:
+    """What the data sheet does not say and no prediction holds, one sentence each.
+
+    But for what readings told nevertheless: `found` by sensor ('gyro', 'accel') and field.
+    """
     entry = spec.entry
     if REFERENCE in entry.grade.lower():
         return ()
+    by_value = {(s, k.field) for s in ("gyro", "accel") for k in getattr(spec, s).known}
     return tuple(
-        f"the sheet of {spec.id} states no {what} of the {sensor}: none is simulated or predicted"
-        for sensor, triad in (("gyros", spec.gyro), ("accelerometers", spec.accel))
-        for what, fields in NAMED_WHEN_ABSENT[sensor].items()
-        if not any(getattr(triad, field) for field in fields)
+        f"the sheet of {spec.id} states no {what} of the {sensors}: "
+        + _NOT_HELD[any((sensor, field) in by_value for field in fields)]
+        for sensor, sensors in (("gyro", "gyros"), ("accel", "accelerometers"))
+        for what, fields in NAMED_WHEN_ABSENT[sensors].items()
+        if not any(getattr(getattr(spec, sensor), field) for field in fields)
+        if not any((sensor, field) in found for field in fields)
     )
 
 

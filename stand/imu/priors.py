@@ -26,6 +26,7 @@ ALIKE = (
     "misalignment",
     "non_orthogonality",
 )
+NOISE_ONLY = "noise only"  # beside a sigma for which no sheet states more
 BASE_ARM = 0.73  # m: the unit's height above the crossing of the shipped base's axes
 GIMBAL_ARM = 0.055227  # m: the unit's place on two lines across the shipped pitch axis, each
 
@@ -73,9 +74,14 @@ def priors_of(
     )
 
 
-def noise_alone(imu: ImuSpec | None) -> bool:
-    """Whether nothing but noise is known of a unit: there is no sheet, or it states no more."""
-    return imu is None or priors_of(imu, None).noise_only
+def noise_alone(imu: ImuSpec | None) -> frozenset[str]:
+    """The sensors of which nothing but noise is known: there is no sheet, or it states no more."""
+    return Priors().noise_only if imu is None else priors_of(imu, None).noise_only
+
+
+def only(noise_only: bool) -> str:
+    """What stands behind a sigma of noise alone."""
+    return f" {NOISE_ONLY}" if noise_only else ""
 
 
 def _alike(imu: ImuSpec) -> dict[str, float]:

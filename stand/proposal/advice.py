@@ -30,13 +30,14 @@ def with_proposal(
         return answer
     instead = "" if shortest == float("inf") else f" instead of {shortest:.0f} s"
     labels = "; ".join(f"{s.label} {s.seconds:g} s" for s in found.stations)
-    sigma = next(j.sigma for j in found.rehearsal.judgements) if found.rehearsal else None
+    first = next(iter(found.rehearsal.judgements)) if found.rehearsal else None
     advice = Advice(
         quantity=answer.judgements[0].quantity,
         text=f"another test keeps all of it in {found.total:.0f} s{instead} by "
         f"{', '.join(found.methods)}: {labels} (stand propose)",
         changes=(),
-        sigma=sigma,
+        sigma=None if first is None else first.sigma,
+        noise_only=first is not None and first.noise_only,
         duration=found.total,
         toml=found.text,
     )

@@ -7,6 +7,8 @@ import numpy as np
 
 from alignment import ESTIMATORS
 from alignment.methods.calibration import CALIBRATION
+from stand.imu import unstated
+from stand.imu.priors import only
 from stand.procedure.requirements import CONSTANTS
 from stand.proposal import search
 from stand.proposal.candidates import Clock, candidates
@@ -244,6 +246,7 @@ def _told(plain: Proposal, amounts: Amounts, judge: Judged, clock: Clock) -> Pro
         f"Proposed: {total:.4g} s for {plain.settings.imu.id} on {plain.settings.table.id}; "
         f"no test of these candidates can be below {plain.bound:.4g} s (noise alone, no moves).",
         *(f"{q.quantity}: {_in_words(q)}" for q in quantities),
+        *unstated(plain.settings.imu),
     )
     return replace(
         plain,
@@ -259,7 +262,9 @@ def _told(plain: Proposal, amounts: Amounts, judge: Judged, clock: Clock) -> Pro
 
 
 def _in_words(q: Reached) -> str:
-    sigma = "not determined" if q.predicted is None else f"sigma {q.predicted:.3g} {q.unit}"
+    sigma = "not determined"
+    if q.predicted is not None:
+        sigma = f"sigma {q.predicted:.3g} {q.unit}{only(q.noise_only)}"
     return f"{sigma}, required {q.required:g}; limited by {q.limited_by} ({100 * q.share:.0f} %)"
 
 
@@ -308,4 +313,5 @@ def _reached(
         limited_by=limited,
         share=part,
         true_table=None if table is None else table / j.per,
+        noise_only=j.noise_only,
     )

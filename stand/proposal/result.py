@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from stand.imu import unstated
 from stand.rehearsal.result import Rehearsal
 from stand.simulation.settings import Settings
 
@@ -12,7 +13,8 @@ class Reached:
     """One quantity: `required` and `predicted` (one sigma) in `unit`; None: not determined.
 
     `ratio`: expanded uncertainty over what is required, guard band included; `limited_by`: the
-    largest part of sigma, and its share of the variance.
+    largest part of sigma, and its share of the variance. `noise_only`: no sheet states more than
+    noise of the sensors that tell it.
     """
 
     quantity: str
@@ -23,6 +25,7 @@ class Reached:
     limited_by: str = ""
     share: float = 0.0
     true_table: float | None = None
+    noise_only: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +99,7 @@ def proposal_json(result: Proposal) -> dict[str, object]:
             {"label": s.label, "seconds": s.seconds, "purpose": s.purpose} for s in result.stations
         ],
         "toml": result.text,
+        "unstated": list(unstated(made.imu)),
     }
 
 
@@ -105,6 +109,7 @@ def _reached(one: Reached) -> Mapping[str, object]:
         "unit": one.unit,
         "required": one.required,
         "predicted": one.predicted,
+        "noise_only": one.noise_only,
         "ratio": _number(one.ratio),
         "limited_by": one.limited_by,
         "share": one.share,

@@ -35,6 +35,7 @@ from stand.recording.time_stamps import (
     likely_unit,
     parser_of,
     time_unit_ns,
+    told_apart,
     unwrapped,
 )
 
@@ -115,7 +116,7 @@ def load_foreign(
     accel = sensor_unit("accel", form.accel_unit, headers[3:])
     scales = np.repeat([gyro.scale * form.gyro_scale, accel.scale * form.accel_scale], 3)
     si = _in_si(path, table, scales)
-    t_ns, epoch_ns = _stamps(path, table, form)
+    t_ns, epoch_ns, shared = _stamps(path, table, form)
     si, told = _rates(si, t_ns, gyro, accel)
     w_ib_b, f_b = _parted(si)
     if (turn := form.turn()) is not None:
@@ -126,7 +127,7 @@ def load_foreign(
         f_b=f_b,
         epoch_ns=epoch_ns,
         topic=table.topic,
-        notes=(*table.notes, *twice, *gyro.notes, *accel.notes, *told),
+        notes=(*table.notes, *twice, *shared, *gyro.notes, *accel.notes, *told),
     )
 
 
@@ -147,12 +148,15 @@ def _table(path: Path, form: LogForm, topic: str | None, progress: Progress) -> 
 
 
 def _once(table: _Table) -> tuple[_Table, tuple[str, ...]]:
-    """Without rows that repeat the row before, time and readings alike, and a word of them."""
+    """Without rows that repeat the row before, time and readings alike, and a word of them.
+
+    Where rows of one time differ as well, alike ones are but coarse.
+    """
     t_ns = table.t_ns
     if t_ns is None:
         return table, ()
     again = repeats(t_ns, table.values)
-    if not len(again):
+    if not len(again) or (told_apart(t_ns) and len(again) < np.count_nonzero(np.diff(t_ns) == 0)):
         return table, ()
     once = np.delete(np.arange(len(t_ns)), again)
     kept = replace(table, t_ns=t_ns[once], row=table.row[once], values=table.values[once])
@@ -328,11 +332,15 @@ def _parted(si: Array) -> tuple[Array, Array]:
     return si, f_b
 
 
-def _stamps(path: Path, table: _Table, form: LogForm) -> tuple[IntArray, int]:
-    """Nanoseconds since an epoch: Unix time's own, or a fixed one for times from anywhere else."""
+def _stamps(path: Path, table: _Table, form: LogForm) -> tuple[IntArray, int, tuple[str, ...]]:
+    """Nanoseconds since an epoch: Unix time's own, or a fixed one for times from anywhere else.
+
+    And what was made of them, in words.
+    """
     if table.t_ns is None:
         assert form.rate_hz is not None
-        return np.round((table.row + 1) * (_SECOND / form.rate_hz)).astype(np.int64), EPOCH_NS
+        even = np.round((table.row + 1) * (_SECOND / form.rate_hz)).astype(np.int64)
+        return even, EPOCH_NS, ()
     t_ns = table.t_ns
     if form.wrap is not None:
         if table.unit == ISO:
@@ -341,6 +349,7 @@ def _stamps(path: Path, table: _Table, form: LogForm) -> tuple[IntArray, int]:
         if not 1 <= period <= _LONGEST_NS:
             raise StandError(f"--wrap {form.wrap:g}: must be 1 ns to {_LONGEST_NS:g} ns (31 years)")
         t_ns = unwrapped(path, t_ns, round(period))
+    t_ns, told = _told_apart(path, t_ns, table.values)
     _check_increase(path, t_ns, table.row)
     unix = t_ns[0] >= YEAR_1990 * _SECOND and t_ns[-1] < YEAR_2038 * _SECOND
     whole = int(t_ns[0]) // _SECOND * _SECOND if unix else 0
@@ -350,7 +359,28 @@ def _stamps(path: Path, table: _Table, form: LogForm) -> tuple[IntArray, int]:
             "must be seconds from 0 on, or Unix time between 1990 and 2038 (is the time unit "
             "right?)"
         )
-    return t_ns - whole, whole or EPOCH_NS
+    return t_ns - whole, whole or EPOCH_NS, told
+
+
+def _told_apart(path: Path, t_ns: IntArray, values: Array) -> tuple[IntArray, tuple[str, ...]]:
+    """Stamps of which none is another's, where rows shared them, and a word of it."""
+    found = told_apart(t_ns)
+    if found is None:
+        return t_ns, ()
+    apart, rows = found
+    k = int(rows[0])
+    if np.all(rows == k):  # two units have biases of their own
+        turns = values.reshape(-1, k, values.shape[1])
+        off, noise = np.ptp(turns.mean(axis=0), axis=0), turns.std(axis=0).min(axis=0)
+        if np.any(off > noise):
+            raise StandError(
+                f"{path}: each stamp stands {k} times, with readings as different as those of "
+                f"{k} units: leave one's rows"
+            )
+    times = len(t_ns) / len(rows)
+    return apart, (
+        f"a stamp stands {times:.3g} times: taken for samples that were handed over together",
+    )
 
 
 def _check_increase(path: Path, t_ns: IntArray, row: IntArray) -> None:

@@ -18,6 +18,8 @@ YEAR_1990 = 631_152_000  # s, Unix: a later stamp is taken for Unix time
 YEAR_2038 = 2_147_483_647  # ROS stamps end there
 GPS_EPOCH = 315_964_800  # s, Unix: 6 January 1980
 GPS_WEEK = 604_800  # s
+SHARED = 0.05  # of all rows that have the stamp of the row before: fewer is a fault, no habit
+FEWEST_STAMPS = 32
 SHORT_WEEKS = 1024  # of a week number of ten bits
 SHORT_EPOCH = 2048  # weeks: since 7 April 2019 it counts from here
 
@@ -149,6 +151,34 @@ def unwrapped(path: object, t_ns: IntArray, period: int) -> IntArray:
         )
     back = np.diff(t_ns, prepend=t_ns[:1]) < -period // 2
     return t_ns + period * np.cumsum(back)
+
+
+def told_apart(t_ns: IntArray) -> tuple[IntArray, IntArray] | None:
+    """Stamps (n,) of rows that share them, told apart, and how many rows each had; None: few do.
+
+    Samples that are handed over together, or whose stamps are rounded, have one stamp: the last of
+    them keeps it, and those before are the usual step apart, or less where the stamp before is
+    near; what the end of the log cuts off follows the stamp before. Whole seconds are left as they
+    are: their nanoseconds may be in another column.
+    """
+    steps = np.diff(t_ns)
+    if np.any(steps < 0) or np.count_nonzero(steps == 0) < max(1.0, SHARED * len(steps)):
+        return None
+    last = np.flatnonzero(np.append(steps > 0, True))
+    rows = np.diff(last, prepend=-1)
+    if len(rows) < FEWEST_STAMPS or not np.any(t_ns % NS["s"]):
+        return None
+    each = np.diff(t_ns[last]) / rows[1:]
+    usual = float(np.median(each))
+    each = np.minimum(usual, np.append(usual, each))
+    if each.min() < 1:
+        return None
+    before = np.repeat(last, rows) - np.arange(len(t_ns))
+    apart = t_ns - np.floor(before * np.repeat(each, rows)).astype(np.int64)
+    if rows[-1] < rows[-2]:
+        follows = np.arange(1, rows[-1] + 1)
+        apart[-rows[-1] :] = t_ns[last[-2]] + np.floor(follows * each[-1]).astype(np.int64)
+    return apart + (max(0, -int(apart[0])) if t_ns[0] >= 0 else 0), rows
 
 
 def decimal_ns(text: str, unit_ns: int) -> int:

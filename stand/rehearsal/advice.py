@@ -18,6 +18,7 @@ from typing import Any
 from alignment import ESTIMATORS
 from stand import toml_files as catalogue
 from stand.errors import StandError
+from stand.imu.priors import only
 from stand.procedure.procedure import procedure_from
 from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.requirement import rows_of
@@ -302,7 +303,8 @@ def _advice_of(quantity: str, before: Data, trial: _Trial) -> Advice:
     told = f" beside a bias of {_told(judged, judged.bias)}" if judged.bias else ""
     text = (
         f"{'; '.join(_in_words(change) for change in changes)}: {quantity} then has a sigma of "
-        f"{_told(judged, judged.sigma)}{told} by {judged.method}, in {duration:.0f} s"
+        f"{_told(judged, judged.sigma)}{only(judged.noise_only)}{told} by {judged.method}, "
+        f"in {duration:.0f} s"
     )
     return Advice(
         quantity=quantity,
@@ -311,6 +313,7 @@ def _advice_of(quantity: str, before: Data, trial: _Trial) -> Advice:
         sigma=judged.sigma,
         duration=duration,
         toml=trial.text,
+        noise_only=judged.noise_only,
     )
 
 
@@ -346,7 +349,9 @@ def _nothing(quantity: str, before: Data, tried: Sequence[_Trial]) -> Advice:
         f"{judged.coverage:g}: {_in_the_way(best.result, judged)}"
     )
     changed = "; ".join(_in_words(change) for change in _changes(before, best.data))
-    reached = "" if judged.expanded is None else f" to {_told(judged, judged.expanded)}"
+    reached = ""
+    if judged.expanded is not None:
+        reached = f" to {_told(judged, judged.expanded)}{only(judged.noise_only)}"
     better = f" in the best, which comes{reached} in {best.result.duration.total:.0f} s ({changed})"
     text += better if changed else ""
     return Advice(quantity=quantity, text=text, changes=(), sigma=None, duration=None)

@@ -2,11 +2,14 @@
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 from alignment import ESTIMATORS
+from alignment.options import of_noise_alone
 from alignment.units import DEG
 from stand.errors import StandError
+from stand.imu.priors import noise_alone
 from stand.motion.planner import plan
 from stand.physics.dynamics import inertias, torque_of, weights_model
 from stand.physics.mjcf import describe, load_model
@@ -55,6 +58,8 @@ def rehearse(settings: Settings, judged_only: bool = False) -> Rehearsal:
     steps = feasibility(scene)
     methods = methods_of(settings)
     predictions, observed = predict(scene, methods, observe=not judged_only)
+    alone = noise_alone(settings.unit)
+    predictions = [replace(p, noise_only=of_noise_alone(p.quantity, alone)) for p in predictions]
     required = settings.procedure.entry.require
     floors = {m: partial(floors_of, ESTIMATORS[m], scene) for m in methods}
     judgements = judge(required, limits_of(settings), methods, predictions, floors)

@@ -112,6 +112,7 @@ def _judged(
         reason=best.reason,
         bias=best.bias,
         beyond=best.beyond,
+        noise_only=best.noise_only,
         unit=told_in[0],
         per=told_in[1],
     )

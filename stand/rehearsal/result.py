@@ -183,6 +183,8 @@ class Prediction:
     assumed : float
         The part of sigma [SI] by sizes that no sheet states: they were assumed, and no run has
         such an error.
+    noise_only : bool
+        Whether no sheet states more than noise of the sensors that tell it.
     """
 
     method: str
@@ -197,6 +199,7 @@ class Prediction:
     bias: float = 0.0
     beyond: float = inf
     assumed: float = 0.0
+    noise_only: bool = False
 
     @property
     def rank(self) -> tuple[bool, float]:
@@ -264,6 +267,8 @@ class Judgement:
         What it is told in, and that in SI; of a constant of the unit all numbers here are in SI.
     refused : bool
         Whether no procedure on this table can keep it: `reason` says why.
+    noise_only : bool
+        As of the `Prediction` that it is judged by.
     """
 
     quantity: str
@@ -280,6 +285,7 @@ class Judgement:
     unit: str = "deg"
     per: float = DEG
     refused: bool = False
+    noise_only: bool = False
 
     @property
     def rms(self) -> float | None:
@@ -306,8 +312,8 @@ class Advice:
     """The cheapest change that makes a quantity pass: with what comes of it.
 
     `toml` is the whole procedure with the change applied; `duration` [s] of it, `sigma` [rad] of
-    the quantity in it. `text` for a person. A quantity that no change found can help has `toml`
-    ''.
+    the quantity in it, `noise_only` as of its `Judgement`. `text` for a person. A quantity that no
+    change found can help has `toml` ''.
     """
 
     quantity: str
@@ -316,11 +322,15 @@ class Advice:
     sigma: float | None
     duration: float | None
     toml: str = ""
+    noise_only: bool = False
 
     @property
     def helps(self) -> bool:
         """Whether it would pass with this change."""
         return bool(self.toml)
+
+
+FROM_SHEET = "data sheet"  # the kind of a finding that tells what a sheet leaves out
 
 
 @dataclass(frozen=True, slots=True)

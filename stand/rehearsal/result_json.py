@@ -88,6 +88,7 @@ def _judgement(j: Judgement) -> dict[str, Any]:
         "label": j.label,
         **({} if of_angle else {"unit": j.unit}),
         **told,
+        "noise_only": j.noise_only,
         "coverage": j.coverage,
         "guard": j.guard,
         "reason": j.reason,
@@ -143,6 +144,7 @@ def _prediction(p: Prediction) -> dict[str, Any]:
         "sigma": None if p.sigma is None else p.sigma / p.per,
         "bias": None if p.sigma is None else p.bias / p.per,
         "rms": None if p.rms is None else p.rms / p.per,
+        "noise_only": p.noise_only,
         "contributions": {c.source: c.sigma / p.per for c in p.contributions},
         "reason": p.reason,
     }
@@ -184,6 +186,7 @@ def _achieved(a: Achieved) -> dict[str, Any]:
         "unit": a.unit,
         "runs": a.runs,
         "predicted": None if a.predicted is None else a.predicted / a.per,
+        "noise_only": a.noise_only,
         **{name: size / a.per for name, size in sizes.items()},
         "ratio": ratio,
         "ratio_low": low,
@@ -202,6 +205,7 @@ def _advice(a: Advice) -> dict[str, Any]:
         "text": a.text,
         "changes": [{"where": c.where, "before": c.before, "after": c.after} for c in a.changes],
         "sigma_deg": _degrees(a.sigma),
+        "noise_only": a.noise_only,
         "duration_s": a.duration,
         "procedure_toml": a.toml,
     }

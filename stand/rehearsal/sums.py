@@ -53,6 +53,10 @@ class Sums:
     def __contains__(self, key: Key) -> bool:
         return key in self._of and self._of[key][-1] > 0
 
+    def mostly_told(self, key: Key) -> bool:
+        """Whether more runs told that number than had none that can stand."""
+        return key in self and 2 * self._of[key][-1] > self._of[key][0]
+
     def __iter__(self) -> Iterator[Key]:
         return (key for key in self._of if key in self)
 

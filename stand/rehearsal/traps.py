@@ -15,7 +15,15 @@ from stand.imu import ImuSpec
 from stand.imu.preset import TriadSpec, unstated
 from stand.motion.plan import Plan
 from stand.rehearsal.following import never_settling
-from stand.rehearsal.result import Finding, Judgement, Margin, Severity, StepFeasibility, Verdict
+from stand.rehearsal.result import (
+    FROM_SHEET,
+    Finding,
+    Judgement,
+    Margin,
+    Severity,
+    StepFeasibility,
+    Verdict,
+)
 from stand.rehearsal.scene import Scene
 
 NEAR_POLE = 1 * DEG_PER_HOUR  # horizontal Earth rate below which heading is not to be had
@@ -37,7 +45,7 @@ def from_margins(steps: Sequence[StepFeasibility]) -> Iterator[Finding]:
 def from_sheet(imu: ImuSpec) -> Iterator[Finding]:
     """What the unit's data sheet leaves out, so that no prediction holds it."""
     for sentence in unstated(imu):
-        yield Finding(Severity.WARNING, "data sheet", "", sentence)
+        yield Finding(Severity.WARNING, FROM_SHEET, "", sentence)
 
 
 def from_servos(scene: Scene) -> Iterator[Finding]:

@@ -33,6 +33,8 @@ class Achieved:
         to contradict a prediction, its own is widened until all of them hold in 95 %.
     freedom : float or None
         Of the chi-square that the interval is of; None: the logarithm is taken for normal.
+    noise_only : bool
+        As of the `Prediction`.
     """
 
     method: str
@@ -48,6 +50,7 @@ class Achieved:
     high: float
     among: int = 1
     freedom: float | None = None
+    noise_only: bool = False
 
     @property
     def ratio(self) -> tuple[float, float, float] | None:

@@ -202,11 +202,12 @@ def _achieved(result: Rehearsal, sums: Sums) -> Iterator[Achieved]:
     """What was predicted; then attitudes by methods of which nothing is predicted."""
     for p in result.predictions:
         key = (p.method, p.window, p.label, p.quantity)
-        if key in sums:
-            yield _came_to(sums, key, p.unit, p.per, p.drawn)
+        if sums.mostly_told(key) or (p.determined and key in sums):
+            came_to = _came_to(sums, key, p.unit, p.per, p.drawn)
+            yield replace(came_to, noise_only=p.noise_only)
     untold = {p.method for p in result.predictions if not p.label}
     for key in sums:
-        if key[0] in untold and key[3] in QUANTITIES:
+        if key[0] in untold and key[3] in QUANTITIES and sums.mostly_told(key):
             yield _came_to(sums, key, "deg", DEG, None)
 
 

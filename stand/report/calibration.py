@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 
-from alignment.calibration import Parameter
+from alignment.calibration import Derived, Parameter
 from alignment.units import ARC_SECOND
 from stand.calibration.file import CalibrationRecord
 from stand.calibration.units import AXES, OF_NUISANCE, unit_of
+from stand.imu.priors import only
 from stand.report.tables import TableData
 
 LEAST_PART = 0.01  # of a sigma, below which a contribution is left blank
@@ -82,7 +83,7 @@ def parameter_table(record: CalibrationRecord, sensor: str, title: str) -> Table
     """One row per parameter of a triad, in its unit."""
     c, known = record.calibration, record.errors
     rows = [
-        _row(p, None if known is None else known[n])
+        _row(p, None if known is None else known[n], p.key.sensor in record.noise_only)
         for n, p in enumerate(c.parameters)
         if p.key.sensor == sensor
     ]
@@ -94,13 +95,13 @@ def parameter_table(record: CalibrationRecord, sensor: str, title: str) -> Table
     )
 
 
-def _row(p: Parameter, error: float | None) -> tuple[str, ...]:
+def _row(p: Parameter, error: float | None, noise_only: bool) -> tuple[str, ...]:
     unit, si = unit_of(p.key)
     sigma = p.sigma / si
     cells = (
         named(p),
         number(p.value / si, sigma),
-        size(sigma),
+        size(sigma) + only(noise_only),
         unit,
         prior(p.prior_sigma / si),
         BASES[p.basis],
@@ -115,13 +116,19 @@ def named(p: Parameter) -> str:
     return f"{key.term.replace('_', ' ')} {AXES[key.axis]}{toward}"
 
 
+def of_noise_alone(d: Derived, record: CalibrationRecord) -> bool:
+    """Whether an angle of a triad, or between both, has a sigma of noise alone."""
+    of_both = d.quantity == "gyro_to_accel"
+    return bool(record.noise_only) if of_both else d.sensor in record.noise_only
+
+
 def derived_table(record: CalibrationRecord) -> TableData:
     """Angles that the misalignments come to."""
     rows = [
         (
             f"{d.sensor}: {QUANTITIES[d.quantity]} {AXES[d.axis]}",
             number(d.value / ARC_SECOND, d.sigma / ARC_SECOND),
-            size(d.sigma / ARC_SECOND),
+            size(d.sigma / ARC_SECOND) + only(of_noise_alone(d, record)),
         )
         for d in record.calibration.derived
     ]
@@ -131,6 +138,7 @@ def derived_table(record: CalibrationRecord) -> TableData:
 def nuisance_table(record: CalibrationRecord) -> TableData:
     """What had to be estimated beside the unit."""
     rows = []
+    of_noise = tuple(f"mean {sensor} bias" for sensor in record.noise_only)
     for n in record.calibration.nuisance:
         unit, si = OF_NUISANCE[n.unit]
         sigma = n.sigma / si
@@ -138,7 +146,7 @@ def nuisance_table(record: CalibrationRecord) -> TableData:
             (
                 n.name,
                 number(n.value / si, sigma),
-                size(sigma),
+                size(sigma) + only(n.name.startswith(of_noise)),
                 unit,
                 prior(n.prior_sigma / si),
                 BASES[n.basis],
@@ -158,7 +166,8 @@ def budget_table(record: CalibrationRecord) -> TableData:
             size(one.sigmas[n] / si) if one.sigmas[n] > LEAST_PART * p.sigma else ""
             for one in c.budget
         ]
-        rows.append((f"{p.key.sensor} {named(p)}", *parts, size(p.sigma / si), unit))
+        sigma = size(p.sigma / si) + only(p.key.sensor in record.noise_only)
+        rows.append((f"{p.key.sensor} {named(p)}", *parts, sigma, unit))
     columns = ("parameter", *(one.name for one in c.budget), "sigma", "unit")
     notes = ("Their squares add up; what gives less than a hundredth of a sigma is left blank.",)
     return TableData("where each sigma comes from", columns, tuple(rows), notes=notes)

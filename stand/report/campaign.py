@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shlex
+from math import isfinite
 from pathlib import Path
 
 from stand.campaigns.campaign import Size
 from stand.campaigns.summary import Refused, Series, Summary, Worst, Yield
 from stand.campaigns.sweep import shown
 from stand.folder import write_file
+from stand.imu.priors import only
 from stand.recording.hashes import sha256_of_text
 from stand.report.campaign_figures import (
     curves,
@@ -21,7 +23,7 @@ from stand.report.campaign_figures import (
     unit_of,
     yields,
 )
-from stand.report.document import method_text
+from stand.report.document import UNDETERMINED, method_text
 from stand.report.page import render, span_text
 from stand.report.tables import TableData
 from stand.report.wording import deg_text, digits
@@ -86,14 +88,19 @@ def answer(summary: Summary) -> list[str]:
     whole = [y for y in summary.yields if not y.case]
     told += [yield_text(y) for y in whole]
     for series in summary.shown[:MOST_FIGURES]:
-        cells = summary.of(series)
+        cells = summary.told(series)
+        if not cells:
+            told.append(f"{named(series)}: {UNDETERMINED} in any case.")
+            continue
         unit, per = unit_of(series, max(c.rms for c in cells))
         low, high = min(c.rms for c in cells), max(c.rms for c in cells)
         span = digits(low / per) if low == high else f"{digits(low / per)} to {digits(high / per)}"
         met = [c for c in cells if c.predicted]
         agree = sum(c.low <= (c.predicted or 0.0) <= c.high for c in met)
         beside = f"; {agree} of {len(met)} intervals hold the prediction" if met else ""
-        told.append(f"{named(series)}: rms error {span} {unit}{beside}.")
+        none = len(summary.of(series)) - len(cells)
+        rest = f"; {UNDETERMINED} in {none} {'case' if none == 1 else 'cases'}" if none else ""
+        told.append(f"{named(series)}: rms error {span} {unit}{beside}{rest}.")
     if summary.done < summary.total:
         told.append(f"{summary.done} of {summary.total} runs are there; --resume makes the rest.")
     if summary.refused:
@@ -137,17 +144,22 @@ def case_table(summary: Summary) -> TableData:
     """A row per case and method: what was achieved, predicted and stated."""
     rows = []
     for series in summary.shown:
-        cells = summary.of(series)
-        unit, per = unit_of(series, max(c.rms for c in cells))
-        for c in cells:
+        unit, per = unit_of(series, max((c.rms for c in summary.told(series)), default=0.0))
+        for c in summary.of(series):
             values = [shown(v) for v in summary.sweep.values[c.case - 1]]
             predicted = "" if c.predicted is None else digits(c.predicted / per)
-            ratio = "" if not c.predicted else f"{c.predicted / c.rms:.2f}" if c.rms else ""
-            rms = f"{digits(c.rms / per)} ({digits(c.low / per)} to {digits(c.high / per)})"
+            predicted += only(c.noise_only and bool(predicted))
+            stated = finite(c.stated, per)
+            stated += only(c.noise_only and bool(stated))
+            ratio = "" if not c.predicted or not c.rms > 0 else f"{c.predicted / c.rms:.2f}"
+            rms = UNDETERMINED
+            if c.determined:
+                ends = f"({digits(c.low / per)} to {digits(c.high / per)})"
+                rms = f"{digits(c.rms / per)} {ends} {unit}"
             rows.append(
                 (
                     str(c.case), *values, method_text(series.method, series.window), str(c.runs),
-                    f"{rms} {unit}", predicted, ratio, finite(c.stated, per), digits(c.mean / per),
+                    rms, predicted, ratio, stated, finite(c.mean, per),
                 )
             )  # fmt: skip
     columns = (
@@ -155,7 +167,7 @@ def case_table(summary: Summary) -> TableData:
         "stated sigma", "mean error",
     )  # fmt: skip
     quantity = f"{summary.shown[0].quantity} at the place where it is worst" if rows else ""
-    notes = ("ratio: predicted over achieved.",) if rows else ()
+    notes = ("ratio: predicted over achieved.", *summary.unstated) if rows else ()
     return TableData(
         f"Cases: {quantity}", columns, tuple(rows), notes=notes,
         optional=("mean error", "stated sigma", "ratio"),
@@ -193,7 +205,8 @@ def worst_table(summary: Summary) -> TableData | None:
     beyond = "times the limit" if summary.limits else "times the case's rms"
     rows = tuple(
         (
-            str(w.case), str(w.seed), f"{digits(w.error / per)} {unit}", finite(w.sigma, per),
+            str(w.case), str(w.seed), f"{digits(w.error / per)} {unit}",
+            finite(w.sigma, per) + only(w.noise_only and isfinite(w.sigma)),
             digits(w.times), record_command(summary, w),
         )
         for w in summary.worst

@@ -20,7 +20,7 @@ from stand.campaigns.summary import (
     sensitivities,
 )
 from stand.campaigns.sweep import VaryEntry, shown
-from stand.report.document import method_text
+from stand.report.document import UNDETERMINED, method_text
 from stand.report.page import HUES, INK, PAPER, SOFT, Drawing, drawing, frame, logarithmic
 from stand.report.wording import digits
 
@@ -76,7 +76,7 @@ def unit_of(series: Series, greatest: float) -> tuple[str, float]:
 
 def curves(summary: Summary, series: Series, number: int) -> Drawing | None:
     """Achieved errors with their intervals over the prediction; a line per second parameter."""
-    cells = summary.of(series)
+    cells = summary.told(series)
     count = len(summary.sweep.labels)
     if not cells or count == 0:
         return None
@@ -84,6 +84,7 @@ def curves(summary: Summary, series: Series, number: int) -> Drawing | None:
     axes_of = [axis_of(summary, k) for k in range(count)]
     together = summary.sweep.entry.combine == "product" and count == 2
     limit = set(summary.limits.values())
+    none = [c for c in summary.of(series) if not c.determined]
 
     def draw(figure: Figure) -> None:
         columns = 1 if together or count == 1 else min(count, 3)
@@ -93,6 +94,7 @@ def curves(summary: Summary, series: Series, number: int) -> Drawing | None:
                 _lines(axes, summary, cells, axes_of, per)
             else:
                 _line(axes, summary, cells, k, axes_of[k], per, joined=count == 1)
+            _crosses(axes, [axes_of[k].at(summary.sweep.values[c.case - 1][k]) for c in none])
             _x_axis(axes, axes_of[k])
             _y_axis(axes, [c.low for c in cells], [c.high for c in cells], per)
             if len(limit) == 1:
@@ -112,12 +114,35 @@ def curves(summary: Summary, series: Series, number: int) -> Drawing | None:
     )
     caption = (
         f"{named(series)}. Marks and bars: root mean square of the errors of all runs, and its "
-        "95 % interval; lines: what a rehearsal of the same case predicts."
+        f"95 % interval; lines: what a rehearsal of the same case predicts{_alone(cells)}."
     )
+    caption += _left_out(summary, series, " (crosses at the foot)")
     if len(limit) == 1:
         caption += " Broken line: what is required of one unit."
     alt = f"Errors of {named(series)} in {unit}. {words}"
     return drawing(f"curves{number}", (WIDTH, 4.2), alt, draw, caption)
+
+
+def _alone(cells: Sequence[Cell]) -> str:
+    """What a prediction of noise alone is called in a caption."""
+    alone = [c.noise_only for c in cells]
+    return ", of noise only" if all(alone) else ", in some of noise only" if any(alone) else ""
+
+
+def _left_out(summary: Summary, series: Series, where: str = "") -> str:
+    """Which cases have no number, in a sentence."""
+    none = [str(c.case) for c in summary.of(series) if not c.determined]
+    if not none:
+        return ""
+    which = f"case {', '.join(none)}" if len(none) <= MOST_LINES else f"{len(none)} cases"
+    return f" {UNDETERMINED.capitalize()}{where}: {which}."
+
+
+def _crosses(axes: Axes, at: Sequence[float]) -> None:
+    """Where on the horizontal axis there is no number."""
+    if at:
+        foot = axes.get_xaxis_transform()
+        axes.plot(at, [0.03] * len(at), "x", color=SOFT, markersize=6, transform=foot)
 
 
 def _lines(
@@ -216,7 +241,7 @@ def _ticks(axis: Any, least: float, most: float) -> None:
 
 def heat_map(summary: Summary, series: Series, number: int) -> Drawing | None:
     """Achieved errors over two parameters."""
-    cells = summary.of(series)
+    cells = summary.told(series)
     if summary.sweep.entry.combine != "product" or len(summary.sweep.labels) != 2 or not cells:
         return None
     x, y = axis_of(summary, 0), axis_of(summary, 1)
@@ -253,6 +278,7 @@ def heat_map(summary: Summary, series: Series, number: int) -> Drawing | None:
     caption = (
         f"{named(series)}: root mean square of the errors [{unit}]; across {x.label}, up {y.label}."
     )
+    caption += _left_out(summary, series)
     return drawing(f"heat{number}", (WIDTH, 1.0 + 0.42 * len(y.values)), alt, draw, caption)
 
 
@@ -304,7 +330,8 @@ def tornado(summary: Summary, series: Series) -> Drawing | None:
 
 def distribution(summary: Summary, series: Series) -> Drawing | None:
     """The errors of every case: half of them, 95 % of them, their median."""
-    cells = _some(summary.of(series), MOST_ROWS)
+    told = summary.told(series)
+    cells = _some(told, MOST_ROWS)
     if not cells:
         return None
     unit, per = unit_of(series, max(c.rms for c in cells))
@@ -327,8 +354,9 @@ def distribution(summary: Summary, series: Series) -> Drawing | None:
     named_parts = ", ".join(f"{100 * p:g} %" for p in PARTS)
     alt = f"Distribution of errors of {named(series)} by case: {named_parts} of them"
     caption = f"{named(series)}: dot: median; thick: half of all runs; thin: 95 % of them."
-    if len(cells) < len(summary.of(series)):
-        caption += f" {len(cells)} of {len(summary.of(series))} cases, evenly among them."
+    if len(cells) < len(told):
+        caption += f" {len(cells)} of {len(told)} cases, evenly among them."
+    caption += _left_out(summary, series)
     return drawing("distribution", (WIDTH, 0.9 + 0.21 * len(cells)), alt, draw, caption)
 
 

@@ -21,6 +21,7 @@ from stand.calibration.limits import (
 )
 from stand.calibration.units import AXES, unit_of
 from stand.folder import refuse_files, write_files
+from stand.imu.priors import only
 from stand.recording.hashes import sha256_of_text
 from stand.report.calibration import (
     BASES,
@@ -48,6 +49,7 @@ MOST_PARTS = 8  # of one drawing
 _Row = tuple[str, float, float, str]  # label, value, sigma, full name
 _Group = tuple[str, str, list[_Row]]  # title, unit, rows
 _GRADES = {Verdict.PASS: "good", Verdict.FAIL: "bad", Verdict.INDETERMINATE: "open"}
+_NO_DRIFT = ("", " Of noise only where no sheet states more: no drift is in it.")
 _SENSORS = (("gyro", "Gyros"), ("accel", "Accelerometers"))
 
 
@@ -149,7 +151,7 @@ def _verdict(judgements: list[Judgement]) -> dict[str, Any] | None:
     lines = [f"{len(judgements) - len(wrong)} of {len(judgements)} values are within their limits."]
     lines += [
         f"{j.verdict.value}: {j.name} is {number(j.value, j.expanded)} ± {size(j.expanded)} "
-        f"{j.unit}, limit {j.limit:g}."
+        f"{j.unit}{only(j.noise_only)}, limit {j.limit:g}."
         for j in wrong[:MOST_PARTS]
     ]
     if len(wrong) > MOST_PARTS:
@@ -170,7 +172,7 @@ def result_table(
         row = (
             named(p),
             number(p.value / si, p.sigma / si),
-            size(expanded),
+            size(expanded) + only(p.key.sensor in record.noise_only),
             unit,
             prior(p.prior_sigma / si),
             BASES[p.basis],
@@ -192,7 +194,7 @@ def limits_table(judgements: Sequence[Judgement]) -> TableData:
             j.name,
             j.verdict.value,
             number(j.value, j.expanded),
-            size(j.expanded),
+            size(j.expanded) + only(j.noise_only),
             f"{j.limit:g}",
             j.unit,
             j.source,
@@ -230,7 +232,8 @@ def before_and_after(
         f"Errors before and after correction. {words}",
         partial(_before, groups, judgements, coverage),
         "Before: what uncorrected readings may be off, the size of the value and its expanded "
-        "uncertainty. After: the uncertainty alone, which is what corrected ones may be off.",
+        "uncertainty. After: the uncertainty alone, which is what corrected ones may be off."
+        + _NO_DRIFT[bool(record.noise_only)],
     )
 
 

@@ -5,7 +5,7 @@ matplotlib is imported where it is used: it takes a second to start.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from io import BytesIO
 from math import ceil, isfinite
 from pathlib import Path
@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from alignment.options import of_noise_alone
 from alignment.units import ARC_SECOND, DEG
 from stand.evaluation.comparison import Comparison
 from stand.evaluation.heading_history import History, histories
 from stand.evaluation.statistics import Tally
 from stand.folder import RECORDINGS, write_file
 from stand.imu import unstated
+from stand.imu.priors import noise_alone, only
 from stand.report.document import UNDETERMINED, number, sigma_text
 from stand.report.tables import TableData
 from stand.simulation.settings import run_id
@@ -63,15 +65,21 @@ def table(comparison: Comparison) -> TableData:
         notes.append(BEYOND)
     notes += [
         f"heading {UNDETERMINED} by {t.method}: {t.undetermined_text}"
+        + ("" if t.why_undetermined else ": the numbers are of the others")
         for t in comparison.tallies
         if t.undetermined
+    ]
+    notes += [
+        f"tilt {UNDETERMINED} by {t.method}: {t.why_untilted}"
+        for t in comparison.tallies
+        if t.why_untilted
     ]
     notes += refusals(comparison.tallies)
     notes += unstated(s.imu)
     return TableData(
         title,
         COLUMNS,
-        tuple(_row(t) for t in comparison.tallies),
+        tuple(_row(t, noise_alone(s.unit)) for t in comparison.tallies),
         notes=tuple(notes),
         optional=("tilt floor", "tilt sigma", "floor", "time"),
     )
@@ -93,7 +101,7 @@ def refusals(tallies: Sequence[Tally]) -> list[str]:
     ]
 
 
-def _row(t: Tally) -> tuple[str, ...]:
+def _row(t: Tally, noise_only: Collection[str]) -> tuple[str, ...]:
     if t.refused == t.runs:
         return (t.method, "refuses", *[""] * (len(COLUMNS) - 2))
     return (
@@ -101,11 +109,11 @@ def _row(t: Tally) -> tuple[str, ...]:
         UNDETERMINED
         if t.why_undetermined
         else _short(t.rms_heading / DEG) + ("*" if t.beyond_linear else ""),
-        _short(t.sigma_heading / DEG),
+        _sigma(t.sigma_heading / DEG, of_noise_alone("heading", noise_only)),
         _short(t.floor_heading / DEG),
         _between(t.ratio, t.ratio_low, t.ratio_high),
-        _short(t.rms_tilt / ARC_SECOND),
-        _short(t.sigma_tilt / ARC_SECOND),
+        UNDETERMINED if t.why_untilted else _short(t.rms_tilt / ARC_SECOND),
+        _sigma(t.sigma_tilt / ARC_SECOND, of_noise_alone("tilt", noise_only)),
         _short(t.floor_tilt / ARC_SECOND),
         _between(t.nees_mean, t.nees_low, t.nees_high),
         f"{t.seconds * 1e3:.3g} ms",
@@ -117,6 +125,10 @@ def _short(value: float) -> str:
     if not isfinite(value):
         return ""
     return f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
+
+
+def _sigma(value: float, noise_only: bool) -> str:
+    return _short(value) + only(noise_only and isfinite(value))
 
 
 def _between(value: float, low: float, high: float) -> str:
@@ -148,6 +160,7 @@ def picture(comparison: Comparison, found: Sequence[History]) -> bytes:
     from matplotlib.figure import Figure
 
     undetermined = {t.method for t in comparison.tallies if t.why_undetermined}
+    alone = of_noise_alone("heading", noise_alone(comparison.settings.unit))
     there = {h.method for h in found} | undetermined
     methods = [t.method for t in comparison.tallies if t.method in there]
     wide = min(3, max(1, len(methods)))
@@ -161,7 +174,7 @@ def picture(comparison: Comparison, found: Sequence[History]) -> bytes:
     last = max((float(h.t[-1]) for h in found), default=1.0)
     for place, (axes, method) in enumerate(zip(grid.flat, methods, strict=False)):
         own = [h for h in found if h.method == method]
-        end = UNDETERMINED if method in undetermined else _at_end(own[-1])
+        end = UNDETERMINED if method in undetermined else _at_end(own[-1], alone)
         axes.set_title(f"{method}: {end}", loc="left", fontsize=10, color=INK["ink"])
         _panel(axes, own, _floor_of(comparison, method), last)
         if place + wide >= len(methods):
@@ -170,7 +183,8 @@ def picture(comparison: Comparison, found: Sequence[History]) -> bytes:
     s = comparison.settings
     figure.suptitle(
         f"{s.procedure.entry.title}: {s.imu.title}, seed {s.seed}\n"
-        "heading error [deg], orange outside the band of 3 sigma; dashed: white-noise floor",
+        f"heading error [deg], orange outside the band of 3 sigma{' of noise only' * alone}; "
+        "dashed: white-noise floor",
         color=INK["ink"],
         fontsize=12,
     )
@@ -184,8 +198,8 @@ def _floor_of(comparison: Comparison, method: str) -> float:
     return found[0] / DEG if found else float("nan")
 
 
-def _at_end(h: History) -> str:
-    return f"{number(h.error[-1] / DEG)} {sigma_text(h.sigma[-1] / DEG)} at the end"
+def _at_end(h: History, noise_only: bool) -> str:
+    return f"{number(h.error[-1] / DEG)} {sigma_text(h.sigma[-1] / DEG, noise_only)} at the end"
 
 
 def _panel(axes: Axes, own: Sequence[History], floor: float, last: float) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,11 +10,13 @@ import numpy as np
 
 from alignment import ESTIMATORS, AttitudeEstimate
 from alignment.arrays import Array
+from alignment.estimate import ANGLES
 from alignment.nominal import SIX_POSITIONS
+from alignment.options import of_noise_alone
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G
 from stand.evaluation.score import Refusal, Score, Spread, by_method, spreads
 from stand.imu import ImuSpec, unstated
-from stand.imu.priors import noise_alone
+from stand.imu.priors import noise_alone, only
 from stand.samples import CHANNELS
 from stand.simulation.step_record import StepRecord
 from stand.table.joints import JOINTS
@@ -56,13 +58,13 @@ def number(value: float) -> str:
 
 def sigma_text(value: float, noise_only: bool = False) -> str:
     """A standard deviation with one significant digit, tens written out; what it holds."""
-    if noise_only:
-        return f"{sigma_text(value)} noise only"
     if value > 180:
-        return "± >180"
-    if value < 1e-12:
-        return "± 0"
-    return f"± {value:.0f}" if value >= 9.5 else f"± {value:.1g}"
+        told = "± >180"
+    elif value < 1e-12:
+        told = "± 0"
+    else:
+        told = f"± {value:.0f}" if value >= 9.5 else f"± {value:.1g}"
+    return told + only(noise_only)
 
 
 def with_sigma(value: float, sigma: float | None, noise_only: bool = False) -> str:
@@ -86,15 +88,18 @@ def angle(value: float) -> str:
 
 
 def score_tables(
-    scores: Sequence[Score], imu: ImuSpec | None = None, noise_only: bool | None = None
+    scores: Sequence[Score],
+    imu: ImuSpec | None = None,
+    noise_only: Collection[str] | None = None,
 ) -> list[TableData]:
     """One table per method and window: angles, errors with predicted sigma, deviations.
 
     The last one's notes say what the data sheet of `imu` leaves out of every sigma. `noise_only`:
-    nothing else is known, and every sigma says so; None: where there is a sheet, as it says.
+    the sensors of which nothing else is known, and sigmas of what they tell say so; None: where
+    there is a sheet, as it says.
     """
     if noise_only is None:
-        noise_only = imu is not None and noise_alone(imu)
+        noise_only = () if imu is None else noise_alone(imu)
     rows = spreads(scores)
     tables = []
     groups = by_method(scores)
@@ -121,7 +126,9 @@ def _circular(method: str, window: str) -> bool:
     return known is not None and known.window(window).circular
 
 
-def _table(scores: Sequence[Score], deviations: Sequence[Spread], noise_only: bool) -> TableData:
+def _table(
+    scores: Sequence[Score], deviations: Sequence[Spread], noise_only: Collection[str]
+) -> TableData:
     first = scores[0].estimate
     scored = any(s.error is not None for s in scores)
     latitude = any(_latitude(s, noise_only) for s in scores)
@@ -141,7 +148,9 @@ def _table(scores: Sequence[Score], deviations: Sequence[Spread], noise_only: bo
     )
 
 
-def _row(scored: Score, with_error: bool, latitude: bool, noise_only: bool) -> tuple[str, ...]:
+def _row(
+    scored: Score, with_error: bool, latitude: bool, noise_only: Collection[str]
+) -> tuple[str, ...]:
     e = scored.estimate
     assert e.angles is not None
     turns = "singular" if e.singular else "-".join(word[0] for word in e.sequence.value.split("-"))
@@ -150,10 +159,11 @@ def _row(scored: Score, with_error: bool, latitude: bool, noise_only: bool) -> t
         cells.append(_heading(e))
     for i in range(3):
         sigma = None if e.sigmas is None else e.sigmas[i] / DEG
+        alone = of_noise_alone(ANGLES[i], noise_only)
         if with_error and scored.error is not None:
-            cells.append(with_sigma(scored.error[i] / DEG, sigma, noise_only))
+            cells.append(with_sigma(scored.error[i] / DEG, sigma, alone))
         else:
-            cells.append("" if sigma is None else sigma_text(sigma, noise_only))
+            cells.append("" if sigma is None else sigma_text(sigma, alone))
     return (*cells, _latitude(scored, noise_only)) if latitude else tuple(cells)
 
 
@@ -163,13 +173,14 @@ def _heading(e: AttitudeEstimate) -> str:
     return "none" if e.heading is None else angle(e.heading / DEG)
 
 
-def _latitude(scored: Score, noise_only: bool) -> str:
+def _latitude(scored: Score, noise_only: Collection[str]) -> str:
     e = scored.estimate
     if "latitude" in e.undetermined:
         return UNDETERMINED
     if e.latitude is None:
         return ""
-    sigma = "" if e.latitude_sigma is None else sigma_text(e.latitude_sigma / DEG, noise_only)
+    alone = of_noise_alone("latitude", noise_only)
+    sigma = "" if e.latitude_sigma is None else sigma_text(e.latitude_sigma / DEG, alone)
     return f"{e.latitude / DEG:.3f} {sigma}".rstrip()
 
 
@@ -181,14 +192,14 @@ def _refused_table(scores: Sequence[Score]) -> TableData:
     return TableData(title, ("position", "finding"), rows)
 
 
-def _pair_table(scores: Sequence[Score], noise_only: bool) -> TableData:
+def _pair_table(scores: Sequence[Score], noise_only: Collection[str]) -> TableData:
     first = scores[0].estimate
     rows = tuple((s.estimate.label, _latitude(s, noise_only)) for s in scores)
     title = f"{method_text(first.method, first.window)} [deg]"
     return TableData(title, ("positions", "latitude"), rows, notes=tuple(_notes(scores)))
 
 
-def _bias_table(scores: Sequence[Score], noise_only: bool) -> TableData:
+def _bias_table(scores: Sequence[Score], noise_only: Collection[str]) -> TableData:
     """Biases that a method found: of each fit a row per channel."""
     fits: dict[bytes, tuple[list[str], AttitudeEstimate]] = {}
     for s in scores:
@@ -202,7 +213,9 @@ def _bias_table(scores: Sequence[Score], noise_only: bool) -> TableData:
         for k, channel in enumerate(CHANNELS):
             value, sigma = e.biases[k] / _BIAS_UNITS[k], e.bias_sigmas[k] / _BIAS_UNITS[k]
             unit = ("deg/h", "mg")[k // 3]
-            cells = (channel, with_sigma(value, sigma, noise_only), unit)
+            bias = with_sigma(value, sigma, of_noise_alone(channel, noise_only))
+            # of no spread and no value: nobody looked for it
+            cells = (channel, bias if sigma or value else "taken for none", unit)
             rows.append((", ".join(labels) if not k else "", *cells))
     first = scores[0].estimate
     return TableData(
@@ -341,7 +354,7 @@ def report_document(result: RunResult) -> str:
         + (f" Joints by the simulated servo: {s.table.title}." if result.records else ""),
         "",
     ]
-    tables = score_tables(result.scores, s.imu)
+    tables = score_tables(result.scores, s.imu, s.options.priors.noise_only)
     if result.records:
         tables.append(motion_table(result.records))
     return verdict_document(head, tables, result.refusals)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from alignment import ImuReadings
+from alignment.options import of_noise_alone
 from alignment.units import ARC_SECOND, DEG
 from stand.recording.curves import ANGLES, AngleCurves
 from stand.recording.thinning import bin_length, extremes_in
@@ -415,8 +416,19 @@ def channels(readings: ImuReadings, shaded: Sequence[tuple[float, float]] = ()) 
     return drawing("channels", (WIDTH, 4.4), alt, draw, f"{told}{thinned}.".capitalize())
 
 
-def errors(method: str, number: int, tracks: Sequence[AngleCurves], total: float) -> Drawing:
-    """Errors of a method's angles over the run, with one predicted sigma about zero."""
+def errors(
+    method: str,
+    number: int,
+    tracks: Sequence[AngleCurves],
+    total: float,
+    noise_only: Collection[str] = (),
+) -> Drawing:
+    """Errors of a method's angles over the run, with one predicted sigma about zero.
+
+    `noise_only`: the sensors of which no sheet states more.
+    """
+    alone = [a for a in ANGLES if of_noise_alone(a, noise_only)]
+    of_noise = f", of noise only in {', '.join(alone)}" if alone else ""
     greatest = max((_greatest(c.errors) for c in tracks), default=0.0)
     unit, per = ("arc s", ARC_SECOND) if greatest < 0.05 * DEG else ("deg", DEG)
 
@@ -448,7 +460,8 @@ def errors(method: str, number: int, tracks: Sequence[AngleCurves], total: float
         (WIDTH, 5.4),
         f"Errors of {method} over time in {unit}; at the end of each stretch: {last}",
         draw,
-        f"{method}: estimate minus truth [{unit}]; shaded: one predicted standard deviation.",
+        f"{method}: estimate minus truth [{unit}]; shaded: one predicted standard deviation"
+        f"{of_noise}.",
     )
 
 

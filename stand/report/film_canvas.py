@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alignment.arrays import Array
+from alignment.options import of_noise_alone
 from alignment.units import ARC_SECOND, DEG
 from stand.recording.curves import ANGLES, AngleCurves
 from stand.recording.thinning import bin_length, min_max_bins
@@ -286,7 +287,8 @@ class Canvas:
                 bands.append((colour, t, error - sigma, error + sigma))
         against = "truth" if self.scene.true else "its last"
         method = self.scene.estimate[0].method
-        only = " of noise only" if self.scene.noise_only else ""
+        alone = any(of_noise_alone(ANGLES[k], self.scene.noise_only) for k in angles)
+        only = " of noise only" if alone else ""
         return f"{names}: {method} minus {against}, ±1 sigma{only} [{unit}]", lines, bands
 
     def _shown(self, curve: AngleCurves) -> AngleCurves:

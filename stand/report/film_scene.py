@@ -44,7 +44,7 @@ class Scene:
 
     `stamps` (m,) [s] and `angles` (m, 6) [rad], in the order of `JOINTS`, are the encoders';
     `true`: whether the errors of `estimate` are against the truth, else against what each stretch
-    came to; `noise_only`: whether nothing but noise is known of the unit; `model`: the MJCF of a
+    came to; `noise_only`: the sensors of which nothing but noise is known; `model`: the MJCF of a
     stand that is not the shipped one.
     """
 
@@ -56,7 +56,7 @@ class Scene:
     angles: Array
     estimate: tuple[AngleCurves, ...]
     true: bool
-    noise_only: bool
+    noise_only: frozenset[str]
     model: Path | None
 
     def __post_init__(self) -> None:

@@ -14,7 +14,15 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from stand.rehearsal.result import Finding, Judgement, Rehearsal, Severity, StepFeasibility, Verdict
+from stand.rehearsal.result import (
+    FROM_SHEET,
+    Finding,
+    Judgement,
+    Rehearsal,
+    Severity,
+    StepFeasibility,
+    Verdict,
+)
 from stand.rehearsal.verification import Achieved, Verification
 from stand.report.document import method_text
 from stand.report.verified import outcome
@@ -94,6 +102,8 @@ def _suite(
     known: dict[str, str] = {"procedure": i.procedure, "imu": i.imu, "table": i.table} | {
         f"sha256 {key}": value for key, value in i.sha256.items()
     }
+    sheet = [f.text for f in result.findings if f.kind == FROM_SHEET]
+    known |= {f"unstated {k}": text for k, text in enumerate(sheet, start=1)}
     known |= more
     for key, value in known.items():
         SubElement(properties, "property", name=_clean(key), value=_clean(value))

@@ -13,6 +13,7 @@ import numpy as np
 from alignment import DEFAULT_METHOD, AttitudeEstimate, Dwell
 from alignment.errors import Fault
 from alignment.estimate import ANGLES
+from alignment.options import SENSORS
 from alignment.units import DEG, DEG_PER_HOUR
 from stand.arguments import site_with
 from stand.evaluation.aligned import Alignment, align
@@ -92,6 +93,14 @@ def page(log: Log, imu: str | None = None, latitude_deg: float | None = None) ->
     return render("log.html.j2", content)
 
 
+_ONLY = {
+    frozenset(): "",
+    frozenset(SENSORS): " (±: of noise only)",
+    frozenset({"gyro"}): " (± of heading: of noise only)",
+    frozenset({"accel"}): " (± of roll and pitch: of noise only)",
+}
+
+
 def _verdict(
     answer: Alignment | None, refusals: Sequence[Refusal], doubts: Sequence[str]
 ) -> Judged:
@@ -101,8 +110,8 @@ def _verdict(
     if not answered:
         return Judged("bad", "NO ATTITUDE", (*refusal_lines(refusals)[:1], *doubts))
     longest = max(answered, key=lambda e: e.t_to - e.t_from)
-    only = " (±: of noise only)" if answer is not None and answer.noise_only else ""
-    sentence = f"Of the longest stretch: {_found(longest)}{only}."
+    only = frozenset() if answer is None else answer.noise_only
+    sentence = f"Of the longest stretch: {_found(longest)}{_ONLY[only]}."
     if doubts:
         return Judged("open", "FOUND, WITH DOUBTS", (sentence, *doubts))
     return Judged("good", "ATTITUDE FOUND", (sentence,))

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stand.folder import Content, refuse_files, write_files
+from stand.imu import unstated
+from stand.imu.priors import only
 from stand.proposal.result import Proposal, proposal_json
 from stand.proposal.trade_off import FACTORS, TradeOff
+from stand.report.document import UNDETERMINED
 from stand.report.judged import Judged
 from stand.report.page import HUES, INK, PAPER, SOFT, frame, logarithmic, render, span_text
 from stand.report.published_pictures import Picture
@@ -39,7 +42,7 @@ def tables(result: Proposal, curve: TradeOff | None = None) -> list[TableData]:
     """What is reached, what the test is made of, time against accuracy; without the empty ones."""
     every = [_reached(result), _stations(result)]
     if curve is not None:
-        every.append(curve_table(curve))
+        every.append(curve_table(curve, any(q.noise_only for q in result.quantities)))
     return [table for table in every if table.rows]
 
 
@@ -53,11 +56,11 @@ def _reached(result: Proposal) -> TableData:
         (
             q.quantity,
             f"{q.required:g}",
-            "not determined" if q.predicted is None else f"{q.predicted:.3g}",
+            UNDETERMINED if q.predicted is None else f"{q.predicted:.3g}{only(q.noise_only)}",
             f"{100 * q.ratio:.0f} %" if np.isfinite(q.ratio) else "",
             q.unit,
             f"{q.limited_by} ({100 * q.share:.0f} %)" if q.limited_by else "",
-            "" if q.true_table is None else f"{q.true_table:.3g}",
+            "" if q.true_table is None else f"{q.true_table:.3g}{only(q.noise_only)}",
         )
         for q in result.quantities
     )
@@ -65,6 +68,7 @@ def _reached(result: Proposal) -> TableData:
     notes = (
         "used: coverage times sigma, guard band included, of what is required; true table: sigma "
         "on a table and seat without errors",
+        *unstated(result.settings.imu),
     )
     return TableData("What it reaches", columns, rows, notes=notes)
 
@@ -74,18 +78,19 @@ def _stations(result: Proposal) -> TableData:
     return TableData("What it is made of", ("station", "data s", "what for"), rows)
 
 
-def curve_table(curve: TradeOff) -> TableData:
+def curve_table(curve: TradeOff, noise_only: bool = False) -> TableData:
     """Time against accuracy."""
-    rows = [(p.name, span_text(p.total), f"{p.ratio:.3g}", "") for p in curve.curve]
+    alone = only(noise_only)
+    rows = [(p.name, span_text(p.total), f"{p.ratio:.3g}{alone}", "") for p in curve.curve]
     for own in curve.procedures:
-        ratio = f"{own.point.ratio:.3g}" if np.isfinite(own.point.ratio) else "not determined"
+        ratio = f"{own.point.ratio:.3g}{alone}" if np.isfinite(own.point.ratio) else UNDETERMINED
         less = "" if own.shortened is None else f"{span_text(own.shortened)} would do in this shape"
         rows.append((own.point.name, span_text(own.point.total), ratio, less))
     columns = ("test", "takes", "uncertainty / required", "shortened")
     return TableData("Time against accuracy", columns, tuple(rows))
 
 
-def picture(curve: TradeOff) -> Picture:
+def picture(curve: TradeOff, noise_only: bool = False) -> Picture:
     """Best sigma over time, with the procedures one has as points."""
 
     def draw(figure: Figure) -> None:
@@ -94,7 +99,7 @@ def picture(curve: TradeOff) -> Picture:
         axes = figure.subplots()
         frame(axes)
         axes.set(xscale="log", yscale="log", xlabel="whole test [s]",
-                 ylabel="expanded uncertainty / required")  # fmt: skip
+                 ylabel=f"expanded uncertainty{only(noise_only)} / required")  # fmt: skip
         logarithmic(axes.xaxis)
         logarithmic(axes.yaxis)
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -159,7 +164,8 @@ def write_report(
     if result.text:
         contents[folder / PROCEDURE] = result.text
     if curve is not None:
-        contents[folder / PNG] = picture(curve).png()
+        alone = any(q.noise_only for q in result.quantities)
+        contents[folder / PNG] = picture(curve, alone).png()
     return write_files(contents)
 
 
@@ -185,7 +191,8 @@ def to_json(result: Proposal, curve: TradeOff | None = None) -> dict[str, object
 
 def page(result: Proposal, curve: TradeOff | None = None) -> str:
     """The page: HTML that needs nothing else."""
-    shown = None if curve is None else picture(curve).drawing()
+    alone = any(q.noise_only for q in result.quantities)
+    shown = None if curve is None else picture(curve, alone).drawing()
     content = {
         "title": result.title,
         "verdict": _verdict(result),

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from stand.folder import refuse_files, write_files
+from stand.imu.priors import only
 from stand.rehearsal.result import (
     Advice,
     Finding,
@@ -209,7 +210,9 @@ def _requirements(judgements: Sequence[Judgement]) -> TableData | None:
             j.quantity,
             j.verdict.value,
             limit_text(j, j.required),
-            "not determined" if j.expanded is None else limit_text(j, j.expanded),
+            "not determined"
+            if j.expanded is None
+            else limit_text(j, j.expanded) + only(j.noise_only),
             "" if j.expanded is None else percent(j.expanded / j.required),
             _sigma_of(j),
             j.method,
@@ -232,7 +235,7 @@ def _sigma_of(j: Judgement) -> str:
     if j.sigma is None:
         return ""
     known = "" if not j.bias else f" and bias {limit_text(j, j.bias)}"
-    return f"{limit_text(j, j.sigma)}{known} × {j.coverage:g}"
+    return f"{limit_text(j, j.sigma)}{only(j.noise_only)}{known} × {j.coverage:g}"
 
 
 def _before(result: Rehearsal) -> list[Finding]:
@@ -247,7 +250,7 @@ def _found(severity: Severity, step: str, text: str) -> dict[str, str]:
 def _advised(a: Advice) -> dict[str, Any]:
     outcome = []
     if a.sigma is not None:
-        outcome.append(f"sigma {deg_text(a.sigma)}")
+        outcome.append(f"sigma {deg_text(a.sigma)}{only(a.noise_only)}")
     if a.duration is not None:
         outcome.append(f"takes {span_text(a.duration)}")
     return {
@@ -368,7 +371,7 @@ def _budget(result: Rehearsal) -> Any:
     rows = [
         Budget(
             f"{_name(p)}: {p.quantity}",
-            sigma_text(p.rms, p.per, p.unit),
+            sigma_text(p.rms, p.per, p.unit, p.noise_only),
             {c.source: (c.sigma / p.per) ** 2 for c in p.contributions},
         )
         for p in order[:MOST_BUDGETS]

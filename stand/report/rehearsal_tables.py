@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 
+from stand.imu.priors import only
 from stand.rehearsal.result import Prediction, Rehearsal, Verdict
 from stand.rehearsal.verification import AGREES, Achieved, Verification
 from stand.report.tables import TableData
-from stand.report.wording import chance_text, predicted_text
+from stand.report.wording import chance_text, predicted_text, sigma_text
 
 _NAMED = 4  # contributions of a prediction that are told
 
@@ -45,7 +46,9 @@ def _required(result: Rehearsal) -> TableData:
             j.quantity,
             j.verdict.value,
             f"{j.required / j.per:g}",
-            "" if j.expanded is None else f"{j.expanded / j.per:.3g}",
+            "not determined"
+            if j.expanded is None
+            else f"{j.expanded / j.per:.3g}{only(j.noise_only)}",
             j.unit,
             j.method,
             j.label,
@@ -94,7 +97,7 @@ def _accuracy(result: Rehearsal) -> TableData:
             f"{p.method} {p.window}".strip(),
             p.label,
             p.quantity,
-            "" if p.sigma is None else predicted_text(p),
+            predicted_text(p),
             p.reason if p.sigma is None else _made_of(p),
         )
         for p in result.predictions
@@ -118,7 +121,7 @@ def _verified(v: Verification | None) -> TableData:
             f"{a.method} {a.window}".strip(),
             a.label,
             a.quantity,
-            "" if a.predicted is None else f"{a.predicted / a.per:.3g} {a.unit}",
+            sigma_text(a.predicted, a.per, a.unit, a.noise_only),
             _with_ends(a.sigma / a.per, a.low / a.per, a.high / a.per, a.unit),
             _ratio(a),
             "contradicted" if a.agrees is False else "",

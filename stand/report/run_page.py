@@ -124,7 +124,7 @@ def page(
         "verdict": judged(scores, refusals, recorded.require, sheet, run.get("revision", "")),
         "channels": channels(log.readings, [(d.t_from, d.t_to) for d in log.dwells]),
         "refusals": refusal_lines(refusals),
-        "tables": score_tables(scores, sheet),
+        "tables": score_tables(scores, sheet, log.options.priors.noise_only),
         "angle_note": ANGLE_NOTE if scores else "",
         "errors": _errors(log, total),
         "servo": motion_table(recorded.records) if recorded.records else None,
@@ -228,7 +228,10 @@ def _errors(log: Log, total: float) -> list[Any]:
     tracks = tracked(log, [m for m in log.methods if m in ESTIMATORS]) if log.simulated else []
     names = dict.fromkeys(track.method for track in tracks)
     groups = [[t for t in tracks if t.method == name and len(t.t_ns)] for name in names]
-    return [errors(own[0].method, k, own, total) for k, own in enumerate(filter(None, groups))]
+    alone = log.options.priors.noise_only
+    return [
+        errors(own[0].method, k, own, total, alone) for k, own in enumerate(filter(None, groups))
+    ]
 
 
 def _bar(number: int, step: Mapping[str, Any]) -> Bar:

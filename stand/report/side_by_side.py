@@ -1,8 +1,11 @@
 """Two recordings of one procedure beside each other, as tables."""
 
+from collections.abc import Collection
+
 import numpy as np
 
 from alignment import AttitudeEstimate
+from alignment.options import of_noise_alone
 from alignment.units import DEG, DEG_PER_HOUR, DEG_PER_RT_HOUR, M_S_PER_RT_HOUR, MILLI_G
 from stand.evaluation.side_by_side import EstimatePair, SideBySide
 from stand.report.document import UNDETERMINED, method_text, number, refusal_lines, sigma_text
@@ -63,13 +66,14 @@ def _shown(e: AttitudeEstimate, k: int) -> str:
     return UNDETERMINED if np.isnan(value) else f"{value / DEG + 0.0:.3f}"
 
 
-def _off(e: EstimatePair, k: int, noise_only: bool) -> str:
-    if k == 2 and e.turned_unknown:
+def _off(e: EstimatePair, k: int, noise_only: Collection[str]) -> str:
+    if e.undetermined[k]:
         return UNDETERMINED
     value = e.off[k] / DEG if abs(e.off[k]) > LEAST * DEG else 0.0
     if e.sigmas is None:
         return number(value)
-    sigma = sigma_text(e.sigmas[k] / DEG, noise_only)
+    alone = of_noise_alone("heading" if k == 2 else "tilt", noise_only)
+    sigma = sigma_text(e.sigmas[k] / DEG, alone)
     return f"{_marked(number(value), e.off[k], e.sigmas[k])} {sigma}"
 
 

@@ -19,6 +19,7 @@ from alignment.methods.vectors import Fixes, Matching
 from alignment.units import DEG
 from stand.evaluation.milestones import LIMITS, Doubt, Point, doubts, needed, points
 from stand.imu import unstated
+from stand.imu.priors import noise_alone, only
 from stand.report.document import UNDETERMINED
 from stand.report.page import INKS
 from stand.report.tables import TableData
@@ -70,7 +71,13 @@ def errors(matching: Matching, path: Path) -> Errors:
 
 
 def picture(
-    title: str, matchings: Mapping[str, Matching], fixes: Fixes, path: Path, theme: str = "light"
+    title: str,
+    matchings: Mapping[str, Matching],
+    fixes: Fixes,
+    path: Path,
+    theme: str = "light",
+    *,
+    noise_only: bool = False,
 ) -> bytes:
     """The errors of each solution over time as a PNG.
 
@@ -84,6 +91,8 @@ def picture(
     path : Path
         The truth.
     theme : 'light' or 'dark'
+    noise_only : bool
+        Whether no sheet states more than noise of a sensor.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -107,7 +116,8 @@ def picture(
         attitude.plot(error.t, error.sigma / DEG, color=colour, linewidth=1, linestyle=(0, (4, 3)))
     _log(place, "position error [m]", [*(e.place for e in found.values()), fix_errors], ink)
     shown = [x / DEG for e in found.values() for x in (e.attitude, e.sigma)]
-    _log(attitude, "attitude error [deg]; dashed: predicted sigma", shown, ink)
+    told = f"attitude error [deg]; dashed: predicted sigma{only(noise_only)}"
+    _log(attitude, told, shown, ink)
     _moments(moments, matchings, theme)
     for axes in (place, attitude, moments):
         _outages(axes, fixes.t, ink)
@@ -176,7 +186,7 @@ def _legend(figure: Figure, axes: Axes, ink: dict[str, str]) -> None:
 
 def table(result: DriveResult) -> TableData:
     """Error and sigma of every solution by the number of fixes, and how many each needed."""
-    rows, reached = [], []
+    rows, reached, alone = [], [], bool(noise_alone(result.settings.imu))
     for name, curve in result.curves.items():
         shown = points(curve)
         reached = [f"{p.fixes} fixes" for p in shown]
@@ -185,7 +195,7 @@ def table(result: DriveResult) -> TableData:
         rows.append(
             (
                 name,
-                *map(_cell, shown),
+                *(_cell(one, alone) for one in shown),
                 *(" / ".join("never" if n is None else str(n) for n in both) for both in counts),
                 f"{place:.3g}",
             )
@@ -201,8 +211,7 @@ def table(result: DriveResult) -> TableData:
             "corrected.",
             "below: fixes needed to come and stay there, by the error of this run / by sigma; "
             "place: error at the last fix.",
-            "sigma holds noise, biases, the start; gyro scale and axes that are off come on top, "
-            "by their size times the angle turned.",
+            "sigma holds noise, the start, and all errors of the unit that its sheet states.",
             *(line for name in result.matchings for line in _lines(name, result)),
             *unstated(result.settings.imu),
             *(f"{name}: {reason}" for name, reason in result.refusals.items()),
@@ -211,13 +220,13 @@ def table(result: DriveResult) -> TableData:
     )
 
 
-def _cell(point: Point) -> str:
+def _cell(point: Point, noise_only: bool) -> str:
     if point.undetermined:
         return UNDETERMINED
     if point.state == "start":
         return f"{point.error / DEG:.3g} start"
     carried = " ~" if point.state == "carried" else ""
-    return f"{point.error / DEG:.3g} ± {point.sigma / DEG:.2g}{carried}"
+    return f"{point.error / DEG:.3g} ± {point.sigma / DEG:.2g}{only(noise_only)}{carried}"
 
 
 def _lines(name: str, result: DriveResult) -> list[str]:

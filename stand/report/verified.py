@@ -247,7 +247,7 @@ def _cells(a: Achieved) -> tuple[str, ...]:
     return (
         method_text(a.method, a.window),
         a.quantity,
-        sigma_text(a.predicted, a.per, a.unit),
+        sigma_text(a.predicted, a.per, a.unit, a.noise_only),
         achieved_text(a),
         "" if a.ratio is None else ratio_text(a.ratio),
         "" if a.widened is None else "{:.2f} to {:.2f}".format(*a.widened),

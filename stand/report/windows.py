@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from math import isfinite
 
 from alignment.units import DEG
-from stand.evaluation.windows import NOISE_ONLY, Scatter
+from stand.evaluation.windows import Scatter
+from stand.imu.priors import NOISE_ONLY
 from stand.report.document import method_text, sigma_text
 from stand.report.tables import TableData
 

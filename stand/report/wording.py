@@ -6,6 +6,7 @@ from math import isfinite
 
 from alignment.units import ARC_SECOND, DEG
 from stand.evaluation.statistics import TAIL
+from stand.imu.priors import only
 from stand.rehearsal.result import Judgement, Margin, Prediction
 from stand.rehearsal.verification import AGREES, Achieved, Refused, Verification
 
@@ -26,14 +27,16 @@ def deg_text(angle: float) -> str:
     return f"{digits(angle / DEG)}° ({digits(angle / ARC_SECOND)}″)"
 
 
-def sigma_text(sigma: float | None, per: float, unit: str) -> str:
+def sigma_text(sigma: float | None, per: float, unit: str, noise_only: bool = False) -> str:
     """A predicted sigma [SI] in the unit it is told in."""
-    return "not determined" if sigma is None else f"{digits(sigma / per)} {unit}"
+    if sigma is None:
+        return "not determined"
+    return f"{digits(sigma / per)} {unit}{only(noise_only)}"
 
 
 def predicted_text(p: Prediction) -> str:
     """A predicted sigma, and where there is a bias also that and both in quadrature."""
-    told = sigma_text(p.sigma, p.per, p.unit)
+    told = sigma_text(p.sigma, p.per, p.unit, p.noise_only)
     if p.rms is None or not shows_bias(p):
         return told
     return f"{told}, bias {digits(p.bias / p.per)}: {digits(p.rms / p.per)} rms"
@@ -58,7 +61,7 @@ def achieved_text(a: Achieved) -> str:
 
 def achieved_in_words(a: Achieved) -> str:
     """One sentence of a prediction beside what runs came to."""
-    predicted = sigma_text(a.predicted, a.per, a.unit)
+    predicted = sigma_text(a.predicted, a.per, a.unit, a.noise_only)
     told = f"predicted {predicted}, achieved {achieved_text(a)} in {runs_text(a.runs)}"
     if a.ratio is None:
         return told
@@ -96,7 +99,9 @@ def judged_in_words(j: Judgement) -> str:
     """One sentence of a requirement: what is asked, what is predicted, by what, and why not."""
     asked = f"{j.quantity} within {limit_text(j, j.required)} (k = {j.coverage:g})"
     where = " of ".join(part for part in (j.method, f'"{j.label}"' if j.label else "") if part)
-    found = "not determined" if j.expanded is None else f"predicted {limit_text(j, j.expanded)}"
+    found = "not determined"
+    if j.expanded is not None:
+        found = f"predicted {limit_text(j, j.expanded)}{only(j.noise_only)}"
     told = f"{j.verdict.value}: {asked}; {found}" + (f" by {where}" if where else "")
     return f"{told}; {j.reason}" if j.reason else told
 

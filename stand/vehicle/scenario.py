@@ -9,15 +9,14 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from alignment import ImuReadings, Priors
+from alignment import ImuReadings
 from alignment.angles import C_nb_from_angles, Sequence, angles_from_C_nb
 from alignment.arrays import Array
-from alignment.fixed_order import norm
 from alignment.methods.vectors import Fixes
 from alignment.units import DEG
 from stand import toml_files as catalogue
 from stand.errors import StandError
-from stand.imu import Imu, ImuSpec
+from stand.imu import Imu
 from stand.samples import ImuBlock, Sensed
 from stand.vehicle.path import Change, Path, Start
 
@@ -268,21 +267,6 @@ def joined(blocks: Ordered[ImuBlock]) -> ImuBlock:
 def readings_of(block: ImuBlock) -> ImuReadings:
     """The same as estimators take it."""
     return ImuReadings(block.t_ns * 1e-9, block.w_ib_b, block.f_b)
-
-
-def priors_of(imu: ImuSpec, gravity: float) -> Priors:
-    """What a data sheet says before the drive, as the solutions use it.
-
-    Scale errors act on gravity much as a bias, and on little else: they are counted as one.
-    """
-    return Priors(
-        gyro_bias=float(np.hypot(imu.gyro.bias, imu.gyro.instability)),
-        accel_bias=float(norm([imu.accel.bias, imu.accel.instability, imu.accel.scale * gravity])),
-        gyro_walk=imu.gyro.noise,
-        accel_walk=imu.accel.noise,
-        gyro_axes=imu.gyro.axes,
-        accel_axes=imu.accel.axes,
-    )
 
 
 def fixes_of(path: Path, satellite: SatelliteEntry, rng: np.random.Generator) -> Fixes:

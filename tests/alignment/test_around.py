@@ -5,7 +5,15 @@ from math import pi, radians, sqrt
 import numpy as np
 import pytest
 
-from alignment.around import by_direction, by_length, by_one_gyro, by_size, whole_circle
+from alignment.around import (
+    by_direction,
+    by_length,
+    by_one_gyro,
+    by_size,
+    less_turned,
+    tilts_about,
+    whole_circle,
+)
 
 
 def test_small_errors_are_first_order():
@@ -63,3 +71,22 @@ def test_a_part_that_is_hidden_leaves_two_directions():
     )
     known = by_size(np.array([1.0, 0.0]), np.diag([0.3**2, 0.01**2]), 0.0)
     assert known == pytest.approx(0.01, rel=1e-2)
+
+
+def test_nothing_of_the_earths_rate_leaves_the_whole_circle():
+    """pi/sqrt 3 is the deviation of what may point anywhere; of half, twice the sigma."""
+    P = np.diag([1.0, 1.0, 1e-6])
+    assert sqrt((P * less_turned(P, 0.0))[2, 2]) == pytest.approx(pi / sqrt(3), rel=1e-12)
+    assert sqrt((P * less_turned(P, 0.5))[2, 2]) == pytest.approx(2e-3, rel=1e-5)
+
+
+def test_tilts_about_a_north_that_is_unsure():
+    """By draws: a tilt of 3 and 1 turned by an error of heading of 0.4 rad (1 % by 40 000)."""
+    d = 0.4 * np.random.default_rng(2).normal(size=40_000)
+    R = np.array([[np.cos(d), -np.sin(d)], [np.sin(d), np.cos(d)]])
+    own = np.array([[9.0, 1.5], [1.5, 1.0]])
+    drawn = np.einsum("ijn,jk,lkn->il", R, own, R) / len(d)
+    P = np.zeros((3, 3))
+    P[:2, :2], P[2, 2] = own, 0.16
+    np.testing.assert_allclose(tilts_about(P)[:2, :2], drawn, atol=0.06)
+    assert tilts_about(P)[2, 2] == 0.16

@@ -19,6 +19,7 @@ from alignment.noise import (
     mean_variance,
     rest_doubt,
 )
+from alignment.options import Priors
 from alignment.readings import Dwell, ImuReadings
 
 G = 9.81
@@ -257,10 +258,13 @@ def drifting(sigmas, seed):
 def test_a_drift_too_faint_to_count_is_said():
     """Of one axis 5 of its sigmas, 8.7 of the mean at either end: counted in a quarter at most of
     records, else said in most. Of noise one in a hundred is: of 400 more than 12 are 1 in 1000."""
-    seen = [(rest_doubt(r), faint_doubt(r)) for r in (drifting([0, 5, 0], k) for k in range(40))]
+    seen = [
+        (rest_doubt(r), faint_doubt(r, Priors()))
+        for r in (drifting([0, 5, 0], k) for k in range(40))
+    ]
     assert not any(counted and said for counted, said in seen)
     assert sum(bool(counted) for counted, _ in seen) < 16
     assert sum(bool(counted or said) for counted, said in seen) > 30
-    assert sum(bool(faint_doubt(drifting([0, 0, 0], k))) for k in range(400)) <= 12
+    assert sum(bool(faint_doubt(drifting([0, 0, 0], k), Priors())) for k in range(400)) <= 12
     flag = next(said for _, (said, *_) in filter(lambda pair: pair[1], seen))
     assert flag.startswith("may drift from end to end, gyros by ")

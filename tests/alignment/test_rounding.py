@@ -13,7 +13,7 @@ from alignment.methods.positions import multi_position
 from alignment.methods.triad import triad
 from alignment.methods.two_gyro import two_gyro
 from alignment.readings import Grain
-from alignment.rounding import rounding_variance, shared_rounding, waves, with_rounding
+from alignment.rounding import rounding_variance, shared_rounding, steps_of, waves, with_rounding
 
 W, G = 7.292115e-5, 9.81
 STEP = 0.02  # m/s^2: 2 mg
@@ -181,3 +181,18 @@ def test_positions_that_read_alike_tell_no_heading_whatever_was_told(heading):
         sqrt(q * s * sqrt(2 / pi) / 8), rel=0.3
     )
     assert found.undetermined
+
+
+def test_steps_of_channels_that_hardly_change():
+    """One that stands has the step of its triad; of three that seldom change each has its least
+    change, and where nothing changes nobody knows."""
+    rng, n = np.random.default_rng(3), 400
+    lively = 0.5 * rng.integers(-3, 4, size=n)
+    still, once = np.full(n, 7.0), np.where(np.arange(n) == 200, 0.75, 0.25)
+    w = np.column_stack([lively, still, lively[::-1]])
+    f = np.column_stack([still, once, still])
+    readings = ImuReadings(np.arange(1.0, n + 1), w, f)
+    np.testing.assert_allclose(steps_of(readings), [0.5] * 6)
+    np.testing.assert_allclose(rounding_variance(readings)[1], 0.5**2 / 12, rtol=0.01)
+    none = ImuReadings(readings.t, np.full((n, 3), 1.0), np.full((n, 3), 2.0))
+    np.testing.assert_array_equal(steps_of(none), np.zeros(6))

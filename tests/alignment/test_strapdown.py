@@ -11,6 +11,7 @@ from alignment import ImuReadings, strapdown
 from alignment.errors import AlignmentError
 from alignment.methods import integration
 from alignment.strapdown import (
+    Made,
     carry,
     cross,
     integrate,
@@ -178,11 +179,15 @@ def test_blocks_and_chunks_change_nothing(monkeypatch):
         )
 
 
-def test_offset_is_taken_from_the_rates():
+def test_what_sensors_make_of_what_is_true_is_undone():
     readings, _ = record(ROCKING, 10.0, 50.0)
-    offset = np.array([1e-3, -2e-3, 3e-3])
-    raw = ImuReadings(readings.t, readings.w_ib_b + offset, readings.f_b)
-    np.testing.assert_allclose(carry(raw, 0.5, offset).q, carry(readings, 0.5).q, atol=1e-14)
+    gain = np.array([[1.01, 0.02, 0.0], [0.0, 0.99, -0.01], [0.03, 0.0, 1.0]])
+    gyro, accel = Made(np.array([1e-3, -2e-3, 3e-3]), gain), Made(np.array([0.1, 0.2, 0.0]), gain.T)
+    w, f = readings.w_ib_b @ gain.T + gyro.offset, readings.f_b @ gain + accel.offset
+    want = carry(readings, 0.5)
+    found = carry(ImuReadings(readings.t, w, f), 0.5, gyro, accel)
+    np.testing.assert_allclose(found.q, want.q, atol=1e-13)  # rounding of 500 steps
+    np.testing.assert_allclose(found.v, want.v, rtol=0, atol=1e-10)
 
 
 def test_turned_is_the_integral_of_the_attitude():

@@ -1,18 +1,20 @@
 """The inertial channel: strapdown navigation in i with the covariance of its errors.
 
 Errors are estimate minus truth: attitude ``psi`` about i (estimate = exp(psi x) truth), velocity,
-place, gyro bias, accelerometer bias, and the correlated errors of the satellites' position and
-velocity (21 in all).
+place, gyro bias, accelerometer bias, the correlated errors of the satellites' position and
+velocity (21 in all), and behind them all other errors of the unit, of a variance of one each.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
 from alignment.cross import cross_matrix
+from alignment.methods.vectors.effects import Effects
 from alignment.methods.vectors.fixes import Matching, Record, VectorOptions
 from alignment.navigation import C_ie, Integrals, attitude_in_n, gravitation
 from alignment.options import Priors
@@ -22,13 +24,14 @@ from alignment.skew import Axes, spread
 PSI, VEL, POS = slice(0, 3), slice(3, 6), slice(6, 9)
 GYRO, ACCEL = slice(9, 12), slice(12, 15)
 POS_DRIFT, VEL_DRIFT = slice(15, 18), slice(18, 21)
-STATES = 21
+STATES, MORE = 21, slice(21, None)
 _I3 = np.eye(3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """`C` (3, 3) = ``C_ib``; `v`, `r` (3,) in i; biases and satellite drifts; covariance `P`."""
+    """`C` (3, 3) = ``C_ib``; `v`, `r` (3,) in i; biases, satellite drifts, and `more` (q,) errors
+    of the unit; covariance `P` (21 + q, 21 + q)."""
 
     C: Array
     v: Array
@@ -37,7 +40,15 @@ class State:
     accel: Array
     r_drift: Array
     v_drift: Array
+    more: Array
     P: Array
+
+
+class Stretches(NamedTuple):
+    """From each point to the next: what was felt, and what errors of the unit add to it."""
+
+    sensed: Integrals
+    effects: Effects
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +68,7 @@ class Notes:
 
 def begun(record: Record, fixes: Fixes, options: VectorOptions) -> State:
     """At the first fix: its place and velocity, the programmed attitude, no biases."""
-    priors, zero = options.priors, np.zeros(3)
+    priors, zero, more = record.priors, np.zeros(3), np.zeros(record.effects.count)
     sigmas = [
         options.attitude_sigma,
         np.hypot(fixes.velocity_sigma, fixes.velocity_drift),
@@ -67,7 +78,7 @@ def begun(record: Record, fixes: Fixes, options: VectorOptions) -> State:
         fixes.position_drift,
         fixes.velocity_drift,
     ]
-    P = np.diag(np.repeat(np.square(sigmas), 3))
+    P = np.diag(np.append(np.repeat(np.square(sigmas), 3), 1.0 + more))
     for block, axes in ((GYRO, priors.gyro_axes), (ACCEL, priors.accel_axes)):
         P[block, block] = P[block, block] @ _in_i(_I3, axes)
     # the place errs by the first fix's drift, and the drift's estimate (0) by minus that
@@ -77,31 +88,42 @@ def begun(record: Record, fixes: Fixes, options: VectorOptions) -> State:
     ):
         P[state, drift] = P[drift, state] = -(sigma**2) * _I3
     return State(
-        record.C_ib, record.v_i[0], record.r_i[0], zero, accel=zero, r_drift=zero, v_drift=zero, P=P
+        record.C_ib,
+        record.v_i[0],
+        record.r_i[0],
+        zero,
+        accel=zero,
+        r_drift=zero,
+        v_drift=zero,
+        more=more,
+        P=P,
     )
 
 
-def steps(record: Record) -> Integrals:
-    """Strapdown integrals from each point to the next, in b at the former."""
+def steps(record: Record) -> Stretches:
+    """From each point to the next, in b at the former."""
     k = np.arange(len(record.t) - 1)
-    return record.sensed.since(k, k + 1)
+    return Stretches(record.sensed.since(k, k + 1), record.effects.between(record.sensed))
 
 
 def carried(
-    state: State, step: Integrals, k: int, elapsed: float, fixes: Fixes, priors: Priors
+    state: State, strides: Stretches, k: int, elapsed: float, fixes: Fixes, priors: Priors
 ) -> State:
     """The state after stretch `k` of `steps`, which began `elapsed` seconds after the first fix."""
-    T, C = float(step.duration[k]), state.C
-    turned = Rotation.from_rotvec(-step.turn_time[k] @ state.gyro).as_matrix() @ step.turn[k]
+    (step, other), C = strides, state.C
+    T, own = float(step.duration[k]), state.more
+    wrong = step.turn_time[k] @ state.gyro + other.turn[k] @ own
+    turned = Rotation.from_rotvec(-wrong).as_matrix() @ step.turn[k]
     dv = step.velocity[k] - step.velocity_gyro[k] @ state.gyro - step.turn_time[k] @ state.accel
     dr = step.place[k] - step.place_gyro[k] @ state.gyro - step.turn_time2[k] @ state.accel
-    dv, dr = C @ dv, C @ dr
+    dv, dr = C @ (dv - other.velocity[k] @ own), C @ (dr - other.place[k] @ own)
     g = gravitation(state.r, elapsed)
     ahead = state.r + state.v * T + dr + 0.5 * g * T**2
     slope = gravitation(ahead, elapsed + T) - g
     fading = np.exp(-T / fixes.drift_time)
-    F = _transition(step, k, C, dv, dr, fading)
-    P = F @ state.P @ F.T + _noise(T, C, dv, dr, fading, fixes, priors)
+    F = _transition(strides, k, C, dv, dr, fading)
+    P = F @ state.P @ F.T
+    P[:STATES, :STATES] += _noise(T, C, dv, dr, fading, fixes, priors)
     return State(
         C @ turned,
         state.v + dv + (g + 0.5 * slope) * T,
@@ -110,20 +132,24 @@ def carried(
         accel=state.accel,
         r_drift=state.r_drift * fading,
         v_drift=state.v_drift * fading,
+        more=own,
         P=P,
     )
 
 
-def _transition(step: Integrals, k: int, C: Array, dv: Array, dr: Array, fading: float) -> Array:
+def _transition(strides: Stretches, k: int, C: Array, dv: Array, dr: Array, fading: float) -> Array:
     """Errors after a stretch per error before it.
 
     The gradient of gravity (3e-6/s^2) is left out.
     """
-    F = np.eye(STATES)
+    step, other = strides
+    F = np.eye(STATES + other.count)
     F[PSI, GYRO] = -C @ step.turn_time[k]
     F[VEL, PSI], F[POS, PSI] = -cross_matrix(dv), -cross_matrix(dr)
     F[VEL, GYRO], F[POS, GYRO] = -C @ step.velocity_gyro[k], -C @ step.place_gyro[k]
     F[VEL, ACCEL], F[POS, ACCEL] = -C @ step.turn_time[k], -C @ step.turn_time2[k]
+    F[PSI, MORE], F[VEL, MORE] = -C @ other.turn[k], -C @ other.velocity[k]
+    F[POS, MORE] = -C @ other.place[k]
     F[POS, VEL] = step.duration[k] * _I3
     F[POS_DRIFT, POS_DRIFT] = F[VEL_DRIFT, VEL_DRIFT] = fading * _I3
     return F

@@ -10,9 +10,11 @@ from alignment.angles import SequenceRule
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.errors import AlignmentError, PoleError, TooShort
 from alignment.estimate import AttitudeEstimate
+from alignment.methods.vectors.effects import FINE, Effects, effects, without_drifts
 from alignment.navigation import W_IE_X, C_ie, Integrals, geodetic, integrals
 from alignment.options import Priors
 from alignment.readings import EDGE, BoolArray, Fixes, ImuReadings
+from alignment.rounding import with_rounding
 from alignment.units import DEG
 
 
@@ -23,7 +25,7 @@ class VectorOptions:
     Attributes
     ----------
     priors : Priors
-        Gyro and accelerometer biases and random walks are used (0: left out).
+        What the unit's sheet states of it (0: left out); nothing is taken from the readings.
     attitude_sigma : float
         Of the programmed start attitude, each axis [rad].
     largest_sigma : float
@@ -121,25 +123,42 @@ class Record:
     """Readings and fixes brought together on common points in time.
 
     `t` (k,) holds every fix and points between, `step` apart at most; `at_fix` (k,) tells which.
-    `sensed`: strapdown integrals from the first fix to each; `r_i`, `v_i` (m, 3): the fixes in i,
-    which coincides with e at the first fix; `C_ib` (3, 3): the programmed start in i.
+    `sensed`: strapdown integrals from the first fix to each; `effects`: what the unit's errors but
+    biases add to them; `r_i`, `v_i` (m, 3): the fixes in i, which coincides with e at the first
+    fix; `C_ib` (3, 3): the programmed start in i; `priors`: of biases and walks, as this record
+    holds them, and of what is not in `effects`.
     """
 
     t: Array
     at_fix: BoolArray
     sensed: Integrals
+    effects: Effects
     r_i: Array
     v_i: Array
     C_ib: Array
+    priors: Priors
 
 
 def joined(
-    readings: ImuReadings, fixes: Fixes, C_nb0: Rotation, C_en0: Array, step: float
+    readings: ImuReadings, fixes: Fixes, C_nb0: Rotation, C_en0: Array, options: VectorOptions
 ) -> Record:
     """Bring readings and fixes together; `C_nb0` is the programmed attitude at the first fix."""
-    t, at_fix = _points(fixes.t, step)
+    t, at_fix = _points(fixes.t, options.step)
     r_i, v_i = inertial_fixes(fixes)
-    return Record(t, at_fix, integrals(readings, t), r_i, v_i=v_i, C_ib=C_en0 @ C_nb0.as_matrix())
+    often, shown = _points(t, FINE)
+    sensed = integrals(readings, often)
+    known = with_rounding(options.priors, readings)
+    priors, gyro, accel = without_drifts(known, float(t[-1] - t[0]))
+    return Record(
+        t,
+        at_fix,
+        sensed.at(shown),
+        effects(sensed, priors, gyro, accel).at(shown),
+        r_i=r_i,
+        v_i=v_i,
+        C_ib=C_en0 @ C_nb0.as_matrix(),
+        priors=priors,
+    )
 
 
 def check(fixes: Fixes) -> None:

@@ -11,6 +11,7 @@ from alignment.methods.vectors import channel
 from alignment.methods.vectors.channel import (
     ACCEL,
     GYRO,
+    MORE,
     POS,
     POS_DRIFT,
     PSI,
@@ -50,10 +51,11 @@ def kalman(
     Notes
     -----
     21 states: attitude, velocity, place, gyro and accelerometer bias, correlated satellite errors
-    (none of the last where ``fixes`` states none). Leading error: accelerometer bias b/g in tilt
-    until turns separate them; heading only by horizontal acceleration. Scale errors and axes that
-    are off are not modelled: those of gyros add their size times the angle turned, beyond the
-    covariance. Source: methods.md section 4, the tuned filter.
+    (none of the last where ``fixes`` states none); and one for every other error of the unit that
+    the priors state: scale, axes that are off, g-sensitivity, the shapes of drifts in time. Leading
+    error: accelerometer bias b/g in tilt until turns separate them; heading only by horizontal
+    acceleration; a gyro's scale error times the angle turned. Source: methods.md section 4, the
+    tuned filter.
     """
     options = options or VectorOptions()
     record, states, notes = filtered(readings, fixes, C_nb0, options)
@@ -66,14 +68,14 @@ def filtered(
     """The filter's states at all points, biases and covariances among them; as `kalman`."""
     check(fixes)
     latitude, longitude, _ = geodetic(fixes.position[0])
-    record = joined(readings, fixes, C_nb0, C_en(latitude, longitude), options.step)
+    record = joined(readings, fixes, C_nb0, C_en(latitude, longitude), options)
     strides = channel.steps(record)
     state, seen = channel.begun(record, fixes, options), 1
     R = np.repeat(np.square([fixes.position_sigma, fixes.velocity_sigma]), 3)
     states, notes, misfit = [state], channel.Notes(), 0.0
-    for k in range(len(strides)):
+    for k in range(len(record.t) - 1):
         elapsed = float(record.t[k] - record.t[0])
-        state = channel.carried(state, strides, k, elapsed, fixes, options.priors)
+        state = channel.carried(state, strides, k, elapsed, fixes, record.priors)
         doubt, at_fix = "", bool(record.at_fix[k + 1])
         if at_fix:
             z = np.concatenate([record.r_i[seen], record.v_i[seen]])
@@ -87,13 +89,13 @@ def filtered(
 
 def updated(state: State, z: Array, R: Array) -> tuple[State, float]:
     """After a fix `z` (6,), place and velocity in i, of variance `R` (6,); Mahalanobis distance."""
-    H = np.zeros((6, channel.STATES))
+    H = np.zeros((6, len(state.P)))
     H[:3, POS] = H[3:, VEL] = H[:3, POS_DRIFT] = H[3:, VEL_DRIFT] = np.eye(3)
     innovation = z - np.concatenate([state.r + state.r_drift, state.v + state.v_drift])
     S = H @ state.P @ H.T + np.diag(R)
     K = np.linalg.solve(S, H @ state.P).T
     x = K @ innovation
-    keep = np.eye(channel.STATES) - K @ H
+    keep = np.eye(len(state.P)) - K @ H
     P = keep @ state.P @ keep.T + (K * R) @ K.T
     corrected = replace(
         state,
@@ -104,6 +106,7 @@ def updated(state: State, z: Array, R: Array) -> tuple[State, float]:
         accel=state.accel + x[ACCEL],
         r_drift=state.r_drift + x[POS_DRIFT],
         v_drift=state.v_drift + x[VEL_DRIFT],
+        more=state.more + x[MORE],
         P=P,
     )
     return corrected, float(innovation @ np.linalg.solve(S, innovation))

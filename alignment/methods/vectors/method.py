@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment.constant_errors import in_one_attitude
 from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate
@@ -13,7 +12,6 @@ from alignment.methods.vectors.fixes import Matching, VectorOptions
 from alignment.methods.vectors.solutions import SOLUTIONS
 from alignment.options import Options, Priors
 from alignment.readings import Dwell
-from alignment.units import STANDARD_GRAVITY
 
 METHOD = "vectors"
 WITHOUT_START = ("observing",)  # what needs no programmed attitude
@@ -62,7 +60,7 @@ def options_of(
     usual = VectorOptions()
     sigma = usual.attitude_sigma if start_sigma is None else start_sigma
     rule = usual.rule if options is None else options.rule
-    return VectorOptions(in_one_attitude(priors, STANDARD_GRAVITY), sigma, rule=rule)
+    return VectorOptions(priors, sigma, rule=rule)
 
 
 def _answers(dwell: Dwell, options: Options) -> list[AttitudeEstimate]:

@@ -67,10 +67,11 @@ def observing(
     -----
     Refused while the predicted sigma about any axis is above ``options.largest_sigma``: the
     determinant says nothing of that. The covariance holds the fixes' noise, both random walks and
-    the biases by their priors, exactly through the weights used; sensor errors enter the weights as
-    if they were the same in all directions. Leading errors: b_a/g in tilt, b_a/a in heading with a
-    the horizontal acceleration; gyro bias times half the time. Scale errors are not modelled.
-    Gravity is taken along a cubic through the fixes. Source: methods.md section 4 (a).
+    every error of the unit by its prior, exactly through the weights used; sensor errors enter the
+    weights as if they were the same in all directions. Leading errors: b_a/g in tilt, b_a/a in
+    heading with a the horizontal acceleration; gyro bias times half the time, a gyro's scale error
+    times the angle turned. Gravity is taken along a cubic through the fixes. Source: methods.md
+    section 4 (a).
     """
     options = options or VectorOptions()
     check(fixes)
@@ -79,11 +80,11 @@ def observing(
             f"{len(fixes)} fixes: the observing form takes {MOST} at most: take fewer"
         )
     latitude, longitude, _ = geodetic(fixes.position[0])
-    record = joined(readings, fixes, C_nb0, C_en(latitude, longitude), options.step)
+    record = joined(readings, fixes, C_nb0, C_en(latitude, longitude), options)
     velocity_g, place_g = _gravity_integrals(record)
     drifts = _drifts(readings, record, fixes)
-    rows = _rows(record, fixes, velocity_g, place_g, drifts, options)
-    turns = _turn_errors(record, fixes, back_from(options.priors.gyro_axes))
+    rows = _rows(record, fixes, velocity_g, place_g, drifts)
+    turns = _turn_errors(record, fixes, back_from(record.priors.gyro_axes))
 
     T = record.t - record.t[0]
     solution = Solution(
@@ -164,7 +165,7 @@ def _turn_errors(record: Record, fixes: Fixes, back: Array) -> Array:
     later = (record.t[:, None] > middles).astype(float)
     walks = np.einsum("kl,ij->kilj", later, back).reshape(len(record.t), 3, -1)
     gyro = record.sensed.turn_time @ back
-    return np.concatenate([gyro, np.zeros_like(gyro), walks], axis=2)
+    return np.concatenate([gyro, np.zeros_like(gyro), record.effects.turn, walks], axis=2)
 
 
 def _rows(
@@ -173,9 +174,8 @@ def _rows(
     velocity_g: Array,
     place_g: Array,
     drifts: Array,
-    options: VectorOptions,
 ) -> WhitenedRows:
-    k, priors, s = np.flatnonzero(record.at_fix), options.priors, record.sensed
+    k, priors, s = np.flatnonzero(record.at_fix), record.priors, record.sensed
     T = fixes.t - fixes.t[0]
     y_v = record.v_i - record.v_i[0] - velocity_g[k]
     y_r = record.r_i - record.r_i[0] - record.v_i[0] * T[:, None] - place_g[k]
@@ -183,9 +183,12 @@ def _rows(
     accel = _interleaved(s.turn_time[k], s.turn_time2[k])
     back = back_from(priors.gyro_axes)
     walks = (drifts.reshape(len(drifts), 3, -1, 3) @ back).reshape(drifts.shape)
-    effects = np.concatenate([gyro @ back, accel @ back_from(priors.accel_axes), walks], axis=2)
-    variances = np.repeat([priors.gyro_bias**2, priors.accel_bias**2], 3)
-    variances = np.append(variances, priors.gyro_walk**2 * np.repeat(np.diff(fixes.t), 3))
+    other = _interleaved(record.effects.velocity[k], record.effects.place[k])
+    effects = [gyro @ back, accel @ back_from(priors.accel_axes), other, walks]
+    effects = np.concatenate(effects, axis=2)
+    walked = priors.gyro_walk**2 * np.repeat(np.diff(fixes.t), 3)
+    biases = np.repeat([priors.gyro_bias**2, priors.accel_bias**2], 3)
+    variances = np.concatenate([biases, np.ones(record.effects.count), walked])
     even = np.sqrt(np.trace(_spread(priors.accel_axes)) / 3)
     white = _isotropic(T, fixes, priors.accel_walk * even)
     spread = effects * np.sqrt(variances / 3)
@@ -254,7 +257,8 @@ def _solved(
     # a tall matrix on the left: BLAS is some ten times as fast as with nine rows there
     white = (rows.white[:count, :count] @ by_axis.reshape(9, count).T).T.reshape(by_axis.shape)
     noise = (white @ np.swapaxes(by_axis, 1, 2)).sum(axis=0)
-    known = 6 + 3 * (count // 2 - 1)  # biases, and walks up to this fix: later ones have no effect
+    later = 3 * ((len(rows.y) - count) // 2)  # walks after this fix have no effect
+    known = rows.effects.shape[2] - later
     effects = rows.effects[:count].reshape(3 * count, -1)[:, :known]
     by_source = np.zeros((3, rows.effects.shape[2]))
     by_source[:, :known] = -(effects.T @ (gain @ C).reshape(3, -1).T).T

@@ -98,13 +98,13 @@ def printed(
     check(fixes)
     latitude, longitude, _ = geodetic(fixes.position[0])
     start = Start(C_en(latitude, longitude), fixes.position[0])
-    record = joined(readings, fixes, C_nb0, start.C_es, options.step)
+    record = joined(readings, fixes, C_nb0, start.C_es, options)
     strides = channel.steps(record)
     state, count = channel.begun(record, fixes, options), 1
     states, notes = [state], channel.Notes()
-    for k in range(len(strides)):
+    for k in range(len(record.t) - 1):
         elapsed = float(record.t[k] - record.t[0])
-        state = channel.carried(state, strides, k, elapsed, fixes, options.priors)
+        state = channel.carried(state, strides, k, elapsed, fixes, record.priors)
         dJ, called, doubt = np.zeros(3), False, ""
         if record.at_fix[k + 1]:
             now = float(record.t[k + 1] - record.t[0])
@@ -199,7 +199,7 @@ def _applied(
     psi = np.stack([tilt[:, i, j] - tilt[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1) / 2
     outcome = np.concatenate([psi, after[2], after[1]], axis=1)
     J = ((outcome[:15] - outcome[15:]) / (2 * steps[:, None])).T
-    A = np.eye(channel.STATES)
+    A = np.eye(len(state.P))
     A[:9, :9] = J[:, :9]
     A[:9, POS_DRIFT], A[:9, VEL_DRIFT] = -J[:, 9:12], -J[:, 12:]  # a fix errs by minus their errors
     R = np.repeat(np.square([fixes.position_sigma, fixes.velocity_sigma]), 3)

@@ -317,13 +317,13 @@ def _reset(
     """The inertial channel whose place and velocity are the satellites' at each fix, no more."""
     options = options or VectorOptions()
     latitude, longitude, _ = geodetic(fixes.position[0])
-    record = joined(readings, fixes, C_nb0, C_en(latitude, longitude), options.step)
+    record = joined(readings, fixes, C_nb0, C_en(latitude, longitude), options)
     strides = channel.steps(record)
     state, count = channel.begun(record, fixes, options), 1
     states, notes = [state], channel.Notes()
-    for k in range(len(strides)):
+    for k in range(len(record.t) - 1):
         elapsed = float(record.t[k] - record.t[0])
-        state = channel.carried(state, strides, k, elapsed, fixes, options.priors)
+        state = channel.carried(state, strides, k, elapsed, fixes, record.priors)
         if record.at_fix[k + 1]:
             state = replace(state, r=record.r_i[count], v=record.v_i[count])
             count += 1

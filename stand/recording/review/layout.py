@@ -7,6 +7,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
+from stand.imu.priors import only
 from stand.recording.curves import ANGLES
 from stand.recording.review.scene import Scene
 from stand.recording.review.style import FOLLOWING, TIMELINE, Channel
@@ -39,7 +40,8 @@ class Screen(NamedTuple):
     """What the layout is made for: the plots of samples, and how they are shown.
 
     `ranges` are the extremes of each plot by its entity, `limits` what its axis shows if that is
-    less; `tested` are the methods whose axes are shown in 3D, their error times `factor`.
+    less; `tested` are the methods whose axes are shown in 3D, their error times `factor`;
+    `noise_only` the angles whose sigmas are of noise alone.
     """
 
     scene: Scene
@@ -49,6 +51,7 @@ class Screen(NamedTuple):
     limits: dict[str, tuple[float, float]]
     tested: tuple[str, ...] = ()
     factor: float = 1.0
+    noise_only: frozenset[str] = frozenset()
 
 
 def blueprint(screen: Screen) -> rrb.Blueprint:
@@ -137,7 +140,8 @@ def _plots(screen: Screen) -> rrb.Vertical:
 
 def _error_title(screen: Screen, angle: str) -> str:
     known = f"angles/{angle}" in screen.ranges
-    return f"{angle.capitalize()} error" + (", ±3σ [deg]" if known else ": not determined")
+    sigma = f", ±3σ{only(angle in screen.noise_only)} [deg]"
+    return f"{angle.capitalize()} error" + (sigma if known else ": not determined")
 
 
 def _plot(screen: Screen, origin: str, title: str) -> rrb.TimeSeriesView:

@@ -1,7 +1,7 @@
 """Streams a run into the review."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -12,7 +12,9 @@ import rerun as rr
 from numpy.typing import ArrayLike
 
 from alignment.arrays import Array, IntArray, owned
+from alignment.options import of_noise_alone
 from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR, MILLI_G, STANDARD_GRAVITY
+from stand.imu.priors import only
 from stand.recording.curves import ANGLES, AngleCurves, InnovationCurves, Phase
 from stand.recording.review.estimates import exaggeration, relay, with_gaps
 from stand.recording.review.file import DEADLINE_S, check, naming, open_stream
@@ -80,6 +82,8 @@ class ReviewWriter:
         Shown with the recording: seed, versions, hashes.
     following : bool
         Whether the joints follow a servo, whose error is shown then.
+    noise_only : collection of str
+        The sensors ('gyro', 'accel') of which no sheet states more than noise.
 
     Raises
     ------
@@ -107,12 +111,14 @@ class ReviewWriter:
         w_ie_enu: ArrayLike,
         properties: Mapping[str, str | int | float],
         following: bool = False,
+        noise_only: Collection[str] = (),
     ) -> None:
         n = round(duration_s * rate_hz)
         w_ie = owned(w_ie_enu, "w_ie_enu", (3,))
         self._model, self._scene, self._w_ie = model, scene_of(model), float(np.linalg.norm(w_ie))
         self._channels = (*CHANNELS, FOLLOWING) if following else CHANNELS
-        self._screen = Screen(self._scene, duration_s, self._channels, {}, limits={})
+        alone = frozenset(k for k in ANGLES if of_noise_alone(k, noise_only))
+        self._screen = Screen(self._scene, duration_s, self._channels, {}, {}, noise_only=alone)
         width = sum(len(channel.names) for channel in self._channels)
         self._samples = Thinned(width, bin_length(n, ROW_BUDGET), BLOCK_ROWS)
         step = max(-(-rate_hz // POSE_HZ), -(-n // POSE_BUDGET), 1)
@@ -384,7 +390,8 @@ class ReviewWriter:
             parts = ((c.t_ns, c.sigmas[:, k : k + 1] * [3.0, -3.0] / DEG) for c in curves)
             rows = with_gaps(parts)
             # One name for both lines makes one entry of the legend.
-            self._send_lines(f"angles/{angle}/sigma", rows, ["±3σ"] * 2, [GREY] * 2, 1.2)
+            name = f"±3σ{only(angle in self._screen.noise_only)}"
+            self._send_lines(f"angles/{angle}/sigma", rows, [name] * 2, [GREY] * 2, 1.2)
 
     def _send_estimate(self, curves: Sequence[AngleCurves], factor: float) -> None:
         """Axes turned by the exaggerated error, shown during the dwells only."""

@@ -469,6 +469,16 @@ def test_noise_below_a_step_cannot_be_told(mean, sigma):
         assert [m.needed for m in one.missing] == [None] * 5
 
 
+def test_noise_that_seldom_reaches_the_next_step_cannot_be_told():
+    """Three readings of 2000 are a step off: N was told, 0.1 of what it is."""
+    y = np.zeros(2000)
+    y[[200, 700, 1100]] = 1.0
+    one = channel("gyro", "x", y, 0.01)
+    assert one.found == ()
+    assert not one.resolved
+    assert one.step == 1.0
+
+
 def test_values_that_stand_twice_are_counted_once():
     once = readings(6000, seed=7)
     k = np.repeat(np.arange(6000), 2)

@@ -46,7 +46,8 @@ SLOW = Motion(
 CAROUSEL = Motion(yaw=Angle(0.4, rate=2 * pi / 30), pitch=Angle(0.02), roll=Angle(-0.05))
 X1_UP = Motion(yaw=Angle(0.3), pitch=Angle(pi / 2, amplitude=0.05), roll=Angle(amplitude=0.05))
 QUIET = Priors(gyro_walk=1e-7, accel_walk=1e-5)
-NO_BIAS = replace(QUIET, gyro_bias=1e-14)  # so a sheet speaks of biases, which are none
+# so a sheet speaks of biases of both sensors, which are none
+NO_BIAS = replace(QUIET, gyro_bias=1e-14, accel_bias=1e-14)
 
 
 def site(motion):

@@ -413,6 +413,23 @@ def test_white_density_and_what_rocking_hides():
         assert ratio == pytest.approx(1, abs=4 * sqrt(2 / runs) + 0.02)
 
 
+def test_vibration_at_rest_is_no_tilt():
+    """0.5 m/s^2 at 20 Hz along north: samples' tilts of 3 deg, whose mean square made 2' of one."""
+    t = np.arange(1, 6001) / 100
+    rng = np.random.default_rng(6)
+    C = attitudes(0.7, 0.05, -0.03)
+    w = np.tile(C.T @ np.array([W * cos(LAT), 0, -W * sin(LAT)]), (6000, 1))
+    f = np.tile(C.T @ np.array([0.0, 0, -G]), (6000, 1))
+    f += np.outer(0.5 * np.sin(2 * pi * 20.3 * t), C.T @ N) + 1e-4 * rng.normal(size=f.shape)
+    readings = ImuReadings(t, w + 1e-7 * rng.normal(size=w.shape), f)
+    (found,) = two_gyro([Dwell("p", 0.0, 60.0, readings)], HERE, Options())
+    assert found.C_nb is not None
+    assert found.covariance is not None
+    eta = error(found.C_nb.as_matrix(), C)
+    # 60 s are 1218 periods of it: the mean of that is below 0.5/(2 pi 20 60) m/s^2
+    assert np.all(np.abs(eta[:2]) < 3 * np.sqrt(np.diag(found.covariance)[:2]) + 7e-6)
+
+
 RUNS = 150
 REGIMES = {  # priors, gyro [deg/rt-h], accelerometer [ug/rt-Hz], sway [deg]
     "noise": (Priors(), 0.03, 50, 0.0),

@@ -23,6 +23,7 @@ from alignment.methods.vectors.channel import (
     carried,
     steps,
 )
+from alignment.methods.vectors.effects import Effects
 from alignment.methods.vectors.method import answer
 from alignment.methods.vectors.observing import _isotropic
 from alignment.navigation import gravitation, integrals
@@ -127,7 +128,8 @@ def at_rest(P=None):
     C = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
     r = np.array([6.4e6, 0.0, 0.0])
     P = np.zeros((STATES, STATES)) if P is None else P
-    return State(C, zero, r, zero, accel=zero, r_drift=zero, v_drift=zero, P=P)
+    none = np.zeros(0)
+    return State(C, zero, r, zero, accel=zero, r_drift=zero, v_drift=zero, more=none, P=P)
 
 
 def propagated(times, state, fixes, priors):
@@ -135,7 +137,9 @@ def propagated(times, state, fixes, priors):
     n = round(times[-1] * 10)
     t = np.arange(1, n + 1) / 10
     readings = ImuReadings(t, np.zeros((n, 3)), np.tile([2.0, -9.0, 4.0], (n, 1)))
-    stretches = steps(SimpleNamespace(t=times, sensed=integrals(readings, np.asarray(times))))
+    sensed = integrals(readings, np.asarray(times))
+    none = Effects(*np.zeros((3, len(times), 3, 0)))
+    stretches = steps(SimpleNamespace(t=times, sensed=sensed, effects=none))
     for k in range(len(times) - 1):
         state = carried(state, stretches, k, times[k], fixes, priors)
     return state

@@ -98,7 +98,7 @@ def test_an_answer_that_is_missing_or_cannot_stand_does_not_pass(tmp_path):
     assert {y.case: (y.passed, y.runs) for y in found.yields} == {1: (1, 4), 0: (1, 4)}
     reasons = {(r.method, r.reason, r.runs) for r in found.refused}
     assert reasons == {
-        ("two-position", "sigma is above 30 deg", 1),
+        ("two-position", "heading not determined: sigma is above 30 deg", 1),
         ("two-position", "not at rest", 1),
         ("", "ended the process that made it", 1),
     }

@@ -267,10 +267,13 @@ def test_a_sheet_takes_the_words_away_and_a_base_that_moves_is_named():
 
 
 def test_noise_only_is_where_nothing_is_known_of_the_unit_but_its_noise():
-    assert Priors().noise_only
-    assert Priors(turn=1e-4, seat=1e-4, gyro_walk=1e-5, accel_walk=1e-4).noise_only
+    """Of each sensor alone: a sheet of accelerometers tells nothing of a heading."""
+    both = {"gyro", "accel"}
+    assert Priors().noise_only == both
+    assert Priors(turn=1e-4, seat=1e-4, gyro_walk=1e-5, accel_walk=1e-4).noise_only == both
     for told in ("gyro_bias", "accel_scale", "gyro_random_walk", "accel_cubic"):
-        assert not Priors(**{told: 1e-6}).noise_only, told
+        assert Priors(**{told: 1e-6}).noise_only == both - {told.partition("_")[0]}, told
+    assert not Priors(gyro_ramp=1e-9, accel_ramp=1e-9).noise_only
 
 
 def test_positions_are_fitted_together_window_by_window():

@@ -205,7 +205,21 @@ def test_what_a_sheet_does_not_state_is_told():
     assert unstated(load_imu("stim300")) == ()
     assert unstated(load_imu("ideal")) == ()
     bare = unstated(unit())
-    assert len(bare) == 9  # four of both triads, and the gyros' g-sensitivity
+    assert len(bare) == 11  # five of both triads, and the gyros' g-sensitivity
+    found = unstated(unit(), {("gyro", "bias"), ("accel", "non_orthogonality")})
+    left = "turn-on bias of the gyros", "misalignment of the accelerometers"
+    assert set(bare) - set(found) == {
+        f"the sheet of t states no {what}: none is simulated or predicted" for what in left
+    }
+
+
+def test_a_constant_known_by_value_is_simulated():
+    head = 'title = "T"\ngrade = "consumer"\nevidence = "A"\n'
+    one = 'sensor = "gyro", term = "bias", axis = "X1", value = 3.1, unit = "deg/h"'
+    text = f"{head}known = [{{ {one} }}]\n[gyro]\n[accel]\n"
+    told = unstated(imu_from(Source("t", "t.toml", text)))
+    start = "the sheet of t states no turn-on bias of the gyros: "
+    assert f"{start}simulated as known by value, not predicted" in told
 
 
 @pytest.mark.parametrize("name", ids("imus"))

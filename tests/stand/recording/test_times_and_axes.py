@@ -76,6 +76,35 @@ def kept(form):
     return {name: getattr(form, name) for name in form.__slots__}
 
 
+@KINDS
+@pytest.mark.parametrize("late", [0, 3])
+def test_samples_handed_over_together_have_stamps_of_their_own(tmp_path, kind, late):
+    """100 Hz in packets of six, all with the last one's stamp in ms, and `late` s lost in one
+    place: the unit's own stamps come back, and the gap stays."""
+    own = 10 * (1 + np.arange(N)) + 1000 * late * (np.arange(N) >= 150)
+    path = written(tmp_path, kind, [(int(own[k // 6 * 6 + 5]),) for k in range(N)])
+    log = read_imu(path, form=LogForm(columns=by_number(path, "t"), time_unit="ms", **UNITS))
+    np.testing.assert_array_equal(np.diff(log.t_ns), np.diff(own) * 1_000_000)
+    assert "a stamp stands 6 times: taken for samples that were handed over together" in log.notes
+
+
+@KINDS
+def test_stamps_that_are_rounded_are_told_apart(tmp_path, kind):
+    """Of 150 Hz to 20 ms, three each: the last, cut off, follow; the first do not lie below 0."""
+    path = written(tmp_path, kind, [(k // 3 * 20,) for k in range(N)])
+    log = read_imu(path, form=LogForm(columns=by_number(path, "t"), time_unit="ms", **UNITS))
+    np.testing.assert_allclose(np.diff(log.t_ns), 20e6 / 3, atol=1)
+
+
+def test_two_units_of_one_log_are_no_packets(tmp_path):
+    other = W + 0.01
+    path = tmp_path / "a.csv"
+    rows = [(k // 2 * 10, *(W if k % 2 else other)[k], *F[k]) for k in range(N)]
+    path.write_text("\n".join(",".join(f"{x:.17g}" for x in row) for row in rows) + "\n")
+    with pytest.raises(StandError, match=r"each stamp stands 2 times, .* those of 2 units"):
+        read_imu(path, form=LogForm(columns=by_number(path, "t"), time_unit="ms", **UNITS))
+
+
 def test_a_lost_sample_of_a_counter_is_a_gap(tmp_path):
     there = [k for k in range(N) if k not in (50, 51, 130)]
     path = tmp_path / "a.csv"

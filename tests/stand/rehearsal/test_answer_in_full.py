@@ -47,11 +47,12 @@ ROCKING = AdmissibleRocking(
 PREDICTION = Prediction(
     "triad", "fresh", "first", "gyro bias X1", "deg/h", DEG_H, 4 * DEG_H,
     (Contribution("noise", 4 * DEG_H), Contribution("set", 3 * DEG_H)), bias=-3 * DEG_H,
+    noise_only=True,
 )  # fmt: skip
 NONE = Prediction("triad", "", "second", "roll", "deg", DEG, None, (), "it rocks", beyond=1.0)
 JUDGED = Judgement(
     "pitch", "fine", "third", 5 * DEG, 2.0, 0.3 * DEG, 0.15, Verdict.INDETERMINATE, "who knows",
-    bias=0.4 * DEG,
+    bias=0.4 * DEG, noise_only=True,
 )  # fmt: skip
 CONSTANT = Judgement(
     "gyro bias", "calibration", "all", 10 * DEG_H, 3.0, None, 0.1, Verdict.FAIL,
@@ -59,7 +60,7 @@ CONSTANT = Judgement(
 )  # fmt: skip
 COMPARED = Achieved(
     "triad", "fresh", "first", "pitch", "deg", DEG, 1.25 * DEG, 40, 1.0 * DEG, 0.8 * DEG,
-    1.5625 * DEG,
+    1.5625 * DEG, noise_only=True,
 )  # fmt: skip
 
 
@@ -78,7 +79,9 @@ def answered() -> Rehearsal:
         "p", "P's title", "p = 1", "i", "I's title", "i = 1", "t", "T's title", "t = 1",
         48.5, 120.0, 50, "C", {"procedure": "ab"}, {"numpy_version": "2"},
     )  # fmt: skip
-    advice = Advice("pitch", "rest longer", (Change("step 1", "2", "3"),), 0.6 * DEG, 77.0, "t = 2")
+    advice = Advice(
+        "pitch", "rest longer", (Change("step 1", "2", "3"),), 0.6 * DEG, 77.0, "t = 2", True
+    )
     none = Advice("roll", "nothing helps", (), None, None)
     silent = Refused("fine", 41, "no", predicted=True)
     beside = Verification(
@@ -117,6 +120,7 @@ ANSWER = {
             "bias_deg": 0.4,
             "rms_deg": 0.5,
             "expanded_deg": 1.0,
+            "noise_only": True,
             "coverage": 2.0,
             "guard": 0.15,
             "reason": "who knows",
@@ -132,6 +136,7 @@ ANSWER = {
             "bias": 0.0,
             "rms": None,
             "expanded": None,
+            "noise_only": False,
             "coverage": 3.0,
             "guard": 0.1,
             "reason": "",
@@ -233,6 +238,7 @@ ANSWER = {
             "sigma": 4.0,
             "bias": -3.0,
             "rms": 5.0,
+            "noise_only": True,
             "contributions": {"noise": 4.0, "set": 3.0},
             "reason": "",
         },
@@ -245,6 +251,7 @@ ANSWER = {
             "sigma": None,
             "bias": None,
             "rms": None,
+            "noise_only": False,
             "contributions": {},
             "reason": "it rocks",
         },
@@ -259,6 +266,7 @@ ANSWER = {
             "text": "rest longer",
             "changes": [{"where": "step 1", "before": "2", "after": "3"}],
             "sigma_deg": 0.6,
+            "noise_only": True,
             "duration_s": 77.0,
             "procedure_toml": "t = 2",
         },
@@ -268,6 +276,7 @@ ANSWER = {
             "text": "nothing helps",
             "changes": [],
             "sigma_deg": None,
+            "noise_only": False,
             "duration_s": None,
             "procedure_toml": "",
         },
@@ -288,6 +297,7 @@ ANSWER = {
                 "unit": "deg",
                 "runs": 40,
                 "predicted": 1.25,
+                "noise_only": True,
                 "sigma": 1.0,
                 "low": 0.8,
                 "high": 1.5625,

@@ -23,7 +23,7 @@ def test_the_page_says_it_all():
         "S1",
         "hand-held",
         "1 of 3 values are within their limits",
-        "INDETERMINATE: gyro bias Y1 is -10.0 ± 2.0 deg/h, limit 10",
+        "INDETERMINATE: gyro bias Y1 is -10.0 ± 2.0 deg/h noise only, limit 10",
         "12 rests: rank 9 of 9",
         "Not told: what nobody can tell",
         "Left out: rest 3: bumped <i>",

@@ -19,7 +19,6 @@ from stand.vehicle.scenario import (
     fixes_of,
     load_drive,
     path_of,
-    priors_of,
     programmed,
     readings_of,
     reported,
@@ -371,13 +370,3 @@ def test_an_ideal_unit_reports_what_is_felt():
     assert readings.t == pytest.approx(np.arange(1, 3001) / 50, abs=1e-12)
     assert readings.f_b == pytest.approx(sensed.f_b, abs=1e-13)
     assert readings.w_ib_b == pytest.approx(sensed.w_ib_b, abs=1e-16)
-
-
-def test_priors_come_from_the_data_sheet():
-    spec = load_imu("psins-inertial")
-    priors = priors_of(spec, 9.8)
-    # 0.05 mg of bias, 10 ug of instability, 10 ppm of scale on gravity, in quadrature
-    assert priors.accel_bias == pytest.approx(
-        9.80665e-6 * np.sqrt(50**2 + 10**2 + (10 * 9.8 / 9.80665) ** 2), rel=1e-12
-    )
-    assert priors.gyro_walk == pytest.approx(0.001 * DEG / 60, rel=1e-12)
