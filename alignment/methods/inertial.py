@@ -804,9 +804,9 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
         P, _ = covariances(part, matched, noise, priors, arm)
         P = P + rest_covariance(part, matched, rest)
-        P += lag_covariance(part, matched, priors, site)[-1]
         P *= less_turned(P, left_of_the_turn(part, matched, priors))
-        found.append((C_nb, tilts_about(P)))
+        # what comes late turned about an axis that b knows
+        found.append((C_nb, tilts_about(P) + lag_covariance(part, matched, priors, site)[-1]))
     sequence = options.rule.sequence_at(found[-1][0])
     return [
         AttitudeTrack(
@@ -844,9 +844,9 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance, wander = covariances(carried, matched, noise, priors, arm)
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     covariance = covariance + rest_covariance(carried, matched, rest)
-    covariance += lag_covariance(carried, matched, priors, site)[-1]
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
-    covariance = tilts_about(covariance)
+    # what comes late turned about an axis that b knows
+    covariance = tilts_about(covariance) + lag_covariance(carried, matched, priors, site)[-1]
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)

@@ -12,6 +12,7 @@ from scipy.stats import chi2
 from test_inertial import (
     ASTRAY,
     CAROUSEL,
+    NO_BIAS,
     QUIET,
     SLOW,
     STILL,
@@ -266,7 +267,7 @@ def test_a_clock_that_runs_fast_turns_gravity_at_another_rate():
     base, moved, knows = (
         inertial([dwell(t, *read)], site(turning), Options(priors=priors))[0]
         for read, priors in (
-            ((w, f), QUIET), ((rates, forces), QUIET), ((w, f), replace(QUIET, clock=size)),
+            ((w, f), NO_BIAS), ((rates, forces), NO_BIAS), ((w, f), replace(NO_BIAS, clock=size)),
         )
     )  # fmt: skip
     J = (moved.C_nb * base.C_nb.inv()).as_rotvec()
