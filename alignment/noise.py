@@ -456,6 +456,11 @@ def check_rest(readings: ImuReadings, label: str) -> None:
         raise NotAtRest(f"{label}: {moved}")
 
 
+def is_at_rest(readings: ImuReadings) -> bool:
+    """Whether `check_rest` lets readings pass."""
+    return not _motion(readings)
+
+
 @once
 def _motion(readings: ImuReadings) -> str:
     """Why readings are not at rest, in words; '' where they are."""

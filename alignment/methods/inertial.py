@@ -37,6 +37,7 @@ from alignment.noise import (
     drift_of,
     faint_doubt,
     gap_doubt,
+    is_at_rest,
     jitter_of,
 )
 from alignment.options import SENSORS, Options, Priors
@@ -240,11 +241,7 @@ def rest_of(
     """
     nothing = Rest(*np.zeros((3, 3)), drift_around=np.zeros(6), part=1.0)
     unknown = np.array([sensor in priors.noise_only for sensor in SENSORS], float)
-    if not unknown.any() or len(readings) < LEAST_SPECTRUM:
-        return nothing
-    try:
-        check_rest(readings, "")
-    except NotAtRest:
+    if not unknown.any() or len(readings) < LEAST_SPECTRUM or not is_at_rest(readings):
         return nothing
     w = readings.w_ib_b
     jitter = unknown[0] * jitter_of(w) * readings.interval**2
@@ -907,7 +904,7 @@ def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors
     noise = noise_of(readings, priors)
     if not (priors.gyro_walk > 0 or priors.accel_walk > 0):
         noise = quieter(noise, carried, matched)
-        if _rests(readings):  # else what is beyond noise there is motion
+        if is_at_rest(readings):  # else what is beyond noise there is motion
             noise = louder(noise, readings, carried, matched)
     if not priors.jitter:
         return noise
@@ -915,14 +912,6 @@ def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors
     by_stamps = priors.jitter * np.sqrt(readings.interval) * change
     gyro, accel = np.hypot(noise.gyro, by_stamps[:3]), np.hypot(noise.accel, by_stamps[3:])
     return replace(noise, gyro=gyro, accel=accel)
-
-
-def _rests(readings: ImuReadings) -> bool:
-    try:
-        check_rest(readings, "")
-    except NotAtRest:
-        return False
-    return True
 
 
 def left_of_the_turn(carried: Carried, matched: Match, priors: Priors) -> float:

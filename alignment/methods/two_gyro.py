@@ -18,7 +18,7 @@ from alignment.arrays import Array
 from alignment.constant_errors import constant_covariance
 from alignment.doubts import apart_doubt, drift_doubt, heading_doubt
 from alignment.earth import EARTH_RATE, Site
-from alignment.errors import AlignmentError, NotAtRest, TooShort
+from alignment.errors import AlignmentError, TooShort
 from alignment.estimate import AttitudeEstimate
 from alignment.gains import Functional, functional
 from alignment.information.drift import in_the_mean
@@ -30,11 +30,11 @@ from alignment.noise import (
     around_doubt,
     around_variance,
     block_means,
-    check_rest,
     drift_of,
     faint_doubt,
     gap_doubt,
     integral_variance,
+    is_at_rest,
     low_density,
     mean_and_variance,
 )
@@ -317,7 +317,7 @@ def _tilts(readings: ImuReadings) -> tuple[Array, Array]:
 
     There the samples differ by vibration, whose mean square would pass for a tilt.
     """
-    f = readings.f_b.mean(axis=0) if _rests(readings) else readings.f_b
+    f = readings.f_b.mean(axis=0) if is_at_rest(readings) else readings.f_b
     roll, gamma = level(f, Sequence.YAW_ROLL_PITCH)
     return -roll, gamma
 
@@ -391,7 +391,7 @@ def _reading_covariance(readings: ImuReadings, options: Options) -> Array:
     T = readings.interval * len(readings)
     means = np.concatenate([readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0)])
     variances = _rocking(readings)
-    if _rests(readings):
+    if is_at_rest(readings):
         _, shown = mean_and_variance(readings)
         own = slice(None) if _filtered(readings.f_b) else slice(3, 6)
         variances[own] = shown[own]
@@ -419,15 +419,6 @@ def _filtered(f_b: Array) -> bool:
     rough = white_density(f_b, 1.0)
     among = white_density(block_means(f_b, len(f_b) // _AMONG), _AMONG)
     return bool(np.median(among > _FILTERED * rough))
-
-
-def _rests(readings: ImuReadings) -> bool:
-    """Whether what the accelerometers feel beside gravity is vibration and noise, no tilt."""
-    try:
-        check_rest(readings, "")
-    except NotAtRest:
-        return False
-    return True
 
 
 def _between_axes(readings: ImuReadings, priors: Priors) -> Array:

@@ -71,64 +71,78 @@ class Effects:
         )
 
 
-def without_drifts(priors: Priors, span: float) -> tuple[Priors, Held, Held]:
-    """The priors whose biases and walks hold what needs no shape of its own in `span` seconds, and
-    what gyros and accelerometers drift by besides."""
-    gyro, accel = (
-        held(priors, "gyro", priors.gyro_walk, span),
-        held(priors, "accel", priors.accel_walk, span),
-    )
-    simple = replace(
-        priors,
-        gyro_bias=gyro.bias,
-        accel_bias=accel.bias,
-        gyro_walk=float(np.hypot(priors.gyro_walk, gyro.white)),
-        accel_walk=float(np.hypot(priors.accel_walk, accel.white)),
-    )
-    return simple, gyro, accel
+@dataclass(frozen=True, slots=True, eq=False)
+class Felt:
+    """Means over blocks (n,) of a record: `t` of their middles and `h` [s], `x` (n, 6) rates and
+    forces in b, `middle` (n, 3, 3) takes b there to b of the start, `change` (n, 6) of x [1/s]."""
+
+    t: Array
+    h: Array
+    x: Array
+    middle: Array
+    change: Array
 
 
-def effects(sensed: Integrals, priors: Priors, gyro: Held, accel: Held) -> Effects:
-    """Of every error that `priors` state but biases and noise, of a lag, and of drifts.
-
-    Parameters
-    ----------
-    sensed : Integrals (k,)
-        From the start, at times `FINE` apart at most.
-    priors : Priors
-    gyro, accel : Held
-
-    Notes
-    -----
-    First order. Between two of the times rate and force are their means, at the middle of the turn.
-    """
+def felt(sensed: Integrals) -> Felt:
+    """What was felt between the times of `sensed` (k,), which are `FINE` apart at most."""
     h = np.diff(sensed.duration)
     before = Rotation.from_matrix(sensed.turn[:-1])
     turned = (before.inv() * Rotation.from_matrix(sensed.turn[1:])).as_rotvec()
     middle = (before * Rotation.from_rotvec(turned / 2)).as_matrix()
     force = np.diff(sensed.velocity, axis=0) / h[:, None]
-    f = np.einsum("kji,kj->ki", middle, force)
-    felt = np.concatenate([turned / h[:, None], f], axis=1)
+    x = np.concatenate([turned / h[:, None], np.einsum("kji,kj->ki", middle, force)], axis=1)
     t = sensed.duration[:-1] + h / 2
-    span = float(sensed.duration[-1])
+    return Felt(t, h, x, middle, np.gradient(x, t, axis=0) if len(t) > 1 else np.zeros_like(x))
+
+
+def without_drifts(priors: Priors, record: Felt, interval: float) -> tuple[Priors, Held, Held]:
+    """The priors whose biases and walks hold what needs no shape of its own, and what gyros and
+    accelerometers drift by besides.
+
+    Samples `interval` [s] apart whose times tremble are noise wherever readings change.
+    """
+    span = float(record.h.sum())
+    gyro, accel = (held(priors, s, getattr(priors, f"{s}_walk"), span) for s in ("gyro", "accel"))
+    trembling = priors.jitter * np.sqrt(interval * np.mean(record.change**2, axis=0))
+    simple = replace(
+        priors,
+        gyro_bias=gyro.bias,
+        accel_bias=accel.bias,
+        gyro_walk=float(np.linalg.norm([priors.gyro_walk, gyro.white, trembling[:3].max()])),
+        accel_walk=float(np.linalg.norm([priors.accel_walk, accel.white, trembling[3:].max()])),
+    )
+    return simple, gyro, accel
+
+
+def effects(record: Felt, priors: Priors, gyro: Held, accel: Held) -> Effects:
+    """Of every error that `priors` state but biases and noise, of late readings, and of drifts.
+
+    Notes
+    -----
+    First order. Within a block rate and force are their means, at the middle of its turn.
+    """
+    h, middle, span = record.h, record.middle, float(record.h.sum())
     columns = np.concatenate(
         [
-            constant_form(priors).columns(felt),
-            _late(felt, t, priors.lag),
-            _drift_columns(gyro, priors.gyro_axes, t, span, first=0),
-            _drift_columns(accel, priors.accel_axes, t, span, first=3),
+            constant_form(priors).columns(record.x),
+            _late(record, priors),
+            _drift_columns(gyro, priors.gyro_axes, record.t, span, first=0),
+            _drift_columns(accel, priors.accel_axes, record.t, span, first=3),
         ],
         axis=2,
     )
     rate = middle @ columns[:, :3]
     turn, _ = twice(rate, h)
     at_middle = turn[:-1] + h[:, None, None] / 2 * rate
-    return Effects(turn, *twice(middle @ columns[:, 3:] - cross_matrix(force) @ at_middle, h))
+    pushed = cross_matrix(np.einsum("kij,kj->ki", middle, record.x[:, 3:]))
+    return Effects(turn, *twice(middle @ columns[:, 3:] - pushed @ at_middle, h))
 
 
-def _late(felt: Array, t: Array, lag: float) -> Array:
-    """Column (k, 6, 1) of readings that come `lag` [s] late; none (k, 6, 0) without."""
-    return lag * np.gradient(felt, t, axis=0)[..., None][..., : int(lag > 0)]
+def _late(record: Felt, priors: Priors) -> Array:
+    """Columns (n, 6, q) of readings that come late, and later and later by a clock that is fast."""
+    later = np.repeat([priors.lag, priors.lag + priors.accel_later], 3)
+    both = np.stack([later * record.change, priors.clock * record.t[:, None] * record.change], 2)
+    return both[:, :, [bool(later.any()), priors.clock > 0]]
 
 
 def _drift_columns(drift: Held, axes: Axes | None, t: Array, span: float, first: int) -> Array:

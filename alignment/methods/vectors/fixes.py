@@ -10,7 +10,7 @@ from alignment.angles import SequenceRule
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.errors import AlignmentError, PoleError, TooShort
 from alignment.estimate import AttitudeEstimate
-from alignment.methods.vectors.effects import FINE, Effects, effects, without_drifts
+from alignment.methods.vectors.effects import FINE, Effects, effects, felt, without_drifts
 from alignment.navigation import W_IE_X, C_ie, Integrals, geodetic, integrals
 from alignment.options import Priors
 from alignment.readings import EDGE, BoolArray, Fixes, ImuReadings
@@ -147,13 +147,14 @@ def joined(
     r_i, v_i = inertial_fixes(fixes)
     often, shown = _points(t, FINE)
     sensed = integrals(readings, often)
+    blocks = felt(sensed)
     known = with_rounding(options.priors, readings)
-    priors, gyro, accel = without_drifts(known, float(t[-1] - t[0]))
+    priors, gyro, accel = without_drifts(known, blocks, readings.interval)
     return Record(
         t,
         at_fix,
         sensed.at(shown),
-        effects(sensed, priors, gyro, accel).at(shown),
+        effects(blocks, priors, gyro, accel).at(shown),
         r_i=r_i,
         v_i=v_i,
         C_ib=C_en0 @ C_nb0.as_matrix(),

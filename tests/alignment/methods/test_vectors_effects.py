@@ -15,6 +15,7 @@ from alignment.methods.vectors.effects import (
     Effects,
     drift_shapes,
     effects,
+    felt,
     without_drifts,
 )
 from alignment.navigation import integrals
@@ -30,8 +31,11 @@ def turning(rate, force):
 
 
 def effects_of(readings, priors, gyro=NONE, accel=NONE) -> Effects:
-    sensed = integrals(readings, np.linspace(0, T, round(T / 0.05) + 1))
-    return effects(sensed, priors, gyro, accel)
+    return effects(felt_of(readings), priors, gyro, accel)
+
+
+def felt_of(readings):
+    return felt(integrals(readings, np.linspace(0, T, round(T / 0.05) + 1)))
 
 
 def test_scale_of_a_gyro_is_its_part_of_the_angle():
@@ -79,6 +83,31 @@ def test_late_readings_leave_the_last_rate():
     np.testing.assert_allclose(found.turn[-1][:, 0], [0.8e-3, 0, 0], rtol=1e-6)
 
 
+def test_accelerometers_that_come_later_and_a_fast_clock():
+    """Of a force that grows evenly to 4 m/s^2: 3 ms of 1 m/s^3 for 4 s are 12 mm/s; of a clock 1e-3
+    fast ``c a t^2/2``, 8 mm/s."""
+    n = round(T * RATE)
+    t = np.arange(1, n + 1) / RATE
+    f = np.zeros((n, 3))
+    f[:, 0] = t - 0.5 / RATE
+    found = effects_of(ImuReadings(t, np.zeros((n, 3)), f), Priors(lag=1e-3, accel_later=2e-3))
+    np.testing.assert_allclose(found.velocity[-1][:, 0], [12e-3, 0, 0], rtol=1e-6)
+    found = effects_of(ImuReadings(t, np.zeros((n, 3)), f), Priors(clock=1e-3))
+    np.testing.assert_allclose(found.velocity[-1][:, 0], [8e-3, 0, 0], rtol=1e-6)
+
+
+def test_times_that_tremble_are_noise_of_what_changes():
+    """1 ms at 100 Hz where the force changes by 2 m/s^3: 2 mm/s^2 a sample, 0.2 mm/s/rt-s."""
+    n = round(T * RATE)
+    t = np.arange(1, n + 1) / RATE
+    f = np.zeros((n, 3))
+    f[:, 0] = 2 * t
+    blocks = felt_of(ImuReadings(t, np.zeros((n, 3)), f))
+    simple, _, _ = without_drifts(Priors(jitter=1e-3), blocks, 1 / RATE)
+    assert simple.accel_walk == pytest.approx(2e-4, rel=1e-6)
+    assert simple.gyro_walk == 0
+
+
 def test_effects_are_differences_of_the_integrals():
     """Of a wild motion, by readings that have each error by a hundredth of its sigma."""
     rng = np.random.default_rng(3)
@@ -121,7 +150,7 @@ def test_stretches_join_to_the_whole():
     readings = turning([0.1, 0.5, -0.2], [1.0, 9.8, 3.0])
     priors = Priors(gyro_scale=1e-3, accel_misalignment=1e-3, gyro_g_sensitivity=1e-6)
     often = integrals(readings, np.linspace(0, T, 81))
-    every = effects(often, priors, NONE, NONE)
+    every = effects(felt(often), priors, NONE, NONE)
     at = np.array([0, 20, 50, 80])
     whole, sensed = every.at(at), often.at(at)
     parts = whole.between(sensed)
@@ -161,7 +190,8 @@ def test_a_constant_has_no_shapes():
 def test_what_noise_hides_is_noise_and_what_lasts_walks():
     """An instability below a tenth of the noise's density needs no shape of its own."""
     priors = Priors(gyro_bias=1e-5, gyro_walk=1e-3, gyro_instability=1e-9, accel_walk=1e-3)
-    simple, gyro, accel = without_drifts(priors, 100.0)
+    blocks = felt_of(turning([0.0, 0.5, 0.0], [0.0, 9.8, 0.0]))
+    simple, gyro, accel = without_drifts(priors, blocks, 1 / RATE)
     assert not accel.states
     assert not accel.walk
     assert simple.gyro_walk > priors.gyro_walk
