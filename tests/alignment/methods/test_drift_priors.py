@@ -70,9 +70,8 @@ def test_a_walk_and_a_ramp_of_biases_are_stated_by_inertial():
     where = Site(radians(48.5), local_gravity=G)
 
     def tilt(**told):
-        P = inertial([dwell(t, w, f)], where, Options(priors=replace(NO_BIAS, **told)))[
-            0
-        ].covariance
+        options = Options(priors=replace(NO_BIAS, **told))
+        P = inertial([dwell(t, w, f)], where, options)[0].covariance
         return P[0, 0]
 
     quiet = tilt()
