@@ -84,7 +84,6 @@ class Priors:
     azimuth: float = 0.0
     lever_arm: float = 0.0
     lag: float = 0.0
-    accel_later: float = 0.0
     clock: float = 0.0
     jitter: float = 0.0
     gyro_random_walk: float = 0.0
@@ -101,6 +100,7 @@ class Priors:
     gyro_g2_sensitivity: float = 0.0
     accel_quadratic: float = 0.0
     accel_cubic: float = 0.0
+    accel_later: float = 0.0
     gyro_axes: Axes | None = None
     accel_axes: Axes | None = None
 

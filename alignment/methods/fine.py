@@ -418,6 +418,8 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     rocks = _angle(carried) < _ROUND
     for sensor, sums in _SUMS.items() if rocks else ():
         size = getattr(priors, f"{sensor}_asymmetry")
+        if not size:
+            continue
         means = getattr(carried, sums) / carried.spans[:, None]
         rectified = size * float(np.max(np.abs(means).mean(axis=0) - np.abs(means.mean(axis=0))))
         bias = float(np.hypot(getattr(folded, f"{sensor}_bias"), rectified))

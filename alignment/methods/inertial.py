@@ -802,8 +802,8 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         P, _ = covariances(part, matched, noise, priors, arm)
         P = P + rest_covariance(part, matched, rest)
         P *= less_turned(P, left_of_the_turn(part, matched, priors))
-        late = lag_covariance(part, matched, priors, site)[-1]
-        found.append((C_nb, tilts_about(P) + late))
+        # what comes late turned about an axis that b knows
+        found.append((C_nb, tilts_about(P) + lag_covariance(part, matched, priors, site)[-1]))
     sequence = options.rule.sequence_at(found[-1][0])
     return [
         AttitudeTrack(
@@ -842,8 +842,8 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     covariance = covariance + rest_covariance(carried, matched, rest)
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
-    covariance = tilts_about(covariance)
-    covariance += lag_covariance(carried, matched, priors, site)[-1]
+    # what comes late turned about an axis that b knows
+    covariance = tilts_about(covariance) + lag_covariance(carried, matched, priors, site)[-1]
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)

@@ -10,6 +10,7 @@ from alignment.fixed_order import norm
 from alignment.information.drift import LASTING
 from alignment.units import ARC_SECOND
 from stand.imu import ImuSpec
+from stand.imu.by_value import at_most
 from stand.imu.instrument import lags_of
 from stand.imu.processes import plateau
 from stand.table.joints import JOINTS
@@ -44,6 +45,7 @@ def priors_of(
     unit moves about axes that are some `arm` [m] away. `noise`: densities as `slow_noise` has them;
     those of the sheet if not given.
     """
+    imu = at_most(imu)
     turn, seat, nominal, azimuth = (0.0, 0.0, 0.0, 0.0) if table is None else placement(table)
     slow = _slow_part(imu.corners)
     lag, accel_later = lags_of(imu)

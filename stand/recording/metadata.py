@@ -46,6 +46,8 @@ PRIOR_UNITS = {
     "azimuth": "rad",
     "lever_arm": "m",
     "lag": "s",
+    "clock": "ratio",
+    "jitter": "s",
     "gyro_random_walk": "rad_s_rt_s",
     "accel_random_walk": "m_s2_rt_s",
     "gyro_ramp": "rad_s2",
@@ -153,6 +155,7 @@ def describe_estimate(options: Options, methods: Sequence[str]) -> dict[str, str
             "methods": ",".join(methods),
             "offset_window_s": repr(options.offset_window),
             "sequences": options.rule.value,
+            "accel_later_s": repr(priors.accel_later),
         }
         | {
             f"prior_{name}_{unit}": repr(getattr(priors, name))
@@ -297,6 +300,7 @@ class EstimateRecord(_Record):
     methods: str = DEFAULT_METHOD
     offset_window_s: Annotated[float, Field(gt=0, le=_LATEST)] = Options().offset_window
     sequences: SequenceRule = SequenceRule.REGULAR
+    accel_later_s: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
     gyro_axes: Json[SkewedAxes] | None = None
     accel_axes: Json[SkewedAxes] | None = None
 
@@ -419,7 +423,11 @@ def settings_of(metadata: Metadata) -> tuple[Site, Options, tuple[str, ...]]:
     missing[keys["azimuth"]] = there.get(keys["nominal"], "0")
     sigmas = _sigmas(missing | dict(there), "estimate", keys)
     priors = replace(
-        Priors(), **sigmas, gyro_axes=estimate.gyro_axes, accel_axes=estimate.accel_axes
+        Priors(),
+        **sigmas,
+        accel_later=estimate.accel_later_s,
+        gyro_axes=estimate.gyro_axes,
+        accel_axes=estimate.accel_axes,
     )
     options = Options(estimate.offset_window_s, estimate.sequences, priors)
     return site, options, tuple(estimate.methods.split(","))

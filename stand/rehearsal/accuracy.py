@@ -14,6 +14,7 @@ from alignment.information.circle import Rival
 from alignment.information.result import DETERMINED
 from alignment.methods.position_gains import known_to
 from alignment.units import DEG
+from stand.imu.by_value import warmed_by_value
 from stand.motion.plan import Plan, PlannedStep
 from stand.rehearsal.constants import constants_by
 from stand.rehearsal.planned import planned_stretch
@@ -32,6 +33,7 @@ from stand.rehearsal.response import ReadingErrors, Response, TableTurns
 from stand.rehearsal.result import Observability, Prediction
 from stand.rehearsal.rocking import (
     FOLLOWS,
+    known,
     late,
     over_time,
     readings_of,
@@ -52,6 +54,8 @@ def predict(scene: Scene, methods: Sequence[str], observe: bool = True) -> Predi
     for method in methods:
         try:
             _check_square(scene)
+            if ESTIMATORS[method].design is None:
+                _check_cold(scene)
             found, seen = _method(method, scene, unit, observe)
         except AlignmentError as error:
             found, seen = [_refused(method, str(error))], []
@@ -87,6 +91,14 @@ def _method(name: str, scene: Scene, unit: InstrumentErrors, observe: bool) -> P
     raise AlignmentError(f"no prediction is made: {method.no_prediction}; see --verify")
 
 
+def _check_cold(scene: Scene) -> None:
+    """What warmth does by constants that are known by value is in no prediction."""
+    if scene.temperature is not None and warmed_by_value(scene.imu):
+        raise AlignmentError(
+            f"no prediction is made: {scene.imu.id} has temperature terms by value; see --verify"
+        )
+
+
 def _by_gains(
     name: str, gains: Gains, scene: Scene, unit: InstrumentErrors, observe: bool
 ) -> Predicted:
@@ -115,12 +127,12 @@ def _by_gains(
             leans[id(answer.stretches)] = second_order(answer, errors[id(answer.stretches)], scene)
     responses = [Response(answer, errors[id(answer.stretches)]) for answer in answers]
     check_vertical([r for r in responses if r.answer.window_gain is not None])
-    known = partial(_known, stretches=stretches, scene=scene)
+    told_by = partial(_known, stretches=stretches, scene=scene)
     doubt = "" if method.carries_nominal else coarse(scene)
     found: list[Prediction] = []
     for answer, response in zip(answers, responses, strict=True):
         C_nb = answer.stretches[answer.own].C_pb
-        why = partial(_why, answer, known)
+        why = partial(_why, answer, told_by)
         other, lean = rivals[id(answer.stretches)], leans[id(answer.stretches)]
         why_not, parts = rivalled(other), response.attitude()
         parts = parts if why_not else rounder(parts, other)
@@ -136,7 +148,7 @@ def _by_gains(
                 response.biases(name), *_with_heading(response, parts, why_not, scene.site)
             )
             found += withheld(of_heading, [b for b in answer.biases if b.startswith("accel")], lean)
-    return found, [_observed(name, known(answers[0]))] if observe else []
+    return found, [_observed(name, told_by(answers[0]))] if observe else []
 
 
 def _with_heading(response: Response, parts: Parts, why: str, site: Site) -> tuple[list[str], str]:
@@ -203,8 +215,8 @@ def _over_time(
         raise refused[0]
     if not observe:
         return found, []
-    known = known_to([planned_stretch(steps[0])], scene.site, scene.options)
-    return found, [_observed(name, known)]
+    told = known_to([planned_stretch(steps[0])], scene.site, scene.options)
+    return found, [_observed(name, told)]
 
 
 def _of_stretch(
@@ -222,5 +234,6 @@ def _of_stretch(
     parts = over_time(run, unit, scene)
     if not method.tells_mean:
         parts["lag"] = late(run, scene)
-    told = angles(name, "", step.label, run.C_nb, turned_by_heading(parts), str)
+    off = known(run, scene)
+    told = angles(name, "", step.label, run.C_nb, turned_by_heading(parts), str, off)
     return list(withheld(told, ("pitch", "roll"), tilt_doubt(parts)))

@@ -13,6 +13,7 @@ from alignment.gains import Answer
 from alignment.information import InstrumentErrors, Setting, Stretch, information
 from alignment.information.circle import by_north_rate, curvature
 from alignment.information.model import NODES, coefficient_weights, sensor_inputs
+from stand.imu.by_value import values_in_order
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.following import left_off
 from stand.rehearsal.predictions import Parts, name_of, prediction
@@ -74,6 +75,7 @@ class ReadingErrors:
     (l,) of those drawn, values (l,) of those `known`, `readings` (m, l), and the turn (s, 3, l) in
     b that each gives the attitude of every stretch where it is judged: at its end, of a turning one
     taken back to encoder angle zero. `noises` by name: covariances (m, m) of the coefficients.
+    `by_value` (p,): what is known of the unit's.
     `gravity` [m/s^2]: how far it may be off what the method takes it for.
 
     Coefficients are of rounded readings: a coarse step hides what moves the truth within it.
@@ -93,6 +95,9 @@ class ReadingErrors:
         )
         seen = [sensor_inputs(s, _NORTH, scene.site) for s in stretches]
         self.sources, self.sigmas, self.known = table.sources, table.sigmas, table.known
+        by_value, attitude = values_in_order(scene.imu), 3
+        self.by_value = np.zeros(len(self.true.parameters))
+        self.by_value[attitude : attitude + len(by_value)] = by_value
         readings = []
         for k, stretch, (w, f, _, project) in zip(answer.planned, stretches, seen, strict=True):
             d = table.poses[k]
@@ -157,16 +162,18 @@ class Response:
         return self._parts(self.answer.gain, self.true.attitude_rows(own), judged)
 
     def bias(self) -> Array:
-        """Rotation (3,) about n of the estimate by the table's errors that are known [rad]."""
+        """Rotation (3,) about n of the estimate by what is known of table and unit [rad]."""
         own = self.answer.own
         C = self.answer.stretches[own].C_pb.as_matrix()
         left = self.answer.gain @ self.errors.readings - C @ self.errors.turns[own]
-        return np.asarray(left @ self.errors.known)
+        by_unit = self.answer.gain @ self.errors.J @ self.errors.by_value
+        return np.asarray(left @ self.errors.known + by_unit)
 
     def known_tilt(self) -> Array:
-        """Tilt (2,) [rad] of the offset's window by itself, by the table's known errors."""
+        """Tilt (2,) [rad] of the offset's window by itself, by known errors of table and unit."""
         assert self.answer.window_gain is not None
-        return np.asarray(self.answer.window_gain[:2] @ self.errors.readings @ self.errors.known)
+        readings = self.errors.readings @ self.errors.known + self.errors.J @ self.errors.by_value
+        return np.asarray(self.answer.window_gain[:2] @ readings)
 
     def feigned_tilt(self) -> Array:
         """Tilts (2, p) [rad] of the offset's window by itself, per sigma of the unit's errors."""
@@ -210,10 +217,13 @@ class Response:
         labels = list(parameters)
         for label, gain in self.answer.biases.items():
             p = parameters[label]
-            row = np.eye(len(labels))[labels.index(label)][None]
+            own = labels.index(label)
+            row = np.eye(len(labels))[own][None]
             parts = self._parts(gain[None], row, np.zeros((1, len(self.errors.sigmas))))
             sizes = {name: float(np.sqrt(max(P[0, 0], 0.0))) for name, P in parts.items()}
-            bias = float(gain @ self.errors.readings @ self.errors.known)
+            by_table = self.errors.readings @ self.errors.known
+            by_unit = self.errors.J @ self.errors.by_value
+            bias = float(gain @ (by_table + by_unit)) - float(self.errors.by_value[own])
             yield prediction(method, "", "all", label, (p.unit, p.per), sizes, np.inf, str, bias)
 
     def _parts(self, gain: Array, row: Array, judged: Array) -> Parts:

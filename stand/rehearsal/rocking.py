@@ -15,6 +15,7 @@ from alignment.constant_errors import BY_AXIS
 from alignment.gains import Functional
 from alignment.information import InstrumentErrors
 from alignment.information.drift import sum_covariance
+from stand.imu.by_value import values_of
 from stand.imu.instrument import lags_of
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
@@ -86,6 +87,18 @@ def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
             parts[name_of(f"{name} {field.replace('_', '-').replace('g2', 'g^2')}")] = J @ J.T
     parts["motion"] = run.motion
     return parts
+
+
+def known(run: Functional, scene: Scene) -> Array:
+    """Rotation about n (3,) by constants of the unit that are known by value."""
+    off = np.zeros((len(run.rate), 6))
+    for own, spec, x in (
+        (slice(3), scene.imu.gyro, run.rate),
+        (slice(3, 6), scene.imu.accel, run.force),
+    ):
+        for field, values in values_of(spec).items():
+            off[:, own] += BY_AXIS[field](x, run.force) @ values
+    return run.answer(off)
 
 
 def late(run: Functional, scene: Scene) -> Array:

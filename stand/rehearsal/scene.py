@@ -7,6 +7,7 @@ from alignment import Options, Site
 from alignment.arrays import Array
 from alignment.information import InstrumentErrors
 from stand.imu import ImuSpec, Temperature
+from stand.imu.by_value import known_to_first_order
 from stand.imu.instrument import slow_noise, unit_of
 from stand.motion.limits import Torque
 from stand.motion.plan import Plan
@@ -46,7 +47,8 @@ class Scene:
     def unit(self) -> InstrumentErrors:
         """The unit's errors, its noise as the samples have it."""
         s = self.settings
-        return unit_of(self.imu, slow_noise(self.imu, s.rate_hz, s.sampling))
+        stated = unit_of(self.imu, slow_noise(self.imu, s.rate_hz, s.sampling))
+        return known_to_first_order(stated, self.imu)
 
     @property
     def roundings(self) -> tuple[Rounding, Rounding]:

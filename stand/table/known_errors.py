@@ -13,7 +13,7 @@ from stand.table.joints import JOINTS
 from stand.table.table import Table
 from stand.table.table_errors import PERCENT, AxisSetEntry, TableErrorsEntry
 
-KNOWN = "known table errors"  # the row of a prediction that tells the bias they make
+KNOWN = "known errors"  # the row of a prediction that tells the bias of table and unit
 _ROOT_HALF = 1 / sqrt(2)
 _NOTHING_SET = AxisSetEntry()
 

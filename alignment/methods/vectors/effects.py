@@ -72,7 +72,7 @@ class Effects:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Felt:
+class Blocks:
     """Means over blocks (n,) of a record: `t` of their middles and `h` [s], `x` (n, 6) rates and
     forces in b, `middle` (n, 3, 3) takes b there to b of the start, `change` (n, 6) of x [1/s]."""
 
@@ -83,7 +83,7 @@ class Felt:
     change: Array
 
 
-def felt(sensed: Integrals) -> Felt:
+def blocks_of(sensed: Integrals) -> Blocks:
     """What was felt between the times of `sensed` (k,), which are `FINE` apart at most."""
     h = np.diff(sensed.duration)
     before = Rotation.from_matrix(sensed.turn[:-1])
@@ -92,10 +92,11 @@ def felt(sensed: Integrals) -> Felt:
     force = np.diff(sensed.velocity, axis=0) / h[:, None]
     x = np.concatenate([turned / h[:, None], np.einsum("kji,kj->ki", middle, force)], axis=1)
     t = sensed.duration[:-1] + h / 2
-    return Felt(t, h, x, middle, np.gradient(x, t, axis=0) if len(t) > 1 else np.zeros_like(x))
+    change = np.gradient(x, t, axis=0) if len(t) > 1 else np.zeros_like(x)
+    return Blocks(t, h, x, middle, change=change)
 
 
-def without_drifts(priors: Priors, record: Felt, interval: float) -> tuple[Priors, Held, Held]:
+def without_drifts(priors: Priors, record: Blocks, interval: float) -> tuple[Priors, Held, Held]:
     """The priors whose biases and walks hold what needs no shape of its own, and what gyros and
     accelerometers drift by besides.
 
@@ -114,7 +115,7 @@ def without_drifts(priors: Priors, record: Felt, interval: float) -> tuple[Prior
     return simple, gyro, accel
 
 
-def effects(record: Felt, priors: Priors, gyro: Held, accel: Held) -> Effects:
+def effects(record: Blocks, priors: Priors, gyro: Held, accel: Held) -> Effects:
     """Of every error that `priors` state but biases and noise, of late readings, and of drifts.
 
     Notes
@@ -138,7 +139,7 @@ def effects(record: Felt, priors: Priors, gyro: Held, accel: Held) -> Effects:
     return Effects(turn, *twice(middle @ columns[:, 3:] - pushed @ at_middle, h))
 
 
-def _late(record: Felt, priors: Priors) -> Array:
+def _late(record: Blocks, priors: Priors) -> Array:
     """Columns (n, 6, q) of readings that come late, and later and later by a clock that is fast."""
     later = np.repeat([priors.lag, priors.lag + priors.accel_later], 3)
     both = np.stack([later * record.change, priors.clock * record.t[:, None] * record.change], 2)

@@ -10,7 +10,7 @@ from alignment.angles import SequenceRule
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.errors import AlignmentError, PoleError, TooShort
 from alignment.estimate import AttitudeEstimate
-from alignment.methods.vectors.effects import FINE, Effects, effects, felt, without_drifts
+from alignment.methods.vectors.effects import FINE, Effects, effects, blocks_of, without_drifts
 from alignment.navigation import W_IE_X, C_ie, Integrals, geodetic, integrals
 from alignment.options import Priors
 from alignment.readings import EDGE, BoolArray, Fixes, ImuReadings
@@ -147,7 +147,7 @@ def joined(
     r_i, v_i = inertial_fixes(fixes)
     often, shown = _points(t, FINE)
     sensed = integrals(readings, often)
-    blocks = felt(sensed)
+    blocks = blocks_of(sensed)
     known = with_rounding(options.priors, readings)
     priors, gyro, accel = without_drifts(known, blocks, readings.interval)
     return Record(

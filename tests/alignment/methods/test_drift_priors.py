@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rocking import G, Motion
 from scipy.spatial.transform import Rotation
-from test_inertial import QUIET, SLOW, STILL, dwell, errors, site
+from test_inertial import NO_BIAS, SLOW, STILL, dwell, errors, site
 
 from alignment import ESTIMATORS, Dwell, ImuReadings, Options, Priors, Site
 from alignment.information.drift import Span, flicker, gauss_markov
@@ -44,20 +44,20 @@ def test_inertial_takes_a_plateau_for_what_the_data_sheet_means(motion, sensor):
     """By differencing: errors of each three seconds, and how a flicker's means of them covary."""
     size, parts = (1e-9 if sensor == "gyro" else 1e-5), 20
     t, w, f, _ = motion.readings(60.0, 10.0, 100.0)
-    base = inertial([dwell(t, w, f)], site(motion), Options(priors=QUIET))[0]
+    base = inertial([dwell(t, w, f)], site(motion), Options(priors=NO_BIAS))[0]
     slopes = []
     for axis in np.eye(3):
         for own in np.split(np.arange(len(t)), parts):
             more = np.zeros((len(t), 3))
             more[own] = size * axis
             rates, forces = (w + more, f) if sensor == "gyro" else (w, f + more)
-            moved = inertial([dwell(t, rates, forces)], site(motion), Options(priors=QUIET))[0]
+            moved = inertial([dwell(t, rates, forces)], site(motion), Options(priors=NO_BIAS))[0]
             slopes.append(errors(moved.C_nb.as_matrix()[None], base.C_nb.as_matrix())[0])
     J = np.array(slopes).reshape(3, parts, 3)
     spans = [Span(3.0 * k, 3.0) for k in range(parts)]
     means = sum(one.sigma**2 * gauss_markov(spans, one.time) for one in flicker(1.0))
     want = np.einsum("amk,mn,anl->kl", J, means, J)
-    told = Options(priors=replace(QUIET, **{f"{sensor}_instability": size}))
+    told = Options(priors=replace(NO_BIAS, **{f"{sensor}_instability": size}))
     got = inertial([dwell(t, w, f)], site(motion), told)[0].covariance - base.covariance
     root = np.sqrt(want.diagonal())
     # the gain's own change in three seconds, and the slopes' second order
@@ -70,7 +70,8 @@ def test_a_walk_and_a_ramp_of_biases_are_stated_by_inertial():
     where = Site(radians(48.5), local_gravity=G)
 
     def tilt(**told):
-        P = inertial([dwell(t, w, f)], where, Options(priors=replace(QUIET, **told)))[0].covariance
+        options = Options(priors=replace(NO_BIAS, **told))
+        P = inertial([dwell(t, w, f)], where, options)[0].covariance
         return P[0, 0]
 
     quiet = tilt()

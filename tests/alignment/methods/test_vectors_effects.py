@@ -15,7 +15,7 @@ from alignment.methods.vectors.effects import (
     Effects,
     drift_shapes,
     effects,
-    felt,
+    blocks_of,
     without_drifts,
 )
 from alignment.navigation import integrals
@@ -35,7 +35,7 @@ def effects_of(readings, priors, gyro=NONE, accel=NONE) -> Effects:
 
 
 def felt_of(readings):
-    return felt(integrals(readings, np.linspace(0, T, round(T / 0.05) + 1)))
+    return blocks_of(integrals(readings, np.linspace(0, T, round(T / 0.05) + 1)))
 
 
 def test_scale_of_a_gyro_is_its_part_of_the_angle():
@@ -150,7 +150,7 @@ def test_stretches_join_to_the_whole():
     readings = turning([0.1, 0.5, -0.2], [1.0, 9.8, 3.0])
     priors = Priors(gyro_scale=1e-3, accel_misalignment=1e-3, gyro_g_sensitivity=1e-6)
     often = integrals(readings, np.linspace(0, T, 81))
-    every = effects(felt(often), priors, NONE, NONE)
+    every = effects(blocks_of(often), priors, NONE, NONE)
     at = np.array([0, 20, 50, 80])
     whole, sensed = every.at(at), often.at(at)
     parts = whole.between(sensed)

@@ -33,6 +33,7 @@ PRIORS = (
     "prior_accel_scale_ratio", "prior_gyro_instability_rad_s", "prior_accel_instability_m_s2",
     "prior_gyro_walk_rad_rt_s", "prior_accel_walk_m_s_rt_s", "prior_turn_rad", "prior_seat_rad",
     "prior_nominal_rad", "prior_azimuth_rad", "prior_lever_arm_m", "prior_lag_s",
+    "prior_clock_ratio", "prior_jitter_s",
     "prior_gyro_random_walk_rad_s_rt_s", "prior_accel_random_walk_m_s2_rt_s",
     "prior_gyro_ramp_rad_s2", "prior_accel_ramp_m_s3", "prior_gyro_misalignment_rad",
     "prior_accel_misalignment_rad", "prior_gyro_non_orthogonality_rad",
@@ -75,6 +76,7 @@ def test_a_place_of_which_nothing_is_known():
 def test_what_is_estimated_in_si_by_names_with_units():
     record = {key: repr(0.25 + k) for k, key in enumerate(PRIORS)}
     record |= {"methods": "triad,fine", "offset_window_s": "7.5", "sequences": "published"}
+    record |= {"accel_later_s": "0.0"}
     priors = Priors(*(0.25 + k for k in range(len(PRIORS))))
     options = Options(7.5, SequenceRule.PUBLISHED, priors)
     assert describe_estimate(options, ("triad", "fine")) == record
