@@ -10,7 +10,7 @@ from alignment.angles import SequenceRule
 from alignment.arrays import Array, IntArray, set_owned
 from alignment.errors import AlignmentError, PoleError, TooShort
 from alignment.estimate import AttitudeEstimate
-from alignment.methods.vectors.effects import FINE, Effects, effects, blocks_of, without_drifts
+from alignment.methods.vectors.effects import FINE, Effects, blocks_of, effects, without_drifts
 from alignment.navigation import W_IE_X, C_ie, Integrals, geodetic, integrals
 from alignment.options import Priors
 from alignment.readings import EDGE, BoolArray, Fixes, ImuReadings

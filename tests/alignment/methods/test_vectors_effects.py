@@ -13,9 +13,9 @@ from alignment.information.drift import GaussMarkov
 from alignment.methods.drifting import Held
 from alignment.methods.vectors.effects import (
     Effects,
+    blocks_of,
     drift_shapes,
     effects,
-    blocks_of,
     without_drifts,
 )
 from alignment.navigation import integrals
