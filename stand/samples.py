@@ -89,27 +89,28 @@ class Sensed:
     """What perfect sensors at the unit's own places and sample times would report.
 
     As `TruthBlock`, but component i of `f_b` is felt where accelerometer i sits, and the samples
-    are those that the unit's clock takes; `t_ns` are the stamps it gives them. `w_end`, `f_end`
-    (n, 3): of samples that are means, what is felt at their ends, where it is known. A unit with
-    a low-pass tells from it what was between.
+    are those that the unit's clock takes; `t_ns` are the stamps it gives them. `w_other`, `f_other`
+    (n, 3): of samples that are means, what is felt at their ends, where it is known; of instants,
+    the means up to them. A unit with a low-pass tells from both what was between.
     """
 
     t_ns: IntArray
     w_ib_b: Array
     f_b: Array
-    w_end: Array | None = None
-    f_end: Array | None = None
+    w_other: Array | None = None
+    f_other: Array | None = None
 
     def __post_init__(self) -> None:
         _own_readings(self)
-        for name in ("w_end", "f_end"):
+        for name in ("w_other", "f_other"):
             if getattr(self, name) is not None:
                 set_owned(self, **{name: (getattr(self, name), (len(self.t_ns), 3), float)})
 
     @property
-    def ends(self) -> tuple[Array, Array] | None:
-        """`w_end` and `f_end`, where they are known."""
-        return None if self.w_end is None or self.f_end is None else (self.w_end, self.f_end)
+    def others(self) -> tuple[Array, Array] | None:
+        """`w_other` and `f_other`, where they are known."""
+        w, f = self.w_other, self.f_other
+        return None if w is None or f is None else (w, f)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

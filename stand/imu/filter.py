@@ -153,19 +153,20 @@ class LowPass:
         self._memory.state = state[:, 0] + 1j * state[:, 1]
         self._last = np.array(state[:, 2:])
 
-    def apply(self, u: Array, ends: Array | None = None, normals: Array | None = None) -> Array:
+    def apply(self, u: Array, other: Array | None = None, normals: Array | None = None) -> Array:
         """The next samples (3, n), filtered.
 
         Parameters
         ----------
         u : (3, n)
             Samples of the input.
-        ends : (3, n) or None
-            Of samples that are means: the input at their ends, where it is known.
+        other : (3, n) or None
+            Where it is known: of samples that are means the input at their ends; of instants its
+            means up to them.
         normals : (3, n) or None
             Standard normal numbers for the noise.
         """
-        means, b = self._completed(u, ends)
+        means, b = self._completed(u, other)
         a = np.hstack([self._last[:, :1], b[:, :-1]])
         self._last[:, 0] = b[:, -1]
         slope, bend = (b - a) / 2, (a + b) / 2 - means
@@ -182,17 +183,21 @@ class LowPass:
         y[:, 1:] += self._memory.apply(drive.view(complex)[..., 0])[:, :-1].real
         return y
 
-    def _completed(self, u: Array, ends: Array | None) -> tuple[Array, Array]:
+    def _completed(self, u: Array, other: Array | None) -> tuple[Array, Array]:
         """Means over the intervals and values at their ends, (3, n) each."""
         if np.isnan(self._last[0, 0]):
-            begin = u[:, 0] if ends is None or not self._means else 2 * u[:, 0] - ends[:, 0]
+            begin = u[:, 0]
+            if other is not None:
+                begin = 2 * begin - other[:, 0] if self._means else 2 * other[:, 0] - begin
             self._last[:] = np.column_stack([begin, u[:, 0], u[:, 0], u[:, 0]])
         past = np.hstack([self._last[:, 1:], u])
         self._last[:, 1:] = past[:, -3:]
         steps = np.diff(past)  # what rests is exact
+        if other is not None:
+            return (u, other) if self._means else (other, u)
         if not self._means:
             return u + (4 * steps[:, 1:-1] - 15 * steps[:, 2:] - steps[:, :-2]) / 24, u
-        return u, u + (5 * steps[:, 2:] - 2 * steps[:, 1:-1]) / 6 if ends is None else ends
+        return u, u + (5 * steps[:, 2:] - 2 * steps[:, 1:-1]) / 6
 
 
 def _phi(pole: complex) -> Array:

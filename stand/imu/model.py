@@ -279,17 +279,18 @@ class Triad:
         f: Array,
         t: Array,
         warmth: Array | None,
-        ends: tuple[Array, Array] | None = None,
+        others: tuple[Array, Array] | None = None,
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Reported values and saturation flags (3, n).
 
         `x` true input, `f` specific force (3, n) for g-sensitivity, `t` (n,) [s], `warmth` (n,)
-        [K] above reference or None; `ends`: x and f at the ends of samples that are means, or None.
+        [K] above reference or None; `others`: x and f at the ends of samples that are means, or as
+        means up to samples that are instants, or None.
         """
-        y, later = self._deterministic(x, f, t, warmth), None
-        if self._filter is not None and ends is not None:
-            later = self._deterministic(*ends, t, warmth)
-        y = self._filtered(y, later)
+        y, other = self._deterministic(x, f, t, warmth), None
+        if self._filter is not None and others is not None:
+            other = self._deterministic(*others, t, warmth)
+        y = self._filtered(y, other)
         flags = np.zeros(y.shape, bool)
         limit = self.spec.range
         if max(y.max(), -y.min()) > limit:
@@ -298,8 +299,8 @@ class Triad:
         y = self._rounded(y)
         return y if self.spec.axes is None else components(y.T, self.spec.axes).T, flags
 
-    def _filtered(self, y: Array, ends: Array | None) -> Array:
-        """What comes out of the low-pass, with all noise, of (3, n) and what it is at the ends."""
+    def _filtered(self, y: Array, other: Array | None) -> Array:
+        """What comes out of the low-pass, with all noise, of (3, n) and `other` as of `report`."""
         normals = self._noise.take(y.shape[1]) if self.sigma else None
         if self._filter is None and normals is not None:
             normals *= self.sigma
@@ -307,9 +308,9 @@ class Triad:
         if self._drift:
             drift = self._drift.take(y.shape[1])
             y += drift
-            if ends is not None:
-                ends += drift
-        return y if self._filter is None else self._filter.apply(y, ends, normals)
+            if other is not None:
+                other += drift
+        return y if self._filter is None else self._filter.apply(y, other, normals)
 
     def _deterministic(self, x: Array, f: Array, t: Array, warmth: Array | None) -> Array:
         e, s = self.errors, self.spec
@@ -421,7 +422,7 @@ class Imu:
         """The next block of samples; each block must be asked for once, in order.
 
         `sensed` is what the sensors feel over the unit's own sample intervals, stamped with the
-        times the unit gives them; of a `TruthBlock` nothing is known at the samples' ends.
+        times the unit gives them; of a `TruthBlock` nothing else is known.
         """
         t = sensed.t_ns * 1e-9
         warmth = None
@@ -429,10 +430,10 @@ class Imu:
             warmth = self._temperature.at(t) - self.spec.reference_temperature
         w, f = _rows(sensed.w_ib_b), _rows(sensed.f_b)
         of_gyros = of_accels = None
-        ends = sensed.ends if isinstance(sensed, Sensed) and self.spec.filtered else None
-        if ends is not None:
-            w_end, f_end = (_rows(values) for values in ends)
-            of_gyros, of_accels = (w_end, f_end), (f_end, f_end)
+        others = sensed.others if isinstance(sensed, Sensed) and self.spec.filtered else None
+        if others is not None:
+            w_other, f_other = (_rows(values) for values in others)
+            of_gyros, of_accels = (w_other, f_other), (f_other, f_other)
         y, too_fast = self._gyro.report(w, f, t, warmth, of_gyros)
         g, too_hard = self._accel.report(f, f, t, warmth, of_accels)
         flags = np.vstack([too_fast, too_hard])

@@ -15,7 +15,7 @@ the chain rule, and an axis that wobbles has two small hinges across it, prescri
 
 import copy
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import Any
 
@@ -59,15 +59,15 @@ class Instants:
 class Samples(Instants):
     """Means or instants over n intervals, `q_wb` at their ends.
 
-    The axes too are where they are at the ends, and so are `w_end`, `f_end` (n, 3), rates and
-    forces at the places, where they were asked for. `encoders`, `encoder_rates` (n, 6): what the
-    drives have there.
+    The axes too are where they are at the ends. `w_other`, `f_other` (n, 3), where they were asked
+    for: rates and forces at the places, of means at their ends, of instants the means over the
+    intervals. `encoders`, `encoder_rates` (n, 6): what the drives have at the ends.
     """
 
     encoders: Array
     encoder_rates: Array
-    w_end: Array | None = None
-    f_end: Array | None = None
+    w_other: Array | None = None
+    f_other: Array | None = None
 
     def given(self) -> dict[str, Array]:
         """The arrays there are, by their names."""
@@ -82,11 +82,9 @@ class Samples(Instants):
                 base.flags.writeable, base = False, base.base
         return self
 
-    def sensed(self, t_ns: IntArray, sampling: Sampling) -> Sensed:
-        """What the sensors feel, with these stamps; instants are themselves at their ends."""
-        if sampling is Sampling.INSTANT:
-            return Sensed(t_ns, self.w_ib_b, self.f_places)
-        return Sensed(t_ns, self.w_ib_b, self.f_places, self.w_end, f_end=self.f_end)
+    def sensed(self, t_ns: IntArray) -> Sensed:
+        """What the sensors feel, with these stamps."""
+        return Sensed(t_ns, self.w_ib_b, self.f_places, self.w_other, f_other=self.f_other)
 
 
 class Truth:
@@ -110,8 +108,9 @@ class Truth:
         Of MuJoCo; the results are the same bits.
     data : MjData or None
         As of `chain_of`.
-    ends : bool
-        Whether samples tell what is felt at their ends: a unit without a low-pass does not ask.
+    both : bool
+        Whether samples tell what is felt on the mean and at their ends: a unit without a low-pass
+        does not ask.
     """
 
     def __init__(
@@ -122,9 +121,9 @@ class Truth:
         errors: TableErrors | None = None,
         threads: int = 1,
         data: mujoco.MjData | None = None,
-        ends: bool = True,
+        both: bool = True,
     ) -> None:
-        self._ends = ends
+        self._both = both
         self._places = places if places is not None and places.any() else None
         self._common, self._data = Common(site, self._places, threads), data
         self._take(model, PERFECT if errors is None else errors)
@@ -247,7 +246,7 @@ class Truth:
         ticks = np.arange(first, last + 1)
         over = self.over(motion, ticks / rate_hz, sampling, rate_hz)
         stamps = stamps_ns(ticks[1:], rate_hz)
-        sensed = over.sensed(stamps, sampling)
+        sensed = over.sensed(stamps)
         if self._perfect:
             return TruthBlock(
                 stamps,
@@ -282,7 +281,7 @@ class Truth:
         `edges` (n + 1,) [s] bound the intervals; `t_ns` (n,) are the stamps they will carry;
         `rate_hz` as of `over`.
         """
-        return self.over(motion, edges, sampling, rate_hz).sensed(t_ns, sampling)
+        return self.over(motion, edges, sampling, rate_hz).sensed(t_ns)
 
     def over(
         self, motion: Motion, edges: Array, sampling: Sampling, rate_hz: float = 0.0
@@ -313,7 +312,7 @@ class Truth:
             one, n = self.held(motion, edges[-1:]), len(edges) - 1
             return Samples(**{name: _repeated(row, n) for name, row in one.given().items()})
         if kind == _ALONE:
-            return self._at(motion, edges[1:])
+            return self._alone(motion, edges)
         if sampling is Sampling.INSTANT:
             return self._instants_between(motion, edges)
         return self.means(motion, edges)
@@ -324,9 +323,13 @@ class Truth:
         still = np.zeros_like(q)
         return self._sampled((q, still, still), self._all)
 
-    def _at(self, motion: Motion, t: Array) -> Samples:
-        """At times (n,), evaluated there."""
-        return self._sampled(motion.joints(t), self._moving_in(motion))
+    def _alone(self, motion: Motion, edges: Array) -> Samples:
+        """Instants at `edges` but the first, evaluated there."""
+        at = self._sampled(motion.joints(edges[1:]), self._moving_in(motion))
+        if not self._both:
+            return at
+        means = self.means(motion, edges)
+        return replace(at, w_other=means.w_ib_b, f_other=means.f_places)
 
     def _sampled(self, encoders: JointState, hinges: Hinges) -> Samples:
         at = self._instants(encoders, hinges)
@@ -339,8 +342,8 @@ class Truth:
             joint_rates=at.joint_rates,
             encoders=encoders[0],
             encoder_rates=encoders[1],
-            w_end=at.w_ib_b if self._ends else None,
-            f_end=at.f_places if self._ends else None,
+            w_other=at.w_ib_b if self._both else None,
+            f_other=at.f_places if self._both else None,
         )
 
     def means(self, motion: Motion, edges: Array) -> Samples:
@@ -357,16 +360,17 @@ class Truth:
         curves = self._curves(motion, panels)
         cuts = panels.cut(edges)
         felt = cuts.means(curves.part(slice(self._felt)))
-        ends = cuts.ends(curves if self._ends else curves.part(slice(self._felt, None)))
-        at_ends, beyond = (ends[: self._felt], ends[self._felt :]) if self._ends else (None, ends)
+        ends = cuts.ends(curves if self._both else curves.part(slice(self._felt, None)))
+        at_ends, beyond = (ends[: self._felt], ends[self._felt :]) if self._both else (None, ends)
         return self._samples(motion, edges, felt, beyond, at_ends)
 
     def _instants_between(self, motion: Motion, edges: Array) -> Samples:
         """Instants at `edges` but the first."""
         panels, at = self._law_of(motion).panels(edges)
-        ends = panels.cut(at).ends(self._curves(motion, panels))
-        felt = ends[: self._felt]
-        return self._samples(motion, edges, felt, ends[self._felt :], felt if self._ends else None)
+        cuts, curves = panels.cut(at), self._curves(motion, panels)
+        ends = cuts.ends(curves)
+        means = cuts.means(curves.part(slice(self._felt))) if self._both else None
+        return self._samples(motion, edges, ends[: self._felt], ends[self._felt :], means)
 
     @property
     def _felt(self) -> int:
@@ -389,9 +393,10 @@ class Truth:
         return panels.curves(columns, again)
 
     def _samples(
-        self, motion: Motion, edges: Array, felt: Array, beyond: Array, at_ends: Array | None
+        self, motion: Motion, edges: Array, felt: Array, beyond: Array, other: Array | None
     ) -> Samples:
-        """From curves' values (c, n) as felt; of attitude and axes, and felt, at the ends."""
+        """From curves' values (c, n) as felt; of attitude and axes at the ends; and of what is felt
+        there, or of instants on the mean."""
         q, v = motion.angles_and_rates(edges[1:])
         places = slice(self._felt - 3, None)
         turned = beyond[:4]
@@ -405,8 +410,8 @@ class Truth:
             joint_rates=joint_rates,
             encoders=q,
             encoder_rates=v,
-            w_end=None if at_ends is None else at_ends[:3].T,
-            f_end=None if at_ends is None else at_ends[places].T,
+            w_other=None if other is None else other[:3].T,
+            f_other=None if other is None else other[places].T,
         )
 
     def _true_axes(self, motion: Motion, q: Array, v: Array, beyond: Array) -> tuple[Array, Array]:

@@ -29,7 +29,7 @@ from stand.physics.geometry import data_of, with_errors
 from stand.physics.mjcf import load_model
 from stand.physics.truth import Samples, Truth, rest_of, sample_count, stamps_ns
 from stand.procedure.steps import SwayBehind, SwayStep, VibrationBehind, VibrationStep
-from stand.samples import ImuBlock, Sampling, Sensed, TruthBlock
+from stand.samples import ImuBlock, Sensed, TruthBlock
 from stand.simulation.collector import NS, DwellCollector, TrueAttitudes, ticks_of
 from stand.simulation.settings import Settings, follows_moves, table_errors_of, temperature_of
 from stand.simulation.simulation import Block, Simulation, begins_of
@@ -231,7 +231,7 @@ class Trials:
                     self._spec.places,
                     errors,
                     data=self._data,
-                    ends=self._spec.filtered,
+                    both=self._spec.filtered,
                 )
             else:
                 self._truth.change(turned, errors)
@@ -248,7 +248,7 @@ class Trials:
             joints=six,
             joint_rates=six,
         )
-        return _Sensing(block, over.sensed(stamps, self.settings.sampling))
+        return _Sensing(block, over.sensed(stamps))
 
     def _nothing(self, span: _Span) -> _Sensing:
         """Samples that no method uses."""
@@ -257,9 +257,8 @@ class Trials:
         truth = TruthBlock(
             t_ns=stamps, w_ib_b=three, f_b=three, q_wb=_zeros(n, 4), joints=six, joint_rates=six
         )
-        told = self._spec.filtered and self.settings.sampling is Sampling.MEAN
-        ends = three if told else None
-        return _Sensing(truth, Sensed(stamps, three, three, w_end=ends, f_end=ends))
+        other = three if self._spec.filtered else None
+        return _Sensing(truth, Sensed(stamps, three, three, w_other=other, f_other=other))
 
     def _stamps(self, span: _Span) -> IntArray:
         return stamps_ns(np.arange(span.first + 1, span.last + 1), self.settings.rate_hz)

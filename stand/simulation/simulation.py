@@ -103,7 +103,7 @@ class Simulation:
             self.imu.spec.places,
             self.errors,
             threads=1 if two else _threads(),
-            ends=self.imu.spec.filtered,
+            both=self.imu.spec.filtered,
         )
         self._by_two = two
         self._drive: Motion | Servo = self.plan.motion

@@ -96,8 +96,7 @@ def test_a_random_motion_at_a_random_rate(model, name, number):
                 there = getattr(whole, field)[rows]
                 np.testing.assert_array_equal(getattr(part, field), there, err_msg=field)
             np.testing.assert_array_equal(own.f_b, felt.f_b[rows])
-            if sampling is Sampling.MEAN:
-                np.testing.assert_array_equal(own.f_end, felt.f_end[rows])
+            np.testing.assert_array_equal(own.f_other, felt.f_other[rows])
         edges = np.arange(first, last + 1) / rate
         if sampling is Sampling.MEAN:
             w, f = reference(motion, edges)
