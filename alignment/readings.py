@@ -12,6 +12,7 @@ from alignment.errors import TooShort
 from alignment.once import once
 from alignment.parts import parts, release
 
+_OF_A_PARABOLA = 3  # samples that it goes through
 EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
 
 
@@ -34,12 +35,14 @@ class ImuReadings:
         End of each sample's interval, strictly increasing; jitter is welcome.
     w_ib_b, f_b : (n, 3)
         Angular rate [rad/s] and specific force [m/s^2], in b: means over the interval that
-        ends at `t` and began at the stamp before (or instants, where an instrument gives those).
+        ends at `t` and began at the stamp before.
     ranges : (float, float)
         Full scale that the data sheet states of gyros [rad/s] and accelerometers [m/s^2]; infinite
         where nobody does.
     grains : (Grain, Grain) or None
         What is known of their rounding; None where nobody says.
+    instants : bool
+        The samples are not means but the values at `t`. Whatever sums them up takes `means`.
 
     Raises
     ------
@@ -52,6 +55,7 @@ class ImuReadings:
     f_b: Array
     ranges: tuple[float, float] = (inf, inf)
     grains: tuple[Grain, Grain] | None = None
+    instants: bool = False
 
     def __post_init__(self) -> None:
         n = len(self.t)
@@ -82,6 +86,12 @@ class ImuReadings:
             raise TooShort(f"{len(self)} samples: at least 2 are needed")
         return float(self.t[-1] - self.t[0]) / (len(self) - 1)
 
+    def means(self, rows: slice) -> tuple[Array, Array]:
+        """Mean rates and forces over the intervals of some samples: of instants by `over_steps`."""
+        if not self.instants:
+            return self.w_ib_b[rows], self.f_b[rows]
+        return over_steps(self.w_ib_b, rows), over_steps(self.f_b, rows)
+
     def between(self, t_from: float, t_to: float) -> "ImuReadings":
         """The samples whose whole interval lies within [t_from, t_to] (seconds).
 
@@ -96,6 +106,27 @@ class ImuReadings:
         if part == slice(0, len(self)):
             return self
         return replace(self, t=self.t[part], w_ib_b=self.w_ib_b[part], f_b=self.f_b[part])
+
+
+def over_steps(x: Array, rows: slice) -> Array:
+    """Means over the steps that end at some rows of instants x (n, k), evenly spaced.
+
+    Notes
+    -----
+    ``(13 (x_k + x_(k-1)) - x_(k-2) - x_(k+1)) / 24``, the mean of the cubic through four: of a wave
+    ``x exp(i w t)`` it leaves ``11 (w h)^4 / 720``. Beyond both ends stands the parabola through
+    the three nearest, which leaves ``3 (w h)^3 / 8`` of the first mean, one step long; fewer than
+    three are left as they are. The sum of means is that of the instants but for the ends, and so
+    is its white noise.
+    """
+    if len(x) < _OF_A_PARABOLA:
+        return x[rows]
+    (a, b, c), (d, e, f) = x[:3], x[:-4:-1]
+    before = [(6 * a - 8 * b + 3 * c)[None], (3 * a - 3 * b + c)[None]][rows.start :]
+    after = [(3 * d - 3 * e + f)[None]][len(x) - rows.stop :]
+    y = np.concatenate([*before, x[max(rows.start - 2, 0) : rows.stop + 1], *after])
+    mean: Array = (13 * (y[2:-1] + y[1:-2]) - y[:-3] - y[3:]) / 24
+    return mean
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -232,8 +232,8 @@ def _carry_blocks(
     before = start_t if part.start == 0 else readings.t[part.start - 1]
     h = np.diff(readings.t[part], prepend=before)[:, None]
     w, f = (
-        x[part] if own is None else own.undone(x[part])
-        for x, own in zip((readings.w_ib_b, readings.f_b), made, strict=True)
+        x if own is None else own.undone(x)
+        for x, own in zip(readings.means(part), made, strict=True)
     )
     d, f, h = (_padded(x, count, blocks, edges) for x in (w * h, f * h, h))
     first, second = d[:, 0], d[:, 1]

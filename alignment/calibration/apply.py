@@ -82,7 +82,7 @@ def correct(
     w = _in_time(readings.t, readings.w_ib_b, correction.gyro.lag)
     f = _in_time(readings.t, readings.f_b, correction.accel.lag)
     w, f = _both(correction, readings.t, w, f, warmth)
-    return ImuReadings(readings.t, w, f, readings.ranges)
+    return ImuReadings(readings.t, w, f, readings.ranges, instants=readings.instants)
 
 
 def _both(

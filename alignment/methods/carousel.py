@@ -24,6 +24,7 @@ from alignment.methods.harmonics import (
     TurningVector,
     block_means,
     harmonic_fit,
+    harmonics_at,
     interval_harmonics,
     turning_vector,
 )
@@ -214,7 +215,7 @@ def _stretch(dwell: Dwell) -> _Stretch:
     readings, angle = whole_turns(dwell)
     assert dwell.turn is not None
     axis = dwell.turn.axis_b / np.linalg.norm(dwell.turn.axis_b)
-    X = interval_harmonics(angle)
+    X = interval_harmonics(angle) if not readings.instants else harmonics_at(angle[1:])
     h_w, h_f = harmonic_fit(X, readings.w_ib_b), harmonic_fit(X, readings.f_b)
     _check_turning(dwell.label, readings, X, axis, h_w, h_f)
     steps = np.diff(readings.t, prepend=readings.t[0] - readings.interval)

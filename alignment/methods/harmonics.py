@@ -45,8 +45,13 @@ def interval_harmonics(angle: Array) -> Array:
     return np.stack([np.ones_like(middle), part * np.cos(middle), part * np.sin(middle)], axis=1)
 
 
+def harmonics_at(angle: Array) -> Array:
+    """1, cos, sin (m, 3) at angles (m,) [rad]: what instants pair with."""
+    return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
+
+
 def harmonic_fit(X: Array, values: Array) -> Harmonics:
-    """Least squares of samples (..., m, k) on their `interval_harmonics` (m, 3).
+    """Least squares of samples (..., m, k) on their `interval_harmonics` or `harmonics_at` (m, 3).
 
     Notes
     -----

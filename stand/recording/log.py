@@ -34,6 +34,7 @@ from stand.recording.metadata import (
 from stand.recording.named_stretches import StretchesEntry
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
 from stand.room import seconds
+from stand.samples import Sampling
 from stand.table.joints import JOINTS
 from stand.table.kinematics import C_NW
 from stand.table.leanings import joints_read
@@ -149,7 +150,8 @@ def _parted(
     t = seconds(imu.t_ns, origin)
     t, doubts = (t, ()) if simulated or drive is not None else _as_sampled(t, imu)
     t.flags.writeable = False
-    readings = ImuReadings(t, imu.w_ib_b, imu.f_b)
+    instants = metadata.get(RUN, {}).get("sampling") == Sampling.INSTANT.value
+    readings = ImuReadings(t, imu.w_ib_b, imu.f_b, instants=instants)
     truths: list[Truths]
     if vehicle is not None:
         stretch = _chosen(path, readings, [], *limits)

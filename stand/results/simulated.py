@@ -21,7 +21,7 @@ from stand.report.document import motion_table
 from stand.report.notebook import Shown
 from stand.report.tables import TableData
 from stand.results.recording import Recording
-from stand.samples import AXES, CHANNELS
+from stand.samples import AXES, CHANNELS, Sampling
 from stand.simulation.collector import NS, DwellCollector
 from stand.simulation.settings import Settings, follows_moves, methods_of, run_id
 from stand.simulation.simulation import Block, Simulation, begins_of
@@ -117,7 +117,9 @@ class Simulated(Shown):
             options=s.options,
             methods=methods_of(s),
             imu=self._imu_log(),
-            readings=ImuReadings(self.t, self.w_ib_b, self.f_b),
+            readings=ImuReadings(
+                self.t, self.w_ib_b, self.f_b, instants=s.sampling is Sampling.INSTANT
+            ),
         )
 
     def _imu_log(self) -> ImuLog:

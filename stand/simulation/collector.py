@@ -176,6 +176,7 @@ class DwellCollector:
         """
         dwells, attitudes, means = [], [], []
         ranges, grains = (inf, inf), None
+        instants = self._sampling is Sampling.INSTANT
         if self._imu is not None:
             ranges, grains = stated_of(self._imu, self._rate, self._sampling)
         kept = zip(self._t, self._w, self._f, self._angle, strict=True)
@@ -193,7 +194,8 @@ class DwellCollector:
             cut *= held == (first, last)  # what comes with its moves is whole
             t, w, f, angle = (column[cut:] if cut else column for column in columns)
             turn = None if step.turning is None else Turn(step.turning.axis_b, angle)
-            readings = ImuReadings(t, w, f, ranges=ranges, grains=grains)
+            told = {"ranges": ranges, "grains": grains, "instants": instants}
+            readings = ImuReadings(t, w, f, **told)
             dwells.append(
                 Dwell(
                     label=step.label,

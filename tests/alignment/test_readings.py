@@ -6,7 +6,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from alignment.errors import TooShort
-from alignment.readings import Dwell, ImuReadings
+from alignment.readings import Dwell, ImuReadings, over_steps
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=200, phases=[Phase.generate])
 EDGE = 1.01e-6  # s: stamps are rounded to 1 ns, a stamp within 1 us of an edge is on it
@@ -50,6 +50,41 @@ def test_interval_is_the_mean_of_the_stamps_differences():
     assert numbered([0.0, 0.4, 1.0, 1.9, 2.0]).interval == 0.5
     with pytest.raises(TooShort, match="1 samples: at least 2 are needed"):
         _ = numbered([3.0]).interval
+
+
+def test_means_of_instants_by_hand():
+    """Of ``t^2`` at 1, 2, 3, ... ``t^2 - t + 1/3``; one alone is in four, by -1, 13, 13, -1 of 24;
+    two samples, and means, are left as they are."""
+    t = np.arange(1.0, 8.0)
+    x = np.stack([t**2, np.full(7, 3.0), t == 4], axis=1)
+    means = over_steps(x, slice(0, 7))
+    np.testing.assert_allclose(means[:, 0], t**2 - t + 1 / 3, rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(means[:, 1], 3.0)
+    np.testing.assert_allclose(means[:, 2] * 24, [0, 0, -1, 13, 13, -1, 0], rtol=0, atol=1e-14)
+    for a in range(7):
+        for b in range(a + 1, 8):
+            np.testing.assert_array_equal(over_steps(x, slice(a, b)), means[a:b])
+    np.testing.assert_array_equal(over_steps(x[:2], slice(0, 2))[:, 0], [1.0, 4.0])
+    plain = ImuReadings(t, x, x)
+    assert all((part == x[2:5]).all() for part in plain.means(slice(2, 5)))
+    of_instants = ImuReadings(t, x, 2 * x, instants=True).between(2.0, 6.0).means(slice(0, 4))
+    assert all(len(part) == 4 for part in of_instants)
+    np.testing.assert_array_equal(of_instants[1], 2 * of_instants[0])
+
+
+@pytest.mark.parametrize("step", [0.05, 0.2])
+def test_means_of_instants_of_a_wave(step):
+    """``sin(u)/u exp(-i u)`` of it, u half the step: within 11 u'^4/720, u' the whole; the first
+    mean within 3 u'^3/8."""
+    k = np.arange(200)
+    wave = np.exp(1j * step * k)
+    x = np.stack([wave.real, wave.imag, wave.real], axis=1)
+    means = over_steps(x, slice(0, 200))
+    u = step / 2
+    gain = (means[:, 0] + 1j * means[:, 1]) / (wave * np.exp(-1j * u) * np.sin(u) / u) - 1
+    # a tenth more for the next order
+    assert 0.9 < np.abs(gain[2:-1]).max() / (11 * step**4 / 720) < 1.1
+    assert 0.7 < abs(gain[0]) / (3 * step**3 / 8) < 1.1
 
 
 def test_between_by_hand():

@@ -60,6 +60,7 @@ def turning(
     ripple=lambda beta: 0.0,
     misaligned=None,
     hz=10,
+    instants=False,
     start=100.0,
     label="t",
     noise=None,
@@ -68,11 +69,12 @@ def turning(
     """A turning dwell: samples are the means over their intervals, by eight-point quadrature.
 
     `ripple`: part of the rate, as a function of encoder angle, felt but not followed by beta;
-    `misaligned` (3, 3): what gyros see of each component; `lag` [s] of both triads.
+    `instants`: they are the values at their ends. `misaligned` (3, 3): what gyros see of each
+    component; `lag` [s] of both triads.
     """
     n = round(abs(turns * 2 * pi / rate) * hz)
     t = np.arange(n + 1) / hz
-    nodes, weights = GAUSS
+    nodes, weights = GAUSS if not instants else (np.ones(1), np.array([2.0]))
     fine = t[1:, None] + (nodes[None] - 1) / 2 / hz - lag
     beta = offset + rate * fine
     w_n = np.array([W * cos(latitude), 0, -W * sin(latitude)])
@@ -96,7 +98,7 @@ def turning(
     y = np.concatenate([w, f], axis=1) * (1 + np.array(scale)) + bias
     if noise is not None:
         y = y + noise[1] * noise[0].normal(size=y.shape)
-    readings = ImuReadings(start + t[1:], y[:, :3], y[:, 3:])
+    readings = ImuReadings(start + t[1:], y[:, :3], y[:, 3:], instants=instants)
     told = Rotation.from_matrix(LEVEL)
     return Dwell(label, start, start + n / hz, readings, told, Turn(axis, offset + rate * t[1:]))
 
@@ -135,6 +137,15 @@ def test_the_mean_over_an_interval_is_no_lag():
     """At 2 Hz and 20 deg/s a sample spans 10 deg: paired with its stamp it would be 5 deg late."""
     found = only([turning(NOSE_60, radians(20), hz=2, turns=4)])
     assert np.abs(error(found.C_nb.as_matrix(), NOSE_60)).max() < 1e-11
+
+
+@pytest.mark.parametrize("rate", [6.0, -20.0])
+def test_instants_belong_to_the_angle_at_their_stamps(rate):
+    """Taken for means, they are half a sample late: 0.3 deg of heading at 6 deg/s and 10 Hz."""
+    dwell = turning(NOSE_60, radians(rate), instants=True)
+    assert np.abs(error(only([dwell]).C_nb.as_matrix(), NOSE_60)).max() < 1e-11
+    late = replace(dwell, readings=replace(dwell.readings, instants=False))
+    assert heading_error([late]) == pytest.approx(-radians(rate) * 0.05, rel=1e-6)
 
 
 def test_interval_harmonics_by_hand():
