@@ -180,7 +180,7 @@ def integrals(readings: ImuReadings, t: Array) -> Integrals:
     Parameters
     ----------
     readings : ImuReadings
-        Means over the sample intervals, without gaps.
+        Without gaps.
     t : (m,)
         Increasing [s], within the readings; a time within a sample takes its part of it.
 
@@ -203,10 +203,11 @@ def integrals(readings: ImuReadings, t: Array) -> Integrals:
             f"but {t[0]:.3f} to {t[-1]:.3f} s is asked for"
         )
     edges = np.append(began, readings.t)
-    whole = _stepped(edges, readings.w_ib_b, readings.f_b)
+    w, f = readings.means(slice(0, len(readings)))
+    whole = _stepped(edges, w, f)
     k = np.clip(np.searchsorted(edges, t - EDGE) - 1, 0, len(readings) - 1)
     part = np.clip(t - edges[k], 0.0, None)
-    ends = _finished([a[k] for a in whole], readings.w_ib_b[k], readings.f_b[k], part)
+    ends = _finished([a[k] for a in whole], w[k], f[k], part)
     absolute = Integrals(edges[k] + part - began, *ends)
     return absolute.since(np.zeros(len(t), int), np.arange(len(t)))
 

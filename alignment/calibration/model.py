@@ -321,8 +321,8 @@ class _Paths:
         self._pairs, self._at = _places(np.array(counts))
         self._first = np.cumsum(self._pairs) - self._pairs
         self._h = np.concatenate([np.diff(m.readings.t, prepend=m.t_from) for m in moves])[:, None]
-        self._w = np.concatenate([m.readings.w_ib_b for m in moves])
-        self._f = np.concatenate([m.readings.f_b for m in moves])
+        means = [m.readings.means(slice(0, n)) for m, n in zip(moves, counts, strict=True)]
+        self._w, self._f = (np.concatenate(triad) for triad in zip(*means, strict=True))
         self._warmth = np.concatenate(
             [np.broadcast_to(m.warmth, n) for m, n in zip(moves, counts, strict=True)]
         )

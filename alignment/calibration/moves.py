@@ -49,14 +49,15 @@ def moves_of(readings: ImuReadings, rests: list[tuple[float, float]], without: s
     for k in range(len(rests) - 1):
         a, b = np.searchsorted(readings.t, [rests[k][1] + 1e-9, rests[k + 1][0] + 1e-9])
         if k not in without and b > a:
-            parts.append(np.arange(a, b))
+            parts.append(slice(int(a), int(b)))
             pairs.append((k, k + 1))
-    rows = np.concatenate(parts) if parts else np.zeros(0, int)
-    lengths = np.array([len(part) for part in parts], int)
+    felt = [readings.means(part) for part in parts] or [(np.zeros((0, 3)),) * 2]
+    w, f = (np.concatenate(triad) for triad in zip(*felt, strict=True))
+    lengths = np.array([part.stop - part.start for part in parts], int)
     return Moves(
-        w=readings.w_ib_b[rows],
-        f=readings.f_b[rows],
-        dt=dt[rows],
+        w=w,
+        f=f,
+        dt=np.concatenate([dt[part] for part in parts] or [np.zeros(0)]),
         first=np.cumsum(lengths) - lengths,
         rests=np.array(pairs, int).reshape(-1, 2),
         spans=np.array([dt[part].sum() for part in parts]),

@@ -83,7 +83,9 @@ def applied(
             raise StandError("was corrected already, by the calibration in its metadata")
         if len(log) < 2:
             raise StandError(f"one IMU message on {log.topic}, at least 2 are needed")
-        readings = corrected(record, ImuReadings(t, log.w_ib_b, log.f_b), temperature_C)
+        sampling = (form or LogForm()).told(log.metadata.get(RUN, {}))
+        read = ImuReadings(t, log.w_ib_b, log.f_b, instants=bool(sampling))
+        readings = corrected(record, read, temperature_C)
     text = json.dumps(record_to_json(record), sort_keys=True)
     metadata = {
         RUN: {
@@ -91,7 +93,8 @@ def applied(
             "topic": log.topic,
             "epoch_ns": str(origin_of(log)),
             "stand_version": VERSION,
-        },
+        }
+        | sampling,
         APPLIED: {
             "json": text,
             "sha256": sha256_of_text(text),

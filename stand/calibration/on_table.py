@@ -225,7 +225,7 @@ def _bench(log: Log, sheet: ImuSpec | None, table: Table | None, site: Site) -> 
         sheet,
         table,
         site,
-        Sampling(run.get("sampling", Sampling.MEAN.value)),
+        Sampling.INSTANT if log.readings.instants else Sampling.MEAN,
         1 / interval,
         ideal=run.get("motion", "ideal") == "ideal",
         joints_known=all(d.joints is not None for d in log.dwells),

@@ -62,6 +62,9 @@ def _stated(
     frame: Annotated[
         str | None, typer.Option(help="Which frame_id, where several share a topic.")
     ] = None,
+    sampling: Annotated[
+        str, typer.Option(help="Samples are the mean since the one before, or the instant.")
+    ] = "mean",
 ) -> None:
     """How a log is read, of the fields of `LogForm`."""
 

@@ -34,7 +34,6 @@ from stand.recording.metadata import (
 from stand.recording.named_stretches import StretchesEntry
 from stand.recording.vehicle_log import Vehicle, vehicle_dwell
 from stand.room import seconds
-from stand.samples import Sampling
 from stand.table.joints import JOINTS
 from stand.table.kinematics import C_NW
 from stand.table.leanings import joints_read
@@ -119,7 +118,7 @@ def load_log(
     if named is not None and (t_from, t_to, turn_joint, vehicle) != (None,) * 4:
         raise StandError("stretches: must not stand beside another choice of a stretch")
     with open_log(path, form, progress) as file:
-        return _parted(file, topic, (t_from, t_to), turn_joint, turn_axis, vehicle, named)
+        return _parted(file, topic, (t_from, t_to), turn_joint, turn_axis, vehicle, named, form)
 
 
 def _parted(
@@ -130,6 +129,7 @@ def _parted(
     turn_axis: Sequence[float] | None,
     vehicle: Vehicle | None,
     named: StretchesEntry | None,
+    form: LogForm | None,
 ) -> Log:
     path, imu = file.path, file.imu(topic)
     if len(imu) < 2:
@@ -150,7 +150,7 @@ def _parted(
     t = seconds(imu.t_ns, origin)
     t, doubts = (t, ()) if simulated or drive is not None else _as_sampled(t, imu)
     t.flags.writeable = False
-    instants = metadata.get(RUN, {}).get("sampling") == Sampling.INSTANT.value
+    instants = (form or LogForm()).instants(metadata.get(RUN, {}))
     readings = ImuReadings(t, imu.w_ib_b, imu.f_b, instants=instants)
     truths: list[Truths]
     if vehicle is not None:

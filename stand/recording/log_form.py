@@ -1,5 +1,6 @@
 """What is stated of a log by whoever reads it, where the log does not say it itself."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -7,9 +8,11 @@ import numpy as np
 from stand.errors import StandError, unknown
 from stand.recording.axes import Axes, axes_of
 from stand.recording.time_stamps import time_unit_ns
+from stand.samples import Sampling
 
 LARGEST_SCALE = 1e12  # of a count: what it makes of readings has limits of its own
 STAMPS = ("header", "log")
+SAMPLING = tuple(kind.value for kind in Sampling)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +46,8 @@ class LogForm:
         Of messages: those of their ``header``, or the times at which they were written, ``log``.
     frame : str or None
         Which frame_id, where messages of several share a topic.
+    sampling : str
+        What a sample is: the ``mean`` since the one before, or the ``instant`` at its stamp.
 
     Raises
     ------
@@ -72,6 +77,7 @@ class LogForm:
     axes: str | None = None
     stamps: str = "header"
     frame: str | None = None
+    sampling: str = "mean"
 
     def __post_init__(self) -> None:
         if self.time_unit is not None:
@@ -89,12 +95,25 @@ class LogForm:
                 raise StandError(f"--{sensor}-scale {scale:g}: must be at most {LARGEST_SCALE:g}")
         if self.stamps not in STAMPS:
             raise unknown("--stamps", self.stamps, STAMPS)
+        if self.sampling not in SAMPLING:
+            raise unknown("--sampling", self.sampling, SAMPLING)
         if self.axes is not None:
             axes_of(self.axes)
 
     def turn(self) -> Axes | None:
         """Which of the log's axes are X1, Y1, Z1; None: as they are."""
         return None if self.axes is None else axes_of(self.axes)
+
+    def instants(self, run: Mapping[str, str]) -> bool:
+        """Whether samples are instants, of a log whose metadata of a `run` may say it."""
+        said = run.get("sampling", self.sampling)
+        if self.sampling not in (said, SAMPLING[0]):
+            raise StandError(f"--sampling {self.sampling}: the recording says {said}")
+        return said == Sampling.INSTANT.value
+
+    def told(self, run: Mapping[str, str]) -> dict[str, str]:
+        """What a log made of another, whose metadata had `run`, is to say of its samples."""
+        return {"sampling": Sampling.INSTANT.value} if self.instants(run) else {}
 
     def without(self, names: tuple[str, ...]) -> "LogForm":
         """The same, but for these, which nobody stated."""

@@ -26,6 +26,7 @@ from stand.rehearsal.planned import planned_stretch
 from stand.rehearsal.predictions import prediction
 from stand.rehearsal.result import Observability, Prediction
 from stand.rehearsal.scene import Scene
+from stand.samples import Sampling
 from stand.table.leanings import leanings
 
 PAIRS = ("Y1-Z1", "Z1-X1", "X1-Y1")
@@ -101,13 +102,15 @@ def _planned_move(k: int, one: PlannedStep, other: PlannedStep, scene: Scene) ->
     t_from, t_to = one.steady_to - _reach(one), other.steady_from + _reach(other)
     rate = min(MOVE_RATE_HZ, scene.rate_hz)
     edges = np.linspace(t_from, t_to, max(5, round((t_to - t_from) * rate) + 1))
-    true = scene.truth().over(scene.plan.motion, edges, scene.settings.sampling)
+    sampling = scene.settings.sampling
+    instants = sampling is Sampling.INSTANT
+    true = scene.truth().over(scene.plan.motion, edges, sampling)
     joints, *_ = scene.plan.motion.joints(np.array([t_from, t_to]))
     return Move(
         label=f"{one.label} to {other.label}",
         first=k,
         last=k + 1,
-        readings=ImuReadings(edges[1:], true.w_ib_b, true.f_b),
+        readings=ImuReadings(edges[1:], true.w_ib_b, true.f_b, instants=instants),
         angle_from=0.0 if one.turning is None else float(joints[0, one.turning.axis]),
         angle_to=0.0 if other.turning is None else float(joints[1, other.turning.axis]),
         warmth=_warmth(scene, edges[1:]),

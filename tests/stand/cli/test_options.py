@@ -443,6 +443,7 @@ FORM = {
     "--axes": ("axes", "x,-z,y"),
     "--stamps": ("stamps", "log"),
     "--frame": ("frame", "imu_b"),
+    "--sampling": ("sampling", "instant"),
 }
 
 

@@ -56,6 +56,18 @@ def test_a_form_knows_two_kinds_of_stamps():
     assert [LogForm(stamps=s).stamps for s in ("header", "log")] == ["header", "log"]
 
 
+def test_a_form_says_what_samples_are_unless_the_recording_does():
+    with pytest.raises(StandError, match="unknown --sampling 'means'"):
+        LogForm(sampling="means")
+    own, of_instants = {"sampling": "mean"}, {"sampling": "instant"}
+    assert [LogForm().instants(run) for run in ({}, own, of_instants)] == [False, False, True]
+    told = LogForm(sampling="instant")
+    assert [told.instants(run) for run in ({}, of_instants)] == [True, True]
+    with pytest.raises(StandError, match="--sampling instant: the recording says mean"):
+        told.instants(own)
+    assert (told.told({}), LogForm().told({})) == (of_instants, {})
+
+
 def test_what_says_nothing_of_such_a_log_is_refused_by_the_option_s_name():
     form = LogForm(rate_hz=5.0, file_format="csv", gyro_scale=2.0)
     names = {"rate_hz": "--rate", "file_format": "--format", "gyro_scale": "--gyro-scale"}
