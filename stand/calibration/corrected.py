@@ -83,7 +83,7 @@ def applied(
             raise StandError("was corrected already, by the calibration in its metadata")
         if len(log) < 2:
             raise StandError(f"one IMU message on {log.topic}, at least 2 are needed")
-        sampling = (form or LogForm()).told(log.metadata.get(RUN, {}))
+        sampling = (form or LogForm()).metadata(log.metadata.get(RUN, {}))
         read = ImuReadings(t, log.w_ib_b, log.f_b, instants=bool(sampling))
         readings = corrected(record, read, temperature_C)
     text = json.dumps(record_to_json(record), sort_keys=True)

@@ -45,7 +45,7 @@ def import_log(
         "axes": form.axes or "",
         "epoch_ns": str(origin_of(log)),
         "stand_version": VERSION,
-    } | form.told(log.metadata.get(RUN, {}))
+    } | form.metadata(log.metadata.get(RUN, {}))
     with file_beside(out) as beside:
         write_imu_log(
             beside,

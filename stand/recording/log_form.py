@@ -111,7 +111,7 @@ class LogForm:
             raise StandError(f"--sampling {self.sampling}: the recording says {said}")
         return said == Sampling.INSTANT.value
 
-    def told(self, run: Mapping[str, str]) -> dict[str, str]:
+    def metadata(self, run: Mapping[str, str]) -> dict[str, str]:
         """What a log made of another, whose metadata had `run`, is to say of its samples."""
         return {"sampling": Sampling.INSTANT.value} if self.instants(run) else {}
 

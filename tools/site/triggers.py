@@ -151,6 +151,8 @@ align nowhere
 align .
 align log.csv --rate 0
 align log.csv --stamps never {OPTIONS}
+align log.csv --sampling never {OPTIONS}
+align sample --sampling instant
 align log.csv --topic /imu {OPTIONS}
 align log.csv --stretches log.csv {OPTIONS}
 align log.csv --columns t,sec,nanosec,gx,gy,gz,ax,ay,az {OPTIONS}

@@ -65,7 +65,7 @@ def test_a_form_says_what_samples_are_unless_the_recording_does():
     assert [told.instants(run) for run in ({}, of_instants)] == [True, True]
     with pytest.raises(StandError, match="--sampling instant: the recording says mean"):
         told.instants(own)
-    assert (told.told({}), LogForm().told({})) == (of_instants, {})
+    assert (told.metadata({}), LogForm().metadata({})) == (of_instants, {})
 
 
 def test_what_says_nothing_of_such_a_log_is_refused_by_the_option_s_name():
