@@ -42,7 +42,8 @@ class ImuReadings:
     grains : (Grain, Grain) or None
         What is known of their rounding; None where nobody says.
     instants : bool
-        The samples are not means but the values at `t`. Whatever sums them up takes `means`.
+        The samples are not means but the values at `t`. What follows a motion takes `means`; over a
+        rest sums are the same but for its ends.
 
     Raises
     ------

@@ -87,7 +87,8 @@ class Unit:
         w_ib_b, f_b : (n, 3)
             True angular rate against inertial space [rad/s] and specific force [m/s^2] in b (at
             rest the Earth's rate, and gravity upward): means over the interval that ends at `t`,
-            or values at `t` for an instrument that samples instants.
+            or values at `t` for an instrument that samples instants. What a low-pass is fed between
+            those is worked out of four: two samples after a sudden stop still hold some of it.
 
         Raises
         ------
