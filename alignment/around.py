@@ -108,20 +108,3 @@ def less_turned(covariance: Array, left: float) -> Array:
         grown = max(grown, _ANYWHERE / max(sigma, np.finfo(float).tiny))
     more = np.array([1.0, 1.0, grown])
     return np.outer(more, more)
-
-
-def tilts_about(covariance: Array) -> Array:
-    """`covariance` (3, 3) about n, with tilts about a north that is as unsure as heading.
-
-    By an error d of heading the tilts' covariance P turns; over normal d of variance s^2 it is
-    ``(1 - p) P + p Q``, Q being P turned by a right angle and ``p = (1 - exp(-2 s^2))/2``. Their
-    correlation loses as much.
-    """
-    part = -np.expm1(-2 * float(covariance[2, 2])) / 2
-    found = covariance.copy()
-    own = covariance[:2, :2]
-    other = np.array([[own[1, 1], -own[0, 1]], [-own[1, 0], own[0, 0]]])
-    found[:2, :2] = (1 - part) * own + part * other
-    found[:2, 2] *= np.sqrt(1 - part)
-    found[2, :2] *= np.sqrt(1 - part)
-    return found

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
 from alignment.apart import Apart
-from alignment.around import by_direction, less_turned, tilts_about, whole_circle
+from alignment.around import by_direction, less_turned, whole_circle
 from alignment.arrays import Array
 from alignment.constant_errors import constant_columns, constant_form
 from alignment.cross import cross_matrix
@@ -802,8 +802,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         P, _ = covariances(part, matched, noise, priors, arm)
         P = P + rest_covariance(part, matched, rest)
         P *= less_turned(P, left_of_the_turn(part, matched, priors))
-        # what comes late turned about an axis that b knows
-        found.append((C_nb, tilts_about(P) + lag_covariance(part, matched, priors, site)[-1]))
+        found.append((C_nb, P + lag_covariance(part, matched, priors, site)[-1]))
     sequence = options.rule.sequence_at(found[-1][0])
     return [
         AttitudeTrack(
@@ -842,8 +841,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     covariance = covariance + rest_covariance(carried, matched, rest)
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
-    # what comes late turned about an axis that b knows
-    covariance = tilts_about(covariance) + lag_covariance(carried, matched, priors, site)[-1]
+    covariance += lag_covariance(carried, matched, priors, site)[-1]
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
