@@ -20,6 +20,7 @@ GPS_EPOCH = 315_964_800  # s, Unix: 6 January 1980
 GPS_WEEK = 604_800  # s
 SHARED = 0.05  # of all rows that have the stamp of the row before: fewer is a fault, no habit
 FEWEST_STAMPS = 32
+CLOSE = 0.75  # of the usual time between rows: so much is there at least where rows share a stamp
 SHORT_WEEKS = 1024  # of a week number of ten bits
 SHORT_EPOCH = 2048  # weeks: since 7 April 2019 it counts from here
 
@@ -159,7 +160,8 @@ def separated(t_ns: IntArray) -> tuple[IntArray, IntArray] | None:
     Samples that are handed over together, or whose stamps are rounded, have one stamp: the last of
     them keeps it, and those before are the usual step apart, or less where the stamp before is
     near; what the end of the log cuts off follows the stamp before. Whole seconds are left as they
-    are: their nanoseconds may be in another column.
+    are: their nanoseconds may be in another column. So is what has no more time than others have
+    for one row.
     """
     steps = np.diff(t_ns)
     if np.any(steps < 0) or np.count_nonzero(steps == 0) < max(1.0, SHARED * len(steps)):
@@ -170,6 +172,8 @@ def separated(t_ns: IntArray) -> tuple[IntArray, IntArray] | None:
         return None
     each = np.diff(t_ns[last]) / rows[1:]
     usual = float(np.median(each))
+    if np.median(each[rows[1:] > 1]) < CLOSE * usual:  # no time for them: two readings of one time
+        return None
     each = np.minimum(usual, np.append(usual, each))
     if each.min() < 1:
         return None
