@@ -1,5 +1,10 @@
 """What several tests share: the command line in process, and one short recorded run."""
 
+from stand.threads import set_one_thread
+
+set_one_thread()  # before numpy: workers side by side wait for one another's threads else
+
+# ruff: noqa: E402
 import json
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
