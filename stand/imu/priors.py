@@ -60,6 +60,7 @@ def priors_of(
         gyro_g2_sensitivity=imu.gyro.g2_sensitivity,
         accel_quadratic=imu.accel.second_order,
         accel_cubic=imu.accel.nonlinearity / imu.accel.full_scale**2,
+        gyro_cubic=imu.gyro.nonlinearity / imu.gyro.full_scale**2,
         turn=turn,
         seat=seat,
         nominal=nominal,

@@ -111,10 +111,10 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
         {}, ("rests",), False,
     ),
     "orders": (
-        {"scale_nonlinearity_ppm": stated(100.0), "range_deg_s": stated(400.0)},
+        {"scale_nonlinearity_ppm": stated(3000.0), "range_deg_s": stated(400.0)},
         {"scale_nonlinearity_ppm": stated(20000.0), "second_order_ug_g2": stated(300.0),
          "range_g": stated(10.0)},
-        {}, ("rests",), False,
+        {}, ("rests", "spun"), False,
     ),
     "by force": (
         {"g_sensitivity_deg_h_g": stated(0.1), "g2_sensitivity_deg_h_g2": stated(0.05)},
