@@ -37,6 +37,7 @@ from stand.procedure.procedure import Procedure, load_procedure, table_of
 from stand.procedure.requirements import terms_of
 from stand.samples import Sampling
 from stand.simulation.benches import bench_of
+from stand.simulation.warmth import observed_for, warmed
 from stand.table.kinematics import base_arm, gimbal_arm
 from stand.table.table import Table, load_table, without_errors
 from stand.table.table_errors import TableErrors, TableErrorsEntry, draw
@@ -297,7 +298,8 @@ def _required(made: Settings) -> Iterable[str]:
 
 
 def stated_priors(made: Settings) -> Priors:
-    """What the estimators may know of a run: what its unit and its table class may do.
+    """What the estimators may know of a run: what its unit and its table class may do, and how
+    warm it gets.
 
     Of a table without errors that is none; a base that rocks and an axis that turns move the unit,
     whoever built it.
@@ -305,7 +307,11 @@ def stated_priors(made: Settings) -> Priors:
     arm = arm_of(made.procedure, made.table)
     noise = slow_noise(made.unit, made.rate_hz, made.sampling)
     early = early_by(made.rate_hz, made.sampling)
-    return priors_of(made.unit, made.stated_table, arm, noise, early)
+    priors = priors_of(made.unit, made.stated_table, arm, noise, early)
+    temperature = temperature_of(made.procedure)
+    if temperature is None:
+        return priors
+    return warmed(priors, made.unit, temperature, observed_for(made.procedure.entry))
 
 
 def run_id(settings: Settings) -> str:
