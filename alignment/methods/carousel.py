@@ -420,7 +420,7 @@ def _together(
         max(s.t_to for s in group),
         C_nb=site.plumb * C_nb,
         sequence=options.rule.sequence_at(C_nb if first.nominal is None else first.nominal),
-        covariance=fit.covariance,
+        covariance=site.about_n(fit.covariance),
         flags=tuple(dict.fromkeys(flag for s in group for flag in s.flags))
         + heading_doubt(fit.covariance)
         + _doubts(fit, group, lag, site.horizontal_rate()),
