@@ -26,7 +26,7 @@ from stand.toml_files import ids  # noqa: E402
 KEPT, PAGE = ROOT / "recordings" / "proof-drives", ROOT / "docs" / "proof-drives.md"
 UNITS = ("stim300", "hg9900", "ring-laser", "adis16470", "icm42688p")
 CASES = [(drive, imu) for drive in ids("trajectories") for imu in UNITS]
-RATE, PARTS, APART = 100, (1 / 3, 2 / 3, 1.0), 10_000
+RATE, PARTS, APART = 200, (1 / 3, 2 / 3, 1.0), 10_000
 HEAD = """# Attitudes of drives: every sigma a promise
 
 Squared errors of attitude over the covariances stated with them, per degree of freedom: 1 is

@@ -211,7 +211,7 @@ def test_align_by_another_start(stand_command, driven):
 
     told = aligned()
     off = ("--start-attitude", "0,-40,0")  # the truth is yaw -30
-    sure, unsure = aligned(*off, "--start-sigma", "0.01"), aligned(*off, "--start-sigma", "20")
+    sure, unsure = aligned(*off, "--start-sigma", "0.01"), aligned(*off, "--start-sigma", "5")
     for other in (sure, unsure):
         assert other["observing"]["yaw_deg"] == pytest.approx(told["observing"]["yaw_deg"])
     assert abs(sure["kalman"]["error_yaw_deg"]) > 5  # of 10 deg, most is left

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
 
 from alignment.arrays import Array
+from alignment.errors import AlignmentError
 from alignment.methods.vectors import channel
 from alignment.methods.vectors.channel import (
     ACCEL,
@@ -23,9 +24,11 @@ from alignment.methods.vectors.channel import (
 from alignment.methods.vectors.fixes import Matching, Record, VectorOptions, check, joined
 from alignment.navigation import C_en, geodetic
 from alignment.readings import Fixes, ImuReadings
+from alignment.units import DEG
 
 METHOD = "vectors kalman"
 DISAGREE = "fixes and readings disagree beyond their noise"
+LINEAR = 5.5 * DEG  # of attitude: from 6 on, errors over sigmas squared are 3 to 70 per freedom
 UNLIKELY = 1e-6  # a disagreement of less chance than this is flagged
 
 
@@ -46,7 +49,9 @@ def kalman(
 
     Raises
     ------
-    AlignmentError, TooShort, PoleError
+    AlignmentError
+        The attitude's sigma was ever beyond `LINEAR`.
+    TooShort, PoleError
 
     Notes
     -----
@@ -59,6 +64,12 @@ def kalman(
     """
     options = options or VectorOptions()
     record, states, notes = filtered(readings, fixes, C_nb0, options)
+    sigmas = np.sqrt(np.linalg.eigvalsh([s.P[PSI, PSI] for s in states])[:, -1])
+    if sigmas.max() > LINEAR:
+        raise AlignmentError(
+            f"refused: a sigma of {np.degrees(sigmas.max()):.2g} deg about one axis, by start and "
+            f"gyro biases before the fixes tell more: a linear filter takes {LINEAR / DEG:g}"
+        )
     return channel.shown(METHOD, record, states, notes, options)
 
 

@@ -308,6 +308,20 @@ def test_the_filter_comes_close():
     assert size(curve)[-1] < np.sqrt(np.trace(curve.covariance[-1])) / DEG
 
 
+@pytest.mark.parametrize("degrees", [5.0, 20.0])
+def test_the_filter_takes_no_start_beyond_its_linear_range(degrees):
+    """Of a start of 20 deg errors over sigmas squared were 20 per freedom; of 5 deg 1."""
+    run = record("weaving", np.random.default_rng(0))
+    options = VectorOptions(step=1.0, attitude_sigma=degrees * DEG)
+    if degrees < 5.5:
+        assert kalman(run.readings, run.fixes, run.start, options).corrected[-1]
+        return
+    with pytest.raises(
+        AlignmentError, match=r"refused: a sigma of 20 deg .* a linear filter takes"
+    ):
+        kalman(run.readings, run.fixes, run.start, options)
+
+
 def test_as_printed_corrects_when_the_invariants_say_so():
     run = exact("fast", 0)
     right = printed(run.readings, run.fixes, run.truth[0], VectorOptions(step=1.0))
