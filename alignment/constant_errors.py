@@ -24,6 +24,7 @@ ERRORS_OF = {
     "gyro": (
         "scale",
         "asymmetry",
+        "cubic",
         "misalignment",
         "non_orthogonality",
         "g_sensitivity",
@@ -254,6 +255,7 @@ _FOLDED = (
     "gyro_g2_sensitivity",
     "gyro_asymmetry",
     "accel_asymmetry",
+    "gyro_cubic",  # of one attitude it has Earth rate alone: a part of 5e-9 of its size
     "accel_quadratic",
     "accel_cubic",
 )

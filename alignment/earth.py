@@ -131,6 +131,20 @@ class Site:
         east /= norm(east)
         return Rotation.from_matrix(np.stack([np.cross(up, east), east, -up], axis=1))
 
+    def about_n(self, covariance: Array) -> Array:
+        """Covariances (..., 3, 3) about n of attitudes that have them about the plumb line's frame.
+
+        Where heading is not sure, it is not known which way the plumb line leans by d: an error h
+        of heading tilts by ``d sin h`` across that way, the first order, and by ``d (1 - cos h)``
+        along it, of a mean square of ``3/2 - 2 exp(-s^2/2) + exp(-2 s^2)/2`` if h is normal.
+        """
+        if not any(self.deflection):
+            return covariance
+        C, s2 = self.plumb.as_matrix(), covariance[..., 2, 2]
+        d = self.plumb.as_rotvec() * [1.0, 1.0, 0.0]
+        along = 1.5 - 2 * np.exp(-s2 / 2) + np.exp(-2 * s2) / 2
+        return np.asarray(C @ covariance @ C.T + along[..., None, None] * np.outer(d, d))
+
     def horizontal_rate(self) -> float:
         """Horizontal Earth rate [rad/s]; `PoleError` where it is too small to show north."""
         rate = EARTH_RATE * cos(self.known_latitude())

@@ -63,8 +63,8 @@ class Priors:
         Scale factor error by the sign of the value, a part of its size.
     gyro_g_sensitivity, gyro_g2_sensitivity : float
         Of each gyro to each component of specific force [rad/s per m/s^2], and to its square.
-    accel_quadratic, accel_cubic : float
-        Of each axis [1/(m/s^2)], [1/(m/s^2)^2].
+    accel_quadratic, accel_cubic, gyro_cubic : float
+        Of each axis [1/(m/s^2)], [1/(m/s^2)^2], [1/(rad/s)^2].
     gyro_axes, accel_axes : three unit vectors in b, or None
         Along which a triad's sensors feel where it is skewed by design; their readings come as
         components in b, so equal errors of the sensors are neither equal nor independent there.
@@ -100,6 +100,7 @@ class Priors:
     gyro_g2_sensitivity: float = 0.0
     accel_quadratic: float = 0.0
     accel_cubic: float = 0.0
+    gyro_cubic: float = 0.0
     accel_later: float = 0.0
     gyro_axes: Axes | None = None
     accel_axes: Axes | None = None

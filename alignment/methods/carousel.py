@@ -280,7 +280,8 @@ def carousel(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
         Latitude known.
     options : Options
         `rule`; `priors`: `turn` is the placement at encoder angle 0, `seat` how far the axis is
-        off in b, accelerometer errors act along it; gyro biases and scale errors do not matter.
+        off in b, accelerometer errors act along it, `lag`, `accel_later` and `clock` shift the
+        phase; gyro biases and scale errors do not matter.
 
     Returns
     -------
@@ -395,15 +396,23 @@ def _together(
         for h, s in zip(_alike([s.gyros for s in group]), group, strict=True)
     ]
     felt = [turning_vector(h, axis) for h in _alike([s.accels for s in group])]
-    lag, added = lag_of(seen, rates, axis)
-    gyros = combined(seen, rates, axis, lag)
-    accels = combined(felt, rates, axis, lag)
-    size2 = float(gyros.across @ gyros.across)
-    gyros = TurningVector(gyros.across, gyros.variance + added * size2, gyros.constant, gyros.share)
+    lag, _ = lag_of(seen, rates, axis)
+
+    def found(seen: Ordered[TurningVector], felt: Ordered[TurningVector]) -> CarouselFit:
+        lag, added = lag_of(seen, rates, axis)
+        gyros, accels = (combined(vectors, rates, axis, lag) for vectors in (seen, felt))
+        more = gyros.variance + added * float(gyros.across @ gyros.across)
+        gyros = replace(gyros, variance=more)
+        return carousel_attitude(gyros, accels, axis, latitude, options.priors)
+
     try:
-        fit = carousel_attitude(gyros, accels, axis, latitude, options.priors)
+        fit = found(seen, felt)
     except AlignmentError as error:
         raise type(error)(f"{first.label}: {error}") from error
+    for by_gyros, by_accels in _late(group, options.priors):
+        turned = found(_turned(seen, by_gyros, axis), _turned(felt, by_accels, axis))
+        off = Rotation.from_matrix(turned.C_nb @ fit.C_nb.T).as_rotvec()
+        fit = replace(fit, covariance=fit.covariance + np.outer(off, off))
     C_nb = Rotation.from_matrix(fit.C_nb)
     return AttitudeEstimate(
         METHOD,
@@ -412,11 +421,30 @@ def _together(
         max(s.t_to for s in group),
         C_nb=site.plumb * C_nb,
         sequence=options.rule.sequence_at(C_nb if first.nominal is None else first.nominal),
-        covariance=fit.covariance,
+        covariance=site.about_n(fit.covariance),
         flags=tuple(dict.fromkeys(flag for s in group for flag in s.flags))
         + heading_doubt(fit.covariance)
         + _doubts(fit, group, lag, site.horizontal_rate()),
     )
+
+
+def _late(group: Ordered[_Stretch], priors: Priors) -> Ordered[tuple[Array, Array]]:
+    """Angles (s,) by which the table turns on before gyros, and before accelerometers, tell of it:
+    by what comes late, and by a clock that runs fast."""
+    rates = np.array([s.rate for s in group])
+    fast = rates * [priors.clock * (s.t_from + s.t_to) / 2 for s in group]
+    late = priors.lag * rates, (priors.lag + priors.accel_later) * rates
+    return [both for both in (late, (fast, fast)) if np.any(both)]
+
+
+def _turned(
+    vectors: Ordered[TurningVector], angles: Array, axis_b: Array
+) -> Ordered[TurningVector]:
+    """The vectors as they are told by encoders that are ahead by some angles (s,)."""
+    return [
+        replace(v, across=Rotation.from_rotvec(angle * axis_b).apply(v.across))
+        for v, angle in zip(vectors, angles, strict=True)
+    ]
 
 
 def _doubts(

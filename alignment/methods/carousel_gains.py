@@ -52,7 +52,8 @@ def _turned(
             _attitude(nominal + s * step.reshape(nominal.shape), group, site, options)
             for s in (1, -1)
         )
-        gain[:, i] = Rotation.from_matrix(ahead @ behind.T).as_rotvec() / (2 * step[i])
+        turned = Rotation.from_matrix(ahead @ behind.T).as_rotvec()
+        gain[:, i] = site.plumb.apply(turned) / (2 * step[i])
     return Answer(label=group[0].label, stretches=group, planned=planned, gain=gain)
 
 

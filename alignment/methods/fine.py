@@ -405,7 +405,7 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     a case that is turned as a whole, which is tilted in full. Of second order, by `with_products`,
     axes lean together: of coarse sensors' errors the record would else tell by their products. An
     asymmetry makes a constant of what goes to and fro, ``a (mean |x| - |mean x|)``; of what goes
-    round it is a scale error.
+    round it is a scale error, as a cubic term of gyros is of both.
     """
     if not _turns(carried):
         return in_one_attitude(priors, site.gravity)
@@ -415,6 +415,8 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
         lean, turned = f"{sensor}_non_orthogonality", own[f"{sensor}_misalignment"]
         own[lean] = float(np.hypot(own[lean], turned**2))
     folded = in_one_attitude(replace(priors, **dict.fromkeys(_ASTRAY, 0.0)), site.gravity)
+    if priors.gyro_cubic:
+        own["gyro_scale"] = float(np.hypot(folded.gyro_scale, _scale_of_cubic(priors, carried)))
     rocks = _angle(carried) < _ROUND
     for sensor, sums in _SUMS.items() if rocks else ():
         size = getattr(priors, f"{sensor}_asymmetry")
@@ -425,6 +427,16 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
         bias = float(np.hypot(getattr(folded, f"{sensor}_bias"), rectified))
         own[f"{sensor}_bias"] = bias
     return replace(folded, **own)
+
+
+def _scale_of_cubic(priors: Priors, carried: Carried) -> float:
+    """The scale error that a cubic term of gyros is most like, of the axis that feels most.
+
+    Least squares of ``c x^3`` by ``s x``: ``c (sum x^4)/(sum x^2)``, of a steady turn ``c x^2``.
+    """
+    squares = (carried.dtheta / carried.spans[:, None]) ** 2
+    most = np.argmax(squares.sum(axis=0))
+    return float(priors.gyro_cubic * np.sum(squares[:, most] ** 2) / np.sum(squares[:, most]))
 
 
 def update_of(readings: ImuReadings) -> float:

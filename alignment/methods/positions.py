@@ -383,7 +383,7 @@ def _answers(
             t_to,
             C_nb=site.plumb * Rotation.from_matrix(fit.C_nb[k]),
             sequence=options.rule.sequence_at(_nominal_of(dwell)),
-            covariance=covariances[k],
+            covariance=site.about_n(covariances[k]),
             latitude=None if fit.latitude is None else float(fit.latitude) - site.deflection[0],
             latitude_sigma=None
             if fit.latitude_sigma is None

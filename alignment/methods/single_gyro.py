@@ -179,7 +179,8 @@ def single_gyro_gains(stretches: Ordered[Stretch], site: Site, options: Options)
     def gain(C_nb: Rotation) -> Array:
         C = C_nb.as_matrix()
         best = int(np.argmax(np.abs(C[1])))
-        return from_b(single_gyro_sensitivity(C[:, best], latitude, site.gravity), C_nb)
+        G = site.plumb.as_matrix() @ single_gyro_sensitivity(C[:, best], latitude, site.gravity)
+        return from_b(G, C_nb)
 
     return each_alone(stretches, gain)
 
@@ -212,7 +213,7 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         sequence=options.rule.sequence_for(means[3:])
         if dwell.nominal is None
         else options.rule.sequence_at(dwell.nominal),
-        covariance=covariance,
+        covariance=site.about_n(covariance),
         latitude=None if latitude_row is None else latitude - site.deflection[0],
         latitude_sigma=sigma,
         flags=gap_doubt(dwell.window())

@@ -141,7 +141,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
             C_nb=C_nb,
             sequence=sequence,
             window="fresh",
-            covariance=covariance,
+            covariance=site.about_n(covariance),
             flags=flags
             + told
             + heading_doubt(covariance)
@@ -209,7 +209,7 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
                 readings.t[ends - 1],
                 site.plumb * attitude_from_means(w, f, sequence),
                 sequence,
-                np.array(covariance),
+                site.about_n(np.array(covariance)),
             )
         )
     return tracks
@@ -223,5 +223,5 @@ def _means_up_to(values: Array, ends: np.ndarray) -> Array:
 
 def six_position_gains(stretches: Ordered[Stretch], site: Site, options: Options) -> list[Answer]:
     """Later samples less the zero offset of the first ones: what is constant cancels."""
-    G = compass_gain(site)
+    G = site.plumb.as_matrix() @ compass_gain(site)
     return after_offset(stretches, site, options, lambda later: from_b(G, later.C_pb), "fresh")

@@ -135,7 +135,7 @@ def triad(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attitude
 
 def triad_gains(stretches: Ordered[Stretch], site: Site, options: Options) -> list[Answer]:
     """Each rest by itself: level, and east from the horizontal rate."""
-    G = compass_gain(site)
+    G = site.plumb.as_matrix() @ compass_gain(site)
     return each_alone(stretches, lambda C_nb: from_b(G, C_nb))
 
 
@@ -176,7 +176,7 @@ def _single(
         sequence=options.rule.sequence_for(f)
         if dwell.nominal is None
         else options.rule.sequence_at(dwell.nominal),
-        covariance=covariance,
+        covariance=site.about_n(covariance),
         latitude=latitude - site.deflection[0],
         latitude_sigma=_root(variance),
         flags=flags,

@@ -301,7 +301,7 @@ def _single(dwell: Dwell, latitude: float, site: Site, options: Options) -> Atti
         options.rule.sequence_for(readings.f_b.mean(axis=0))
         if dwell.nominal is None
         else options.rule.sequence_at(dwell.nominal),
-        covariance=covariance,
+        covariance=site.about_n(covariance),
         flags=gap_doubt(readings)
         + saturation_doubt(dwell.label, readings)
         + heading_doubt(covariance)
@@ -371,7 +371,7 @@ def two_gyro_functional(readings: ImuReadings, site: Site, options: Options) -> 
             "whatever the sensors; see --verify"
         )
     C_nb = _attitude(readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0), latitude)
-    slopes = _slopes(C_nb, latitude)
+    slopes = site.plumb.as_matrix() @ _slopes(C_nb, latitude)
     parts = (carried.spans / T)[:, None, None]
     C_ni = C_nb * Rotation.from_quat(carried.q[-1]).inv()
     return functional(carried, C_ni, parts * slopes[:, :3], parts * slopes[:, 3:], np.zeros((3, 3)))

@@ -2,8 +2,6 @@
 
 from math import sqrt
 
-import numpy as np
-
 from alignment.information import GaussMarkov, InstrumentErrors, TriadErrors
 from stand.imu.filter import LAG, slow_variance
 from stand.imu.preset import ImuSpec, TriadSpec
@@ -20,22 +18,34 @@ def slow_noise(imu: ImuSpec, rate_hz: float, sampling: Sampling) -> tuple[float,
     return gyro, accel
 
 
-def unit_of(imu: ImuSpec, noise: tuple[float, float] | None = None) -> InstrumentErrors:
+def unit_of(
+    imu: ImuSpec, noise: tuple[float, float] | None = None, early: float = 0.0
+) -> InstrumentErrors:
     """The instrument's errors as standard deviations, but for the rounding of its samples.
 
-    `noise`: densities as `slow_noise` has them; those of the sheet if not given.
+    `noise`: densities as `slow_noise` has them; those of the sheet if not given. `early`: as
+    `lags_of` has it.
     """
     gyro, accel = (imu.gyro.noise, imu.accel.noise) if noise is None else noise
-    delay = LAG / imu.gyro.bandwidth if np.isfinite(imu.gyro.bandwidth) else 0.0
-    return InstrumentErrors(
-        _triad(imu.gyro, imu, gyro), _triad(imu.accel, imu, accel), float(delay + imu.clock.latency)
-    )
+    lag, _ = lags_of(imu, early)
+    return InstrumentErrors(_triad(imu.gyro, imu, gyro), _triad(imu.accel, imu, accel), lag)
 
 
-def lags_of(imu: ImuSpec) -> tuple[float, float]:
-    """By how much slow readings of gyros come late, and those of accelerometers later still [s]."""
+def lags_of(imu: ImuSpec, early: float = 0.0) -> tuple[float, float]:
+    """By how much slow readings of gyros come late, and those of accelerometers later still [s].
+
+    `early` [s]: by how much readings are of a later time than those they are taken for. What is
+    early by more than it is late turns both signs: only how they lie to one another counts.
+    """
     gyro, accel = (LAG / triad.bandwidth for triad in (imu.gyro, imu.accel))
-    return float(gyro + imu.clock.latency), float(accel - gyro)
+    lag, later = float(gyro + imu.clock.latency) - early, float(accel - gyro)
+    return (lag, later) if lag >= 0 else (-lag, -later)
+
+
+def early_by(rate_hz: float, sampling: Sampling) -> float:
+    """By how much samples are early [s]: estimators take each for the mean since the one before,
+    and the instant at its end is half an interval after that."""
+    return 0.5 / rate_hz if sampling is Sampling.INSTANT else 0.0
 
 
 def _triad(spec: TriadSpec, imu: ImuSpec, noise: float) -> TriadErrors:

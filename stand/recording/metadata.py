@@ -62,6 +62,7 @@ PRIOR_UNITS = {
     "gyro_g2_sensitivity": "s3_m2",
     "accel_quadratic": "s2_m",
     "accel_cubic": "s4_m2",
+    "gyro_cubic": "s2_rad2",
 }
 FIX_UNITS = {
     "position_sigma": "m",

@@ -235,5 +235,7 @@ def _of_stretch(
     if not method.tells_mean:
         parts["lag"] = late(run, scene)
     off = known(run, scene)
-    told = angles(name, "", step.label, run.C_nb, turned_by_heading(parts), str, off)
+    # of an axis that turns, the attitude is told where it reads zero
+    C_nb = run.C_nb if step.turning is None else step.C_nb
+    told = angles(name, "", step.label, C_nb, turned_by_heading(parts), str, off)
     return list(withheld(told, ("pitch", "roll"), tilt_doubt(parts)))

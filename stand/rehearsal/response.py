@@ -1,6 +1,7 @@
 """How answers of methods at rest and in steady turns respond to errors of unit and table."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,6 +15,7 @@ from alignment.information import InstrumentErrors, Setting, Stretch, informatio
 from alignment.information.circle import by_north_rate, curvature
 from alignment.information.model import NODES, coefficient_weights, sensor_inputs
 from stand.imu.by_value import values_in_order
+from stand.imu.instrument import lags_of
 from stand.motion.plan import PlannedStep
 from stand.rehearsal.following import left_off
 from stand.rehearsal.predictions import Parts, name_of, prediction
@@ -90,8 +92,13 @@ class ReadingErrors:
         gravity: float = 0.0,
     ) -> None:
         stretches = answer.stretches
+        # what comes late is a noise of its own: accelerometers are not as late as gyros
         self.true = information(
-            stretches, _NORTH, scene.site, unit, Setting(attitude=0.0, gravity=gravity)
+            stretches,
+            _NORTH,
+            scene.site,
+            replace(unit, lag=0.0),
+            Setting(attitude=0.0, gravity=gravity),
         )
         seen = [sensor_inputs(s, _NORTH, scene.site) for s in stretches]
         self.sources, self.sigmas, self.known = table.sources, table.sigmas, table.known
@@ -110,6 +117,7 @@ class ReadingErrors:
         perfect = [p @ np.concatenate([w, f], axis=1) for w, f, _, p in seen]
         for sensor, own in zip(SENSORS, warmed(stretches, perfect, scene), strict=True):
             self.noises[f"{sensor} temperature"] = own
+        self.noises["lag"] = _late(stretches, seen, scene)
         slopes, rounded = self._rounded(seen, scene)
         self.J, self.readings = slopes @ self.true.J, slopes @ self.readings
         self.noises = {name: slopes @ N @ slopes.T for name, N in self.noises.items()} | rounded
@@ -145,7 +153,7 @@ class ReadingErrors:
             for s in SENSORS
             for d in ("bias-instability", "random-walk", "temperature")
         ]
-        return np.asarray(roots @ roots.T + np.sum(drifts, axis=0))
+        return np.asarray(roots @ roots.T + np.sum(drifts, axis=0) + self.noises["lag"])
 
 
 class Response:
@@ -247,6 +255,21 @@ class Response:
         for source, own in columns.items():
             add(source, both[:, own] @ both[:, own].T)
         return parts
+
+
+def _late(stretches: Sequence[Stretch], seen: Sequence[tuple[Array, ...]], scene: Scene) -> Array:
+    """Covariance (m, m) of the coefficients of readings that come late, by a lag and by a clock
+    that runs fast: as if each turn had begun by so much later."""
+    lag, later = lags_of(scene.imu, scene.early)
+    slow, fast = [], []
+    for stretch, (w, f, _, project) in zip(stretches, seen, strict=True):
+        of_gyros, of_accels = (stretch.rate * np.cross(stretch.axis_b, x) for x in (w, f))
+        middle = stretch.start + stretch.span.length / 2
+        slow.append(project @ np.concatenate([lag * of_gyros, (lag + later) * of_accels], axis=1))
+        fast.append(middle * (project @ np.concatenate([of_gyros, of_accels], axis=1)))
+    found = [np.concatenate([c.ravel() for c in one]) for one in (slow, fast)]
+    found[1] *= scene.imu.clock.offset
+    return np.asarray(sum(np.outer(v, v) for v in found))
 
 
 def _waves(project: Array) -> Array:

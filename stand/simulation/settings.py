@@ -28,7 +28,7 @@ from stand.arguments import (
 )
 from stand.errors import StandError, unknown, whole
 from stand.imu import ImuSpec, Temperature, load_imu, without
-from stand.imu.instrument import slow_noise
+from stand.imu.instrument import early_by, slow_noise
 from stand.imu.priors import BASE_ARM, GIMBAL_ARM, priors_of
 from stand.motion.polynomial import MotionKind
 from stand.physics.dynamics import Payload
@@ -37,6 +37,7 @@ from stand.procedure.procedure import Procedure, load_procedure, table_of
 from stand.procedure.requirements import terms_of
 from stand.samples import Sampling
 from stand.simulation.benches import bench_of
+from stand.simulation.warmth import observed_for, warmed
 from stand.table.kinematics import base_arm, gimbal_arm
 from stand.table.table import Table, load_table, without_errors
 from stand.table.table_errors import TableErrors, TableErrorsEntry, draw
@@ -297,14 +298,20 @@ def _required(made: Settings) -> Iterable[str]:
 
 
 def stated_priors(made: Settings) -> Priors:
-    """What the estimators may know of a run: what its unit and its table class may do.
+    """What the estimators may know of a run: what its unit and its table class may do, and how
+    warm it gets.
 
     Of a table without errors that is none; a base that rocks and an axis that turns move the unit,
     whoever built it.
     """
     arm = arm_of(made.procedure, made.table)
     noise = slow_noise(made.unit, made.rate_hz, made.sampling)
-    return priors_of(made.unit, made.stated_table, arm, noise)
+    early = early_by(made.rate_hz, made.sampling)
+    priors = priors_of(made.unit, made.stated_table, arm, noise, early)
+    temperature = temperature_of(made.procedure)
+    if temperature is None:
+        return priors
+    return warmed(priors, made.unit, temperature, observed_for(made.procedure.entry))
 
 
 def run_id(settings: Settings) -> str:

@@ -149,3 +149,15 @@ def test_a_site_out_of_range_is_refused(values, message):
 def test_an_unknown_latitude_is_refused_where_it_is_needed(use):
     with pytest.raises(AlignmentError, match="latitude: not known, but this method needs it"):
         use(Site(None))
+
+
+def test_an_unsure_heading_leaves_open_which_way_the_plumb_line_leans():
+    """By hand: the zenith leans 3e-4 rad north, which is a turn about -E; heading off by 0.01 rad
+    is a turn about an axis that leans, 3e-6 about N, and by (1 - cos h) about E: 3 s^4/4."""
+    site = Site(0.8, deflection=(3e-4, 0.0))
+    found = site.about_n(np.diag([0.0, 0.0, 1e-4]))
+    assert found[0, 0] == pytest.approx(9e-12, rel=1e-6)
+    assert found[1, 1] == pytest.approx(9e-8 * 0.75e-8, rel=1e-3)
+    assert abs(found[0, 2]) == pytest.approx(3e-8, rel=1e-6)
+    same = np.diag([1.0, 2.0, 3.0])
+    assert Site(0.8).about_n(same) is same

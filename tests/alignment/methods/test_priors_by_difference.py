@@ -29,7 +29,8 @@ SIZES = {
     "gyro_asymmetry": 1e-6, "accel_asymmetry": 1e-6, "gyro_misalignment": 1e-6,
     "accel_misalignment": 1e-6, "gyro_non_orthogonality": 1e-6, "accel_non_orthogonality": 1e-6,
     "gyro_g_sensitivity": 1e-11, "gyro_g2_sensitivity": 1e-12, "accel_quadratic": 1e-7,
-    "accel_cubic": 1e-8, "gyro_ramp": 1e-12, "accel_ramp": 1e-7, "turn": 1e-6, "seat": 1e-6,
+    "accel_cubic": 1e-8, "gyro_cubic": 300.0, "gyro_ramp": 1e-12, "accel_ramp": 1e-7, "turn": 1e-6,
+    "seat": 1e-6,
 }  # fmt: skip
 TABLE = ("turn", "seat", "nominal", "azimuth")
 
@@ -85,7 +86,8 @@ OTHERWISE = {"calibration", "vectors"}  # neither by attitudes of rests and turn
 OFFSET = ("six-position", "rk4", "two-sample")
 
 # of which a method says nothing: in a turn a bias' drift is by far less than what turns with it
-LEFT_OUT = {"carousel": {"gyro_ramp", "accel_ramp"}}
+# about an axis of b a cubic term is a scale error, which the phase of a harmonic does not feel
+LEFT_OUT = {"carousel": {"gyro_ramp", "accel_ramp", "gyro_cubic"}}
 # Of one attitude these are a bias or a scale error: of what size, where the method takes them so.
 FOLDED = {
     "gyro_misalignment": ("gyro_bias", W),
@@ -94,6 +96,7 @@ FOLDED = {
     "gyro_g2_sensitivity": ("gyro_bias", G**2),
     "accel_quadratic": ("accel_scale", G),
     "accel_cubic": ("accel_scale", G**2),
+    "gyro_cubic": ("gyro_bias", 0.0),  # Earth rate alone makes nothing of what sheets state
 }
 # The filter knows biases that walk: what a ramp comes to by the end, which may be a little more.
 WALKED = ("gyro_ramp", "accel_ramp")

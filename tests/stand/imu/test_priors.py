@@ -80,6 +80,7 @@ def test_each_error_goes_by_its_own_name():
     gyro = TriadSpec(**{n: k * 1e-6 for k, n in enumerate(names, 1)}, noise=2e-5)
     accel = TriadSpec(**{n: k * 1e-4 for k, n in enumerate(names, 1)}, noise=3e-4)
     gyro = replace(gyro, g_sensitivity=1e-7, g2_sensitivity=2e-8)
+    gyro = replace(gyro, nonlinearity=3e-3, full_scale=10.0)
     accel = replace(accel, second_order=4e-5, nonlinearity=2e-3, full_scale=50.0)
     made = priors_of(replace(load_imu("ideal"), gyro=gyro, accel=accel), None)
     for sensor, size in (("gyro", 1e-6), ("accel", 1e-4)):
@@ -89,3 +90,4 @@ def test_each_error_goes_by_its_own_name():
     assert (made.gyro_g_sensitivity, made.gyro_g2_sensitivity) == (1e-7, 2e-8)
     assert made.accel_quadratic == 4e-5
     assert made.accel_cubic == pytest.approx(8e-7)
+    assert made.gyro_cubic == pytest.approx(3e-5)

@@ -40,6 +40,7 @@ PRIORS = (
     "prior_accel_non_orthogonality_rad", "prior_gyro_asymmetry_ratio",
     "prior_accel_asymmetry_ratio", "prior_gyro_g_sensitivity_s_m",
     "prior_gyro_g2_sensitivity_s3_m2", "prior_accel_quadratic_s2_m", "prior_accel_cubic_s4_m2",
+    "prior_gyro_cubic_s2_rad2",
 )  # fmt: skip
 # a third of a turn about (1, 1, 1): X to Y, Y to Z, Z to X
 THIRD = (0.5, 0.5, 0.5, 0.5)
