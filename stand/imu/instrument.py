@@ -18,34 +18,20 @@ def slow_noise(imu: ImuSpec, rate_hz: float, sampling: Sampling) -> tuple[float,
     return gyro, accel
 
 
-def unit_of(
-    imu: ImuSpec, noise: tuple[float, float] | None = None, early: float = 0.0
-) -> InstrumentErrors:
+def unit_of(imu: ImuSpec, noise: tuple[float, float] | None = None) -> InstrumentErrors:
     """The instrument's errors as standard deviations, but for the rounding of its samples.
 
-    `noise`: densities as `slow_noise` has them; those of the sheet if not given. `early`: as
-    `lags_of` has it.
+    `noise`: densities as `slow_noise` has them; those of the sheet if not given.
     """
     gyro, accel = (imu.gyro.noise, imu.accel.noise) if noise is None else noise
-    lag, _ = lags_of(imu, early)
+    lag, _ = lags_of(imu)
     return InstrumentErrors(_triad(imu.gyro, imu, gyro), _triad(imu.accel, imu, accel), lag)
 
 
-def lags_of(imu: ImuSpec, early: float = 0.0) -> tuple[float, float]:
-    """By how much slow readings of gyros come late, and those of accelerometers later still [s].
-
-    `early` [s]: by how much readings are of a later time than those they are taken for. What is
-    early by more than it is late turns both signs: only how they lie to one another counts.
-    """
+def lags_of(imu: ImuSpec) -> tuple[float, float]:
+    """By how much slow readings of gyros come late, and those of accelerometers later still [s]."""
     gyro, accel = (LAG / triad.bandwidth for triad in (imu.gyro, imu.accel))
-    lag, later = float(gyro + imu.clock.latency) - early, float(accel - gyro)
-    return (lag, later) if lag >= 0 else (-lag, -later)
-
-
-def early_by(rate_hz: float, sampling: Sampling) -> float:
-    """By how much samples are early [s]: estimators take each for the mean since the one before,
-    and the instant at its end is half an interval after that."""
-    return 0.5 / rate_hz if sampling is Sampling.INSTANT else 0.0
+    return float(gyro + imu.clock.latency), float(accel - gyro)
 
 
 def _triad(spec: TriadSpec, imu: ImuSpec, noise: float) -> TriadErrors:

@@ -36,7 +36,6 @@ def priors_of(
     table: Table | None,
     arm: float = 0.0,
     noise: tuple[float, float] | None = None,
-    early: float = 0.0,
 ) -> Priors:
     """Standard deviations of a unit's constant errors and of a table's placement.
 
@@ -44,12 +43,12 @@ def priors_of(
     that. What misaligned accelerometers and g-sensitive gyros make of gravity is no bias: it
     changes with the attitude, and is told by its own name. Where a base rocks or a table turns the
     unit moves about axes that are some `arm` [m] away. `noise`: densities as `slow_noise` has them;
-    those of the sheet if not given. `early` [s]: as `lags_of` has it.
+    those of the sheet if not given.
     """
     imu = at_most(imu)
     turn, seat, nominal, azimuth = (0.0, 0.0, 0.0, 0.0) if table is None else placement(table)
     slow = _slow_part(imu.corners)
-    lag, accel_later = lags_of(imu, early)
+    lag, accel_later = lags_of(imu)
     gyro, accel = (imu.gyro.noise, imu.accel.noise) if noise is None else noise
     return Priors(
         gyro_bias=float(np.hypot(imu.gyro.bias, slow * imu.gyro.instability)),

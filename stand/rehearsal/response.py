@@ -260,7 +260,7 @@ class Response:
 def _late(stretches: Sequence[Stretch], seen: Sequence[tuple[Array, ...]], scene: Scene) -> Array:
     """Covariance (m, m) of the coefficients of readings that come late, by a lag and by a clock
     that runs fast: as if each turn had begun by so much later."""
-    lag, later = lags_of(scene.imu, scene.early)
+    lag, later = lags_of(scene.imu)
     slow, fast = [], []
     for stretch, (w, f, _, project) in zip(stretches, seen, strict=True):
         of_gyros, of_accels = (stretch.rate * np.cross(stretch.axis_b, x) for x in (w, f))

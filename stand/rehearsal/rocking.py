@@ -105,7 +105,7 @@ def late(run: Functional, scene: Scene) -> Array:
     """Covariance about n by a lag: the attitude is that of as long before the end, and by what
     accelerometers that come later than gyros feel; by a clock that runs fast, as much at the end.
     """
-    lag, later = lags_of(scene.imu, scene.early)
+    lag, later = lags_of(scene.imu)
     turn = run.C_nb.as_matrix() @ run.rate[-1] - scene.site.w_ie_n
     felt = run.changing * np.repeat([0.0, 1.0], 3)
     late = lag * turn + later * run.answer(felt)

@@ -8,7 +8,7 @@ from alignment.arrays import Array
 from alignment.information import InstrumentErrors
 from stand.imu import ImuSpec, Temperature
 from stand.imu.by_value import known_to_first_order
-from stand.imu.instrument import early_by, slow_noise, unit_of
+from stand.imu.instrument import slow_noise, unit_of
 from stand.motion.limits import Torque
 from stand.motion.plan import Plan
 from stand.motion.polynomial import MotionKind
@@ -47,13 +47,8 @@ class Scene:
     def unit(self) -> InstrumentErrors:
         """The unit's errors, its noise as the samples have it."""
         s = self.settings
-        stated = unit_of(self.imu, slow_noise(self.imu, s.rate_hz, s.sampling), self.early)
+        stated = unit_of(self.imu, slow_noise(self.imu, s.rate_hz, s.sampling))
         return known_to_first_order(stated, self.imu)
-
-    @property
-    def early(self) -> float:
-        """By how much samples are early [s]."""
-        return early_by(self.rate_hz, self.settings.sampling)
 
     @property
     def roundings(self) -> tuple[Rounding, Rounding]:

@@ -28,7 +28,7 @@ from stand.arguments import (
 )
 from stand.errors import StandError, unknown, whole
 from stand.imu import ImuSpec, Temperature, load_imu, without
-from stand.imu.instrument import early_by, slow_noise
+from stand.imu.instrument import slow_noise
 from stand.imu.priors import BASE_ARM, GIMBAL_ARM, priors_of
 from stand.motion.polynomial import MotionKind
 from stand.physics.dynamics import Payload
@@ -306,8 +306,7 @@ def stated_priors(made: Settings) -> Priors:
     """
     arm = arm_of(made.procedure, made.table)
     noise = slow_noise(made.unit, made.rate_hz, made.sampling)
-    early = early_by(made.rate_hz, made.sampling)
-    priors = priors_of(made.unit, made.stated_table, arm, noise, early)
+    priors = priors_of(made.unit, made.stated_table, arm, noise)
     temperature = temperature_of(made.procedure)
     if temperature is None:
         return priors
