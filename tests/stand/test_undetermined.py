@@ -294,11 +294,12 @@ def test_drive_gives_no_attitude_that_the_gyros_have_lost(stand_command, unit, t
     assert outcome.code == 0, outcome.err
     assert f"printed: attitude {NO} after 5 fixes: sigma of 37" in " ".join(outcome.out.split())
     found = json.loads((tmp_path / "drive" / "result.json").read_text())
-    printed, _, kalman = found["solutions"]
+    printed, _ = found["solutions"]
     assert printed["after"][-1]["error_deg"] is None
     assert printed["after"][-1]["undetermined"] == "sigma is above 180 deg"
-    assert kalman["after"][-1]["error_deg"] is not None
-    assert kalman["after"][-1]["undetermined"] == ""
+    (refused,) = found["refusals"]
+    assert refused["window"] == "kalman"
+    assert refused["reason"].endswith("a linear filter takes 5.5")
 
 
 # --- what a data sheet leaves out
