@@ -529,7 +529,8 @@ def _check(columns: Mapping[str, NDArray[Any]], stamps: str) -> None:
 
 
 def _check_turns(q: Array) -> None:
-    i = _first(q, lambda part: np.abs(np.linalg.norm(part, axis=1) - 1.0) > 1e-6)
+    with np.errstate(over="ignore"):  # of any number that stands there
+        i = _first(q, lambda part: np.abs(np.linalg.norm(part, axis=1) - 1.0) > 1e-6)
     if i is not None:
         raise StandError(f"message {i}: {_LABELS['q']} {q[i].tolist()}: must be of length 1")
 
