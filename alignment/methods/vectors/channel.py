@@ -44,7 +44,7 @@ class State:
     P: Array
 
 
-class Stretches(NamedTuple):
+class Strides(NamedTuple):
     """From each point to the next: what was felt, and what errors of the unit add to it."""
 
     sensed: Integrals
@@ -100,14 +100,14 @@ def begun(record: Record, fixes: Fixes, options: VectorOptions) -> State:
     )
 
 
-def steps(record: Record) -> Stretches:
+def steps(record: Record) -> Strides:
     """From each point to the next, in b at the former."""
     k = np.arange(len(record.t) - 1)
-    return Stretches(record.sensed.since(k, k + 1), record.effects.between(record.sensed))
+    return Strides(record.sensed.since(k, k + 1), record.effects.between(record.sensed))
 
 
 def carried(
-    state: State, strides: Stretches, k: int, elapsed: float, fixes: Fixes, priors: Priors
+    state: State, strides: Strides, k: int, elapsed: float, fixes: Fixes, priors: Priors
 ) -> State:
     """The state after stretch `k` of `steps`, which began `elapsed` seconds after the first fix."""
     (step, other), C = strides, state.C
@@ -137,7 +137,7 @@ def carried(
     )
 
 
-def _transition(strides: Stretches, k: int, C: Array, dv: Array, dr: Array, fading: float) -> Array:
+def _transition(strides: Strides, k: int, C: Array, dv: Array, dr: Array, fading: float) -> Array:
     """Errors after a stretch per error before it.
 
     The gradient of gravity (3e-6/s^2) is left out.
