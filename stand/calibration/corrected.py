@@ -13,6 +13,7 @@ from stand.bounds import COLDEST_C, HOTTEST_C
 from stand.calibration.file import CalibrationRecord, load_calibration, record_to_json
 from stand.errors import StandError, located
 from stand.folder import file_beside, refuse_files
+from stand.imu.by_value import FIELDS
 from stand.recording.entrance import Progress, log_file, origin_of, read_imu, unseen
 from stand.recording.hashes import sha256_of_file, sha256_of_text
 from stand.recording.log import Log
@@ -182,7 +183,7 @@ def posterior(calibration: Calibration, priors: Priors) -> Priors:
     """
     found: dict[str, float] = {}
     for sensor in ("gyro", "accel"):
-        for term, name in _PRIORS.items():
+        for term, name in FIELDS.items():
             own = [
                 p.sigma
                 for p in calibration.parameters
@@ -199,13 +200,4 @@ def posterior(calibration: Calibration, priors: Priors) -> Priors:
     return replace(priors, **found)
 
 
-_PRIORS = {
-    "bias": "bias",
-    "scale": "scale",
-    "asymmetry": "asymmetry",
-    "k2": "quadratic",
-    "k3": "cubic",
-    "g_sensitivity": "g_sensitivity",
-    "g2_sensitivity": "g2_sensitivity",
-}
 _ANGLES = {"rotation": "misalignment", "non_orthogonality": "non_orthogonality"}

@@ -16,8 +16,9 @@ from alignment.information import InstrumentErrors, TriadErrors
 from stand.imu.known import Known
 from stand.imu.preset import ImuSpec, TriadSpec
 
-# term of `Known`: field of `TriadErrors`; of misalignments see `_of_axes`
-_FIELDS: Mapping[str, str] = {
+# term of `Known`: field of `TriadErrors`, and of `Priors` behind its sensor; of misalignments see
+# `_of_axes`
+FIELDS: Mapping[str, str] = {
     "bias": "bias",
     "scale": "scale",
     "asymmetry": "asymmetry",
@@ -40,7 +41,7 @@ def values_of(spec: TriadSpec) -> dict[str, Array]:
     """The constants that are known, by field of `TriadErrors`: (3,), or (9,) by force."""
     found: dict[str, Array] = {}
     for one in spec.known:
-        name = _FIELDS.get(one.term)
+        name = FIELDS.get(one.term)
         if name is not None:
             values = found.setdefault(name, np.zeros(9 if name in _NINE else 3))
             values[_place(one)] = one.value
@@ -90,7 +91,7 @@ def _of_axes(m: Mapping[tuple[int, int | None], float]) -> tuple[Array, Array]:
 def _spread(triad: TriadErrors, spec: TriadSpec) -> TriadErrors:
     changed: dict[str, Array] = {}
     for one in spec.known:
-        name = _FIELDS.get(one.term)
+        name = FIELDS.get(one.term)
         if name is not None:
             sigmas = changed.setdefault(name, np.array(getattr(triad, name)))
             sigmas[one.axis] = one.sigma
@@ -108,7 +109,7 @@ def _largest(spec: TriadSpec) -> TriadSpec:
         return spec
     cubic = spec.nonlinearity / spec.full_scale**2
     own = {"quadratic": spec.second_order, "cubic": cubic}
-    plain = {n: getattr(spec, n) for n in (*_FIELDS.values(), *_ACROSS) if n not in own}
+    plain = {n: getattr(spec, n) for n in (*FIELDS.values(), *_ACROSS) if n not in own}
     stated = replace(TriadErrors(), **plain, **own)
     left, found = _spread(stated, spec), {}
     for name, values in values_of(spec).items():

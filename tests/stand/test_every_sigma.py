@@ -10,6 +10,7 @@ import re
 from itertools import chain
 
 import pytest
+from procedures import HALF_TURN
 
 import stand
 from stand.calibration.file import record_to_json
@@ -27,28 +28,7 @@ WALKS = {
     "accel": "velocity_random_walk_m_s_rt_h",
 }
 BIASES = {"gyro": "turn_on_bias_deg_h", "accel": "turn_on_bias_mg"}
-HALF_TURN = """
-title = "Half a turn"
-table = "mid-class"
-[site]
-latitude_deg = 48.5
-[estimate]
-methods = METHODS
-[require]
-heading_deg = 20
-[[step]]
-kind = "dwell"
-label = "first"
-duration_s = 24
-[[step]]
-kind = "move"
-label = "turn"
-joints_deg = { outer = 180 }
-[[step]]
-kind = "dwell"
-label = "second"
-duration_s = 24
-"""
+ASKED = "methods = METHODS\n[require]\nheading_deg = 20"
 SWEEP = """
 title = "Sweep"
 procedure = "half.toml"
@@ -79,7 +59,8 @@ def sheet(path, walk: float, **biases: float) -> str:
 
 
 def made_with(folder, walk: float, methods=("triad", "two-position"), **biases: float):
-    (folder / "half.toml").write_text(HALF_TURN.replace("METHODS", json.dumps(methods)))
+    procedure = HALF_TURN.replace('methods = ["triad"]', ASKED)
+    (folder / "half.toml").write_text(procedure.replace("METHODS", json.dumps(methods)))
     (folder / "sweep.toml").write_text(SWEEP.replace("{walk}", f"{walk}"))
     unit = sheet(folder / "unit.toml", walk, **biases)
     return stand.settings(str(folder / "half.toml"), imu=unit, rate_hz=5, seed=1, methods=methods)
