@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from procedures import resting
 from processes import begun, members, spent
 
 TIMES = int(os.environ.get("STAND_INTERRUPTS", "0"))
@@ -29,17 +30,6 @@ KEPT = {"campaign": {"campaign"}}  # by design: what was made is gone on with
 BEGUN_S = 1.0  # of processors: until then Python imports the command itself
 LATEST_S = 6.0
 SOONER_S = {"calibrate": 2.0}  # is through soon after
-LONG = """
-title = "Long"
-[site]
-latitude_deg = 48.5
-[estimate]
-methods = ["triad"]
-[[step]]
-kind = "dwell"
-label = "a"
-duration_s = 3600
-"""
 SWEEP = """
 title = "Some"
 procedure = "two-position"
@@ -89,7 +79,7 @@ CASES = [(name, k) for name in COMMANDS for k in range(TIMES)] or [("compare", 0
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "number"), CASES)
 def test_one_line_and_nothing_left(request, tmp_path, name, number):
-    (tmp_path / "long.toml").write_text(LONG)
+    (tmp_path / "long.toml").write_text(resting(3600))
     (tmp_path / "sweep.toml").write_text(SWEEP)
     if name == "calibrate":
         (tmp_path / "log.csv").symlink_to(request.getfixturevalue("log"))
