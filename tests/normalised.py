@@ -32,6 +32,7 @@ from stand.simulation.settings import Settings, assembled
 from stand.simulation.work import Engine
 
 UNDETERMINED = radians(30.0)  # sigma above which a heading is no number
+ROUNDING = 1e-9  # rad: below it an error is of no reading
 # A mean of 32 blocks knows its variance with 31 degrees of freedom, a mean over F(3, 31) is
 # 31/29; of five seconds at 5 Hz there are 24.
 FEW_BLOCKS = 24 / 22
@@ -158,7 +159,7 @@ def _normalised(e: AttitudeEstimate, error: np.ndarray) -> tuple[float, int, flo
     sigma = float(np.sqrt(P[2, 2]))
     if not sigma <= UNDETERMINED:
         P, error, size = P[:2, :2], error[:2], 2
-    if np.linalg.eigvalsh(P)[0] <= 0:
+    if np.linalg.eigvalsh(P)[0] <= 0 or np.abs(error).max() < ROUNDING:
         return None
     return float(error @ np.linalg.solve(P, error)), size, sigma
 

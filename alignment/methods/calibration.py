@@ -70,9 +70,18 @@ def calibration(dwells: Sequence[Dwell], site: Site, options: Options) -> list[A
     stations = fit.design.model.sessions[0].stations
     rests = [k for k, station in enumerate(stations) if not station.stretch.rate]
     if not rests:
-        label = stations[0].stretch.label
+        first = stations[0].stretch
         return [
-            AttitudeEstimate(CALIBRATION, label, t_from, t_to, flags=doubts, **_constants(found))
+            AttitudeEstimate(
+                CALIBRATION,
+                first.label,
+                t_from,
+                t_to,
+                C_nb=None,
+                sequence=options.rule.sequence_for(first.C_pb.inv().apply(UP)),
+                flags=("constants alone: a turning stretch has no attitude", *doubts),
+                **_constants(found),
+            )
         ]
     estimates = []
     for k in rests:

@@ -191,7 +191,7 @@ def _refused_table(scores: Sequence[Score]) -> TableData:
     """One form of a method that gives no attitude, and why."""
     first = scores[0].estimate
     rows = tuple((s.estimate.label, "; ".join(s.estimate.flags)) for s in scores)
-    title = f"{method_text(first.method, first.window)}: no estimate"
+    title = f"{method_text(first.method, first.window)}: no attitude"
     return TableData(title, ("position", "finding"), rows)
 
 

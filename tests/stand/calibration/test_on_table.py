@@ -85,6 +85,25 @@ def table_values(errors):
     return found
 
 
+def test_without_a_rest_there_are_constants_and_no_attitude(stand_command, tmp_path):
+    """Two spins at 100 deg/s: a gyro's scale comes to noise over turns, an attitude to none."""
+    spins = move("up", 0, 0, 0) + rate("up", "outer", 2) + move("over", 0, 90, 0)
+    path = tmp_path / "spins.toml"
+    text = SHORT.format(table="precision") + spins + rate("over", "outer", 2)
+    path.write_text(text, encoding="utf-8")
+    data = stand_command("run", path, "--rate", 50, "--out", tmp_path / "run", "--json").json
+    (only,) = data["estimates"]
+    assert only["label"] == "up +"
+    assert only["flags"] == ["constants alone: a turning stretch has no attitude"]
+    assert only["heading_deg"] is None
+    scales = [one for one in only["constants"] if (one["sensor"], one["term"]) == ("gyro", "scale")]
+    told = {one["axis"]: one["sigma"] for one in scales}
+    # turns about Y1, then about X1; nothing turns about Z1
+    assert max(told["X1"], told["Y1"]) < 0.1 * told["Z1"]
+    plain = stand_command("run", path, "--rate", 50, "--out", tmp_path / "plain").out
+    assert "calibration: no attitude" in plain
+
+
 def test_the_model_is_the_simulators(short):
     """Without noise, told what unit and table really had: second orders are left, and no more."""
     quiet = ["white-noise", "bias-instability", "random-walk", "quantisation"]
