@@ -190,7 +190,7 @@ def around_variance(dwell: Dwell) -> Array:
     more than all that, as flicker noise makes them, what is more counts. Zeros where the record
     moves, or is the dwell.
     """
-    return _told_around(dwell) + _wander_around(dwell)
+    return _told_around(dwell) + wander_around(dwell)
 
 
 def _told_around(dwell: Dwell) -> Array:
@@ -200,7 +200,7 @@ def _told_around(dwell: Dwell) -> Array:
     return np.asarray(((1 - part) * drift) ** 2 / 12 + (share * one.off) ** 2)
 
 
-def _wander_around(dwell: Dwell) -> Array:
+def wander_around(dwell: Dwell) -> Array:
     """By how much means of windows like the dwell vary (6,) beyond their noise, drift and share.
 
     Zeros where there are fewer than five, or the record moves.
@@ -211,7 +211,7 @@ def _wander_around(dwell: Dwell) -> Array:
 
 @lru_cache(maxsize=1)  # the windows of one record ask one after the other
 def _wander_at_rest(readings: ImuReadings, count: int) -> Array:
-    """As `_wander_around`, of so many windows but those that drift or are disturbed: they excuse no
+    """As `wander_around`, of so many windows but those that drift or are disturbed: they excuse no
     other. Zeros of a triad whose ratios of found to expected are, on average, within three
     standard errors of one."""
     try:
@@ -253,7 +253,7 @@ def around_doubt(dwell: Dwell) -> tuple[str, ...]:
     flags: tuple[str, ...] = ()
     if drift.any():
         flags = (f"the record around it drifts, {drift_words(drift[:3], drift[3:])}: counted",)
-    if _wander_around(dwell).any():
+    if wander_around(dwell).any():
         flags += ("windows as long as this scatter by more than its noise and drift: counted",)
     one = apart_around(dwell)
     return flags + apart_doubt(one) * bool(one.share(dwell.t_from, dwell.t_to))
@@ -464,7 +464,7 @@ def is_at_rest(readings: ImuReadings) -> bool:
 @once
 def _motion(readings: ImuReadings) -> str:
     """Why readings are not at rest, in words; '' where they are."""
-    blocks = _blocks(readings)
+    blocks = rest_blocks(readings)
     f, w = block_means(readings.f_b, blocks), block_means(readings.w_ib_b, blocks)
     mean_f = f.mean(axis=0)
     size = float(np.linalg.norm(mean_f))
@@ -474,8 +474,8 @@ def _motion(readings: ImuReadings) -> str:
     rates = np.linalg.norm(w - w.mean(axis=0), axis=1)
     if tilts.max() <= REST_TILT and rates.max() <= REST_RATE:  # whatever the noise would excuse
         return ""
-    tilt = max(REST_TILT, _scatter(readings.f_b, f) / size)
-    rate = max(REST_RATE, _scatter(readings.w_ib_b, w))
+    tilt = max(REST_TILT, noise_of_blocks(readings.f_b, f) / size)
+    rate = max(REST_RATE, noise_of_blocks(readings.w_ib_b, w))
     span = readings.interval * len(readings) / blocks
     if tilts.max() <= tilt and _is_drift(w, mean_f / size, rate, span):
         rates = np.zeros(blocks)
@@ -492,11 +492,11 @@ def _motion(readings: ImuReadings) -> str:
 
 def longest_rest(readings: ImuReadings, shortest: float = 10.0) -> tuple[float, float] | None:
     """The longest part [s] between jumps of 1 s means that is at rest, None below `shortest`."""
-    blocks = _blocks(readings)
+    blocks = rest_blocks(readings)
     f, w = block_means(readings.f_b, blocks), block_means(readings.w_ib_b, blocks)
     size = np.linalg.norm(f, axis=1)
-    tilt = max(REST_TILT * size.mean(), _scatter(readings.f_b, f))
-    rate = max(REST_RATE, _scatter(readings.w_ib_b, w))
+    tilt = max(REST_TILT * size.mean(), noise_of_blocks(readings.f_b, f))
+    rate = max(REST_RATE, noise_of_blocks(readings.w_ib_b, w))
     jumps = (np.linalg.norm(np.diff(f, axis=0), axis=1) > tilt) | (
         np.linalg.norm(np.diff(w, axis=0), axis=1) > rate
     )
@@ -516,12 +516,13 @@ def longest_rest(readings: ImuReadings, shortest: float = 10.0) -> tuple[float, 
     return (t_from, t_to) if t_to - t_from >= shortest else None
 
 
-def _blocks(readings: ImuReadings) -> int:
+def rest_blocks(readings: ImuReadings) -> int:
+    """How many 1 s means a stretch has: two at least, a sample each at most."""
     span = readings.interval * len(readings)
     return max(2, min(round(span / REST_BLOCK), len(readings)))
 
 
-def _scatter(values: Array, means: Array) -> float:
+def noise_of_blocks(values: Array, means: Array) -> float:
     """How far noise and rounding may move the block means (b, 3) of values (n, 3).
 
     Of two values nothing: there is no second difference, and their step may be motion.

@@ -1,6 +1,6 @@
 """What a table at a nominal attitude must read, and the zero offset of what it does read."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -9,9 +9,10 @@ from alignment.angles import C_nb_from_angles, Sequence, SequenceRule
 from alignment.arrays import Array
 from alignment.earth import Site
 from alignment.errors import AlignmentError, TooShort
-from alignment.noise import mean_and_variance
+from alignment.noise import mean_and_variance, wander_around
 from alignment.options import Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.rocked import rocked_covariance
 
 # [S0], methods.md section 1: roll, yaw, pitch in degrees, by yaw-pitch-roll
 SIX_POSITIONS = {
@@ -29,10 +30,14 @@ TRACK_LEAD = 1.0  # s of data behind a track's first point
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ZeroOffset:
-    """Offsets (6,) of rates [rad/s] and forces [m/s^2], and the variances (6,) of their means."""
+    """Offsets (6,) of rates [rad/s] and forces [m/s^2], and the variances (6,) of their means.
+
+    `wander` (6,): what of these the window does not show, but others as long in its dwell do.
+    """
 
     values: Array
     variances: Array
+    wander: Array
 
 
 def nominal_attitude(dwell: Dwell) -> Rotation:
@@ -77,7 +82,9 @@ def zero_offset(dwell: Dwell, nominal: Rotation, site: Site, window: float) -> Z
     means, variances = mean_and_variance(dwell.window(0.0, window))
     wanted = nominal_readings(nominal, site)
     _check_vertical(dwell.label, means[3:], wanted[3:])
-    return ZeroOffset(means - wanted, variances)
+    first = replace(dwell, t_to=dwell.t_from + window, readings=dwell.window())
+    wander = wander_around(first)
+    return ZeroOffset(means - wanted, variances + wander, wander)
 
 
 def _check_vertical(label: str, measured: Array, wanted: Array) -> None:
@@ -99,6 +106,12 @@ def placed_covariance(priors: Priors) -> Array:
     """Covariance (3, 3) about n [rad^2] of the true attitude from the nominal one: the table's."""
     base = np.diag([priors.nominal, priors.nominal, priors.azimuth]) ** 2
     return np.asarray((priors.turn**2 + priors.seat**2) * np.eye(3) + base)
+
+
+def placed_and_rocked(dwell: Dwell, nominal: Rotation, priors: Priors) -> Array:
+    """`placed_covariance`, and what the dwell itself shows its base to have rocked by (3, 3)."""
+    C = nominal.as_matrix()
+    return placed_covariance(priors) + C @ rocked_covariance(dwell.window()) @ C.T
 
 
 def track_ends(readings: ImuReadings) -> np.ndarray:

@@ -22,7 +22,7 @@ from alignment.misplaced import misplaced
 from alignment.noise import BLOCKS, check_at_rest, gap_doubt, mean_variance
 from alignment.nominal import (
     nominal_attitude,
-    placed_covariance,
+    placed_and_rocked,
     sequence_of,
     track_ends,
     zero_offset,
@@ -30,6 +30,7 @@ from alignment.nominal import (
 from alignment.options import Options, Priors
 from alignment.quaternions import multiply, normalised, prefix_product
 from alignment.readings import Dwell, ImuReadings
+from alignment.rocked import rocked_doubt
 from alignment.saturation import saturation_doubt
 
 METHOD = "rk4"
@@ -129,7 +130,9 @@ def _track(
     variance_rate = mean_variance(readings.w_ib_b) * readings.interval * len(readings)
     elapsed = t - dwell.t_from
     few = len(dwell.window(0.0, options.offset_window)) <= BLOCKS  # tell less than the record
-    own = None if few else offset.variances[:3]
+    own = offset.variances[:3]
+    if few:
+        own = variance_rate / options.offset_window + offset.wander[:3]
     about_b = integrated_drift_covariance(variance_rate, elapsed, options.offset_window, own)
     # bias of later readings against that of the window: the two differ by the Allan deviation
     late = np.maximum(elapsed - options.offset_window, 0.0)
@@ -138,7 +141,7 @@ def _track(
     R = nominal.as_matrix()
     begun = in_the_mean(priors, dwell.t_from, options.offset_window)
     beyond, told = misplaced(offset, nominal, site, begun)
-    placed = placed_covariance(priors) + beyond
+    placed = placed_and_rocked(dwell, nominal, priors) + beyond
     covariance = np.einsum("ij,mj,kj->mik", R, about_b, R) + placed
     sequence = sequence_of(nominal, options.rule)
     track = AttitudeTrack(method, dwell.label, t, C_nb, sequence=sequence, covariance=covariance)
@@ -154,7 +157,7 @@ def integrated(
         check_at_rest(dwell)
         for gap in gap_doubt(dwell.window()):
             raise AlignmentError(f"{dwell.label}: {gap}: what the gyros felt there is lost")
-        flags = saturation_doubt(dwell.label, dwell.window())
+        flags = saturation_doubt(dwell.label, dwell.window()) + rocked_doubt(dwell.window())
         track, told = _track(method, integrator, dwell, site, options, last_only=True)
         flags += told
         flags += () if dwell.nominal is not None else ("start attitude assumed: heading 0",)

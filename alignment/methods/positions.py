@@ -40,6 +40,7 @@ from alignment.noise import check_at_rest, gap_doubt, mean_and_unstated
 from alignment.options import Options, Priors
 from alignment.parts import mean
 from alignment.readings import Dwell
+from alignment.rocked import rocked_covariance, rocked_doubt
 from alignment.rounding import blur_of, rounding_variance, shared_rounding, steps_of
 from alignment.saturation import CHANNELS, saturation_doubt
 from alignment.units import DEG
@@ -350,8 +351,18 @@ def _told_of(
     first = _nominal_of(dwells[0]).inv()
     relative = np.array([(first * _nominal_of(dwell)).as_matrix() for dwell in dwells])
     drift = np.repeat(drift_covariance(priors, _times_of(dwells)), 3, axis=0)
-    drift = drift + _rounding(dwells, means, drift, site, priors)
+    drift = drift + _rounding(dwells, means, drift, site, priors) + _leaned(dwells, means)
     return means, pooled_variances(scatter, spans), relative, drift
+
+
+def _leaned(dwells: Ordered[Dwell], means: Array) -> Array:
+    """Covariance (6, n, n) of the means by how a base that rocked leaned away from its turns."""
+    found = np.zeros((6, len(dwells), len(dwells)))
+    for k, dwell in enumerate(dwells):
+        f = means[k, 3:]
+        away = np.eye(3) - np.outer(f, f) / (f @ f)
+        found[3:, k, k] = f @ f * np.diag(away @ rocked_covariance(dwell.window()) @ away)
+    return found
 
 
 def _times_of(dwells: Ordered[Dwell]) -> list[Span]:
@@ -369,7 +380,7 @@ def _answers(
     """Of every position; `told`: variances of its means, and turns."""
     t_from, t_to = min(d.t_from for d in dwells), max(d.t_to for d in dwells)
     growth = _growth(fit)
-    covariances = growth * fit.covariance + _misplaced(dwells, fit)
+    covariances = growth * fit.covariance + _misplaced(dwells, fit) + _rocked(dwells, fit)
     bias_sigmas = _bias_sigmas(fit, growth, site)
     shared = _doubts(fit)
     if options.verdicts:
@@ -390,6 +401,7 @@ def _answers(
             else float(np.sqrt(growth) * fit.latitude_sigma),
             flags=gap_doubt(dwell.window())
             + saturation_doubt(dwell.label, dwell.window())
+            + rocked_doubt(dwell.window())
             + heading_doubt(covariances[k])
             + shared,
             biases=fit.biases,
@@ -415,6 +427,15 @@ def _misplaced(dwells: Ordered[Dwell], fit: PositionFit) -> Array:
     off = np.cross(up / np.linalg.norm(up, axis=1)[:, None], [0.0, 0.0, -1.0])
     usual = float(np.mean(off[:, :2] ** 2))
     return off[:, :, None] * off[:, None] + usual * np.eye(3)
+
+
+def _rocked(dwells: Ordered[Dwell], fit: PositionFit) -> Array:
+    """What turns about a base that rocked add to each position's covariance (3, 3), about n.
+
+    The fit takes its turns for true, so what one position was off by is in all: the mean of them.
+    """
+    shown = np.array([rocked_covariance(dwell.window()) for dwell in dwells])
+    return np.asarray(np.mean(fit.C_nb @ shown @ np.swapaxes(fit.C_nb, 1, 2), axis=0))
 
 
 def _bias_sigmas(fit: PositionFit, growth: float, site: Site) -> Array:

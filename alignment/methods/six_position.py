@@ -32,13 +32,14 @@ from alignment.nominal import (
     TRACK_LEAD,
     ZeroOffset,
     nominal_attitude,
-    placed_covariance,
+    placed_and_rocked,
     sequence_of,
     track_ends,
     zero_offset,
 )
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.rocked import rocked_doubt
 from alignment.saturation import saturation_doubt
 
 METHOD = "six-position"
@@ -128,7 +129,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     variances = variances + offset.variances + drifts
     G = G * [[1.0], [1.0], [_weaker(fresh, offset, C_nb, site)]]
     covariance = _on_the_circle(nominal, variances, G, site)
-    covariance = covariance + placed_covariance(options.priors)
+    covariance = covariance + placed_and_rocked(dwell, nominal, options.priors)
     begun = in_the_mean(options.priors, dwell.t_from, options.offset_window)
     beyond, told = misplaced(offset, nominal, site, begun)
     covariance = covariance + beyond
@@ -146,6 +147,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
             + told
             + heading_doubt(covariance)
             + rest_doubt(fresh)
+            + rocked_doubt(dwell.window())
             + faint_doubt(fresh, options.priors),
         )
     )
@@ -200,7 +202,7 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
         whole = np.concatenate([mean_variance(readings.w_ib_b), mean_variance(readings.f_b)])
         part = ends / len(readings)
         growth = 1 / part - 1 if window == "same" else 1 / part  # "same" ends at its own offset
-        placed = placed_covariance(options.priors) + beyond
+        placed = placed_and_rocked(dwell, nominal, options.priors) + beyond
         covariance = [_on_the_circle(nominal, whole * g + extra, G, site) + placed for g in growth]
         tracks.append(
             AttitudeTrack(

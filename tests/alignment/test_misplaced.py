@@ -16,7 +16,7 @@ NOISE = np.array([1e-18] * 3 + [1e-10] * 3)
 
 
 def offset(*values):
-    return ZeroOffset(np.array(values, dtype=float), NOISE)
+    return ZeroOffset(np.array(values, dtype=float), NOISE, np.zeros(6))
 
 
 def test_a_force_beyond_what_is_stated_is_a_lean_of_either_level_axis():

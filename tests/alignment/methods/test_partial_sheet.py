@@ -67,7 +67,7 @@ def test_offsets_contradict_the_sheet_of_their_own_sensor():
     values = np.concatenate([w_b, f_b])
     off = np.zeros(6)
     off[2], off[3] = W * cos(radians(48.5)) * radians(10), G * radians(1)
-    offset = ZeroOffset(off, np.full(6, 1e-20) * np.ones_like(values))
+    offset = ZeroOffset(off, np.full(6, 1e-20) * np.ones_like(values), np.zeros(6))
     for priors, level, heading in ((NOISE, 0, 0), (ACCEL, 1, 0), (GYRO, 0, 1)):
         _, flags = misplaced(offset, LEVEL, HERE, priors)
         assert (sum("the level" in f for f in flags), sum("the heading" in f for f in flags)) == (
