@@ -11,6 +11,7 @@ from alignment.parts import in_parts
 
 Array = NDArray[np.floating[Any]]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 SMALL = 4096  # values that are looked at in one go
 

@@ -23,9 +23,11 @@ from alignment.methods.harmonics import (
     Harmonics,
     TurningVector,
     block_means,
+    counting,
     harmonic_fit,
     harmonics_at,
     interval_harmonics,
+    ripple_left,
     turning_vector,
 )
 from alignment.methods.position_fit import local_vectors
@@ -33,7 +35,7 @@ from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT, gap_doubt
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.saturation import saturation_doubt
-from alignment.units import DEG, DEG_PER_HOUR
+from alignment.units import ARC_SECOND, DEG, DEG_PER_HOUR
 
 METHOD = "carousel"
 
@@ -299,7 +301,8 @@ def carousel(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     Leading errors: lag beyond the interval's mean, ``rate tau`` (cancelled by turning both ways);
     once-per-turn rate ripple times misalignment over ``W cos lat``; white noise
     ``ARW/(W cos lat sqrt(T))`` with two gyros, sqrt(2) times that with one; an axis of turning
-    that is not where `axis_b` says, 1:1 in tilt.
+    that is not where `axis_b` says, 1:1 in tilt. Axes that nod and speeds that ripple once per turn
+    cancel over three gyros alone (see `turning_vector`); with fewer they are in no sigma.
     """
     site.horizontal_rate()
     latitude, _ = local_vectors(site)
@@ -338,8 +341,8 @@ def _alike(found: Ordered[Harmonics]) -> list[Harmonics]:
     counts, and what cancels between the directions would not.
     """
     samples = [1 / float(h.normal[0, 0]) for h in found]
-    variance = np.average([h.variance for h in found], axis=0, weights=samples)
-    return [replace(h, variance=variance) for h in found]
+    scatter = np.average([h.scatter for h in found], axis=0, weights=samples)
+    return [replace(h, scatter=scatter) for h in found]
 
 
 def combined(
@@ -391,10 +394,9 @@ def _together(
     assert first.turn is not None
     axis = first.turn.axis_b / np.linalg.norm(first.turn.axis_b)
     rates = [s.rate for s in group]
-    seen = [
-        turning_vector(h, axis, s.present)
-        for h, s in zip(_alike([s.gyros for s in group]), group, strict=True)
-    ]
+    alike = list(zip(_alike([s.gyros for s in group]), group, strict=True))
+    seen = [turning_vector(h, axis, s.present) for h, s in alike]
+    left = max(ripple_left(axis, counting(h, axis, s.present)) for h, s in alike)
     felt = [turning_vector(h, axis) for h in _alike([s.accels for s in group])]
     lag, _ = lag_of(seen, rates, axis)
 
@@ -424,7 +426,7 @@ def _together(
         covariance=site.about_n(fit.covariance),
         flags=tuple(dict.fromkeys(flag for s in group for flag in s.flags))
         + heading_doubt(fit.covariance)
-        + _doubts(fit, group, lag, site.horizontal_rate()),
+        + _doubts(fit, group, lag, left, site.horizontal_rate()),
     )
 
 
@@ -448,7 +450,7 @@ def _turned(
 
 
 def _doubts(
-    fit: CarouselFit, group: Ordered[_Stretch], lag: float, horizontal: float
+    fit: CarouselFit, group: Ordered[_Stretch], lag: float, left: float, horizontal: float
 ) -> tuple[str, ...]:
     rate = max(abs(s.rate) for s in group)
     if not _both_ways([s.rate for s in group]):
@@ -465,5 +467,11 @@ def _doubts(
         flags += (
             f"rate ripple of {ripple / DEG_PER_HOUR:.3g} deg/h once per turn: heading "
             f"{shift / DEG:.2g} deg per mrad of misalignment",
+        )
+    nods = left * rate * ARC_SECOND / horizontal
+    if nods > np.sqrt(fit.covariance[2, 2]):
+        flags += (
+            "not all gyros count: an axis or encoder that errs once per turn does not cancel, "
+            f"heading {nods / DEG:.2g} deg per arc second of it",
         )
     return flags

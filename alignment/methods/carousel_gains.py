@@ -76,8 +76,8 @@ def _attitude(y: Array, group: Sequence[Stretch], site: Site, options: Options) 
 
 
 def _vector(c: Array, axis: Array, walk: float, length: float) -> TurningVector:
-    variance = np.full(3, max(walk, _LEAST_WALK) ** 2)
-    h = Harmonics(c[0], c[1], c[2], variance, normal=np.diag([1.0, 2.0, 2.0]) / length)
+    scatter = np.eye(3) * max(walk, _LEAST_WALK) ** 2
+    h = Harmonics(c[0], c[1], c[2], scatter, normal=np.diag([1.0, 2.0, 2.0]) / length)
     return turning_vector(h, axis)
 
 

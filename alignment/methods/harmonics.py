@@ -1,16 +1,17 @@
 """Constant, cosine and sine of readings against the encoder of a turning table."""
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
-from alignment.arrays import Array
+from alignment.arrays import Array, BoolArray
 from alignment.errors import AlignmentError, TooShort
 from alignment.methods.position_fit import ROUNDING
 from alignment.noise import BLOCKS
 
 LEAST_ACROSS = 0.1  # part of a sensor that must lie across the axis for it to count
-NOISIER = 25.0  # times the variance of the quietest sensor: one noisier than that is left out
+LESSENED = 6.5  # times the variance: what leaving out one of two sensors gains if it is 5 x noisier
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,16 +21,16 @@ class Harmonics:
     Attributes
     ----------
     constant, cosine, sine : (..., k)
-    variance : (..., k)
-        Of one sample, as the scatter of block means of the residuals has it.
+    scatter : (..., k, k)
+        Covariance of one sample, as block means of the residuals have it.
     normal : (3, 3)
-        Times `variance`: covariance of the three coefficients of a channel.
+        Times a variance of `scatter`: covariance of the three coefficients of a channel.
     """
 
     constant: Array
     cosine: Array
     sine: Array
-    variance: Array
+    scatter: Array
     normal: Array
 
 
@@ -64,11 +65,12 @@ def harmonic_fit(X: Array, values: Array) -> Harmonics:
     normal = np.linalg.inv(X.T @ X)
     coefficients = normal @ (X.T @ values)
     X_mean, lengths = block_means(X, BLOCKS)
-    left = np.sum((block_means(values, BLOCKS)[0] - X_mean @ coefficients) ** 2, axis=-2)
+    left = block_means(values, BLOCKS)[0] - X_mean @ coefficients
+    scatter = np.swapaxes(left, -1, -2) @ left
     # expectation for unit white noise: trace of B (1 - X normal X^T) B^T, B the block means
     expected = np.sum(1 / lengths) - np.sum((X_mean @ normal) * X_mean)
     constant, cosine, sine = np.moveaxis(coefficients, -2, 0)
-    return Harmonics(constant, cosine, sine, left / expected, normal=normal)
+    return Harmonics(constant, cosine, sine, scatter / expected, normal=normal)
 
 
 def block_means(values: Array, blocks: int) -> tuple[Array, Array]:
@@ -110,26 +112,64 @@ def turning_vector(
     -----
     A sensor along u sees ``u . p`` with cos(beta) and ``p . (a x u)`` with sin(beta): each sensor
     alone gives all of p, times its scale factor, so its direction is free of scale errors. They
-    count by how much of them lies across the axis, and not by their noise unless that is five
-    times the quietest one's: an axis that nods once per turn (5'' at 4 deg/s is 1.7 deg/h, degrees
-    of heading) has opposite signs in two gyros and cancels in their plain mean alone.
+    count by how much of them lies across the axis. In their plain mean alone cancels an axis that
+    nods once per turn (24'' at 4 deg/s is 1.7 deg/h, degrees of heading), which has opposite signs
+    in two gyros, and a table whose speed ripples, which all gyros feel that are not square to the
+    axis. So none is left out unless the noise of what they find together, in which the ripple
+    cancels too, is lessened 6.5 times: by one of two gyros of five times the other's noise.
     """
-    spread = float(h.normal[1, 1] + h.normal[2, 2]) / 2
     across = np.eye(3) - np.outer(axis_b, axis_b)
-    length2 = np.diag(across)
-    looks = np.array(sensors) & (length2 >= LEAST_ACROSS**2)
+    counted = counting(h, axis_b, sensors)
+    weights = counted * np.diag(across)
+    total = weights.sum(axis=-1, keepdims=True)
+    found = h.cosine[..., None] * across + h.sine[..., None] * np.cross(axis_b, across)
+    return TurningVector(
+        np.einsum("...s,...si->...i", counted / total, found),
+        _noise(h, across, counted),
+        h.constant,
+        np.sum((weights / total) ** 2, axis=-1),
+    )
+
+
+def counting(
+    h: Harmonics, axis_b: Array, sensors: tuple[bool, bool, bool] = (True, True, True)
+) -> BoolArray:
+    """Which sensors (..., 3) of a triad count for its `turning_vector`.
+
+    Raises
+    ------
+    AlignmentError
+        None of `sensors` looks across the axis.
+    """
+    across = np.eye(3) - np.outer(axis_b, axis_b)
+    looks = np.array(sensors) & (np.diag(across) >= LEAST_ACROSS**2)
     if not looks.any():
         raise AlignmentError("no sensor looks across the axis of turning")
-    across, length2 = across[looks], length2[looks]
-    noise = spread * h.variance[..., looks] / length2 + ROUNDING[0] ** 2
-    quiet = noise <= NOISIER * noise.min(axis=-1, keepdims=True)
-    weights = quiet * length2
-    weights = weights / weights.sum(axis=-1, keepdims=True)
-    found = h.cosine[..., looks, None] * across
-    found = found + h.sine[..., looks, None] * np.cross(axis_b, across)
-    return TurningVector(
-        np.einsum("...s,...si->...i", weights / length2, found),
-        np.sum(weights**2 * noise, axis=-1),
-        h.constant,
-        np.sum(weights**2, axis=-1),
-    )
+    sets = np.array([s for s in product((True, False), repeat=3) if any(s) and np.all(looks >= s)])
+    noise = np.stack([_noise(h, across, one) for one in sets], axis=-1)  # of all of them first
+    least = np.argmin(noise, axis=-1)
+    return sets[np.where(noise[..., 0] > LESSENED * np.min(noise, axis=-1), least, 0)]
+
+
+def _noise(h: Harmonics, across: Array, counted: BoolArray) -> Array:
+    """Variance (...) of the two components that the `counted` sensors (..., 3) find together."""
+    spread = float(h.normal[1, 1] + h.normal[2, 2]) / 2
+    found = np.einsum("...i,...ij,ij,...j->...", counted, h.scatter, across, counted)
+    return np.asarray(spread * found / (counted @ np.diag(across)) ** 2 + ROUNDING[0] ** 2)
+
+
+def ripple_left(axis_b: Array, counted: BoolArray) -> float:
+    """How much of what errs once per turn the `counted` sensors (3,) make an error of, 0 to 1.
+
+    Of a rate along the axis, and of one that goes round against what turns: none if all count.
+
+    Notes
+    -----
+    ``sum a_i c_i`` and ``sum c_i c_i^T - (a x c_i) (a x c_i)^T`` of sensors' parts c_i across
+    the axis, over the sum of their squares: both vanish over three square ones.
+    """
+    across = (np.eye(3) - np.outer(axis_b, axis_b))[counted]
+    round_ = np.cross(axis_b, across)
+    along = axis_b[counted] @ across
+    against = across.T @ across - round_.T @ round_
+    return float(np.hypot(*(np.linalg.norm(m, 2) for m in (along, against))) / np.sum(across**2))
