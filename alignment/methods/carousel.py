@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.angles import Sequence
 from alignment.arrays import Array
-from alignment.constant_errors import in_one_attitude
+from alignment.constant_errors import constant_columns
 from alignment.doubts import heading_doubt
 from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
@@ -22,6 +22,7 @@ from alignment.levelling import attitude_from_means
 from alignment.methods.harmonics import (
     Harmonics,
     TurningVector,
+    across_of,
     block_means,
     counting,
     harmonic_fit,
@@ -44,6 +45,7 @@ SAME_AXIS = 1e-6  # rad, and parts of rotations: stretches that belong together
 PART_OF_TURN = 0.02  # a turn counts as whole from 98 % of it
 UNUSED = 0.2  # part of a stretch beyond whole turns that goes unremarked
 AMPLITUDE_DOUBT = 0.2  # part of the Earth's horizontal rate
+_POINTS = 16  # of a turn: of what is cubic in a harmonic none folds down to the first
 MISALIGNMENT = 1e-3  # rad: what rate ripple is weighed with
 
 
@@ -135,28 +137,58 @@ def _covariance(
     f_axis = accels.constant @ axis_b
     gravity = np.sqrt(f_axis**2 + np.sum(accels.across**2, axis=-1))
     axis_n = C_nb @ axis_b
-    # errors of force in n: noise of the harmonic across the axis, bias and scale along it
-    near = in_one_attitude(priors, float(np.mean(gravity)))
-    along = accels.variance + near.accel_bias**2 + (near.accel_scale * f_axis) ** 2
+    # errors of force in n: noise of the harmonic across the axis, bias along it
+    along = accels.variance + priors.accel_bias**2
     outer = axis_n[..., :, None] * axis_n[..., None, :]
-    leaning = (C_nb @ accels.across[..., None]) * near.accel_scale
     F = accels.variance[..., None, None] * (np.eye(3) - outer) + along[..., None, None] * outer
-    F = F + accels.share[..., None, None] * leaning * np.swapaxes(leaning, -1, -2)
     tilt = np.zeros((*gravity.shape, 3, 3))
     tilt[..., 0, 1], tilt[..., 1, 0] = -1 / gravity, 1 / gravity
     p = gyros.across / np.linalg.norm(gyros.across, axis=-1, keepdims=True)
-    t_n = (C_nb @ np.cross(axis_b, p)[..., None])[..., 0]
+    t_b = np.cross(axis_b, p)
     w_n = EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-    q = np.cross(t_n, w_n)
+    q = np.cross((C_nb @ t_b[..., None])[..., 0], w_n)
     tilt[..., 2, :] = -np.einsum("...i,...ij->...j", q[..., :2], tilt[..., :2, :]) / q[..., 2:]
     P = tilt @ F @ np.swapaxes(tilt, -1, -2)
     P[..., 2, 2] += gyros.variance / q[..., 2] ** 2
+    by_w, by_f = _constant_errors(gyros, accels, axis_b, priors)
+    off = tilt @ C_nb @ by_f
+    off[..., 2, :] += np.einsum("...i,...iq->...q", t_b, by_w) / q[..., 2:]
     # an axis that is elsewhere in b takes vertical and north along: b is turned across it
     seated = priors.seat**2 * (np.eye(3) - outer)
-    # gyros turned about the axis turn the azimuth; across it they feel its own rate, a constant
-    astray = priors.gyro_misalignment**2 * outer
-    placed: Array = P + seated + astray + priors.turn**2 * np.eye(3)
+    placed: Array = P + off @ np.swapaxes(off, -1, -2) + seated + priors.turn**2 * np.eye(3)
     return placed
+
+
+def _constant_errors(
+    gyros: TurningVector, accels: TurningVector, axis_b: Array, priors: Priors
+) -> tuple[Array, Array]:
+    """What a unit's constants but biases add to the rate across the axis, and to the force
+    (..., 3, q each), per standard deviation.
+
+    Notes
+    -----
+    About an axis that leans all that is felt goes round: forces by sensors that are g-sensitive,
+    turned or out of scale are harmonics of the encoder, as the Earth's rate is.
+    """
+    beta = 2 * np.pi * np.arange(_POINTS) / _POINTS
+    back = Rotation.from_rotvec(-beta[:, None] * axis_b).as_matrix()
+    felt = [
+        np.einsum("mij,...j->...mi", back, v.across)
+        + (v.constant @ axis_b)[..., None, None] * axis_b
+        for v in (gyros, accels)
+    ]
+    w, f = felt
+    columns = np.moveaxis(constant_columns(w, f, priors), -1, -3)  # (..., q, m, 6)
+    mean, cosine, sine = (
+        np.einsum("m,...qmk->...qk", wave / _POINTS, columns)
+        for wave in (np.ones(_POINTS), 2 * np.cos(beta), 2 * np.sin(beta))
+    )
+    by_w, by_f = (
+        across_of(cosine[..., part], sine[..., part], v.parts[..., None, :], axis_b)
+        for v, part in ((gyros, slice(0, 3)), (accels, slice(3, 6)))
+    )
+    by_f = by_f + (mean[..., 3:] @ axis_b)[..., None] * axis_b
+    return np.swapaxes(by_w, -1, -2), np.swapaxes(by_f, -1, -2)
 
 
 # --- stretches of turning ------------------------------------------------------------------------
@@ -282,8 +314,8 @@ def carousel(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
         Latitude known.
     options : Options
         `rule`; `priors`: `turn` is the placement at encoder angle 0, `seat` how far the axis is
-        off in b, accelerometer errors act along it, `lag`, `accel_later` and `clock` shift the
-        phase; gyro biases and scale errors do not matter.
+        off in b, accelerometer biases act along it, other constants by what goes round; `lag`,
+        `accel_later` and `clock` shift the phase; gyro biases do not matter.
 
     Returns
     -------
@@ -356,31 +388,41 @@ def combined(
     ]
     total = float(np.sum(weights))
     constant = np.average([v.constant for v in vectors], axis=0, weights=weights)
-    share = np.asarray(
-        max(float(v.share) for v in vectors)
-    )  # one instrument: scale errors do not average out
+    parts = np.average([v.parts for v in vectors], axis=0, weights=weights)
     return TurningVector(
-        np.asarray(weights @ np.array(across)) / total, np.asarray(1 / total), constant, share
+        np.asarray(weights @ np.array(across)) / total, np.asarray(1 / total), constant, parts
     )
 
 
 def lag_of(vectors: Ordered[TurningVector], rates: Ordered[float], axis_b: Array) -> Array:
     """Lag [s] and the variance that its estimation adds to the phase [rad^2], (2,).
 
-    Least squares of ``phase_i = phase + rate_i lag``; zeros where all turn one way.
+    Least squares of ``phase_i = phase + rate_i lag``; zeros where all turn one way, or nothing does.
     """
     r = np.asarray(rates)
-    if not _both_ways(rates):
+    weights = np.array([v.across @ v.across / v.variance for v in vectors])
+    if not _both_ways(rates) or not weights.any():
         return np.zeros(2)
     first = vectors[0].across
     phases = np.array(
         [np.arctan2(np.cross(first, v.across) @ axis_b, first @ v.across) for v in vectors]
     )
-    weights = np.array([v.across @ v.across / v.variance for v in vectors])
     mean_rate = float(np.average(r, weights=weights))
     slope_weight = float(np.sum(weights * (r - mean_rate) ** 2))
     lag = float(np.sum(weights * (r - mean_rate) * phases)) / slope_weight
     return np.array([lag, mean_rate**2 / slope_weight])
+
+
+def without_lag(
+    vectors: Ordered[TurningVector], rates: Ordered[float], axis_b: Array
+) -> TurningVector:
+    """`combined`, less the lag that the vectors themselves show, whose variance is in theirs.
+
+    Each triad by its own: the accelerometers' is known by gravity, the gyros' by the Earth's rate.
+    """
+    lag, added = lag_of(vectors, rates, axis_b)
+    both = combined(vectors, rates, axis_b, float(lag))
+    return replace(both, variance=both.variance + added * float(both.across @ both.across))
 
 
 def _both_ways(rates: Ordered[float]) -> bool:
@@ -401,10 +443,7 @@ def _together(
     lag, _ = lag_of(seen, rates, axis)
 
     def found(seen: Ordered[TurningVector], felt: Ordered[TurningVector]) -> CarouselFit:
-        lag, added = lag_of(seen, rates, axis)
-        gyros, accels = (combined(vectors, rates, axis, lag) for vectors in (seen, felt))
-        more = gyros.variance + added * float(gyros.across @ gyros.across)
-        gyros = replace(gyros, variance=more)
+        gyros, accels = (without_lag(vectors, rates, axis) for vectors in (seen, felt))
         return carousel_attitude(gyros, accels, axis, latitude, options.priors)
 
     try:

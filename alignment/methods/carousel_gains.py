@@ -10,14 +10,15 @@ from alignment.earth import Site
 from alignment.gains import Answer
 from alignment.information import Stretch
 from alignment.information.model import sensor_inputs
-from alignment.methods.carousel import SAME_AXIS, carousel_attitude, combined, lag_of
+from alignment.methods.carousel import SAME_AXIS, carousel_attitude, without_lag
 from alignment.methods.harmonics import Harmonics, TurningVector, turning_vector
 from alignment.methods.position_fit import local_vectors
-from alignment.options import Options
+from alignment.options import Options, Priors
 
 _RATE_STEP, _FORCE_STEP = 1e-10, 1e-6  # rad/s, m/s^2: of differences; linear to 1e-5 of a gain
 _LEAST_WALK = 1e-12  # rad/sqrt(s): weights need one
 _NORTH = Rotation.identity()
+_UNKNOWN = Priors()  # an attitude follows from readings alone
 
 
 def carousel_gains(stretches: Sequence[Stretch], site: Site, options: Options) -> list[Answer]:
@@ -69,10 +70,8 @@ def _attitude(y: Array, group: Sequence[Stretch], site: Site, options: Options) 
         )
         for c, s in zip(y, group, strict=True)
     ]
-    lag, _ = lag_of([g for g, _ in parts], rates, axis)
-    gyros = combined([g for g, _ in parts], rates, axis, lag)
-    accels = combined([f for _, f in parts], rates, axis, lag)
-    return carousel_attitude(gyros, accels, axis, latitude, priors).C_nb
+    gyros, accels = (without_lag(list(own), rates, axis) for own in zip(*parts, strict=True))
+    return carousel_attitude(gyros, accels, axis, latitude, _UNKNOWN).C_nb
 
 
 def _vector(c: Array, axis: Array, walk: float, length: float) -> TurningVector:

@@ -93,14 +93,14 @@ class TurningVector:
         Of each of the two components of `across`.
     constant : (..., 3)
         What does not turn: its part along the axis, biases, and the table's rate (of gyros).
-    share : (...)
-        Variance of the scale error of `across`, over that of one sensor.
+    parts : (..., 3)
+        Of each sensor's harmonic along its part across the axis, what goes into `across`.
     """
 
     across: Array
     variance: Array
     constant: Array
-    share: Array
+    parts: Array
 
 
 def turning_vector(
@@ -120,15 +120,16 @@ def turning_vector(
     """
     across = np.eye(3) - np.outer(axis_b, axis_b)
     counted = counting(h, axis_b, sensors)
-    weights = counted * np.diag(across)
-    total = weights.sum(axis=-1, keepdims=True)
-    found = h.cosine[..., None] * across + h.sine[..., None] * np.cross(axis_b, across)
-    return TurningVector(
-        np.einsum("...s,...si->...i", counted / total, found),
-        _noise(h, across, counted),
-        h.constant,
-        np.sum((weights / total) ** 2, axis=-1),
-    )
+    parts = counted / (counted @ np.diag(across))[..., None]
+    vector = across_of(h.cosine, h.sine, parts, axis_b)
+    return TurningVector(vector, _noise(h, across, counted), h.constant, parts)
+
+
+def across_of(cosine: Array, sine: Array, parts: Array, axis_b: Array) -> Array:
+    """The vector (..., 3) across the axis that harmonics (..., 3) of three sensors show."""
+    across = np.eye(3) - np.outer(axis_b, axis_b)
+    found = cosine[..., None] * across + sine[..., None] * np.cross(axis_b, across)
+    return np.einsum("...s,...si->...i", parts, found)
 
 
 def counting(

@@ -518,7 +518,7 @@ def test_the_carousel_predicts_the_same(arw, vrw, latitude):
         # each of two sensors gives both components, its harmonics with 2 density^2/T
         v = C.inv().apply(vector_n)
         variance = np.array(density**2 / length)
-        return TurningVector(v - axis * (v @ axis), variance, v, np.array(1.0))
+        return TurningVector(v - axis * (v @ axis), variance, v, np.full(3, 0.5))
 
     gyros, accels = turning(site.w_ie_n, arw), turning(site.f_n, vrw)
     fit = carousel_attitude(gyros, accels, axis, site.known_latitude(), Priors())

@@ -215,7 +215,7 @@ def test_a_much_noisier_gyro_is_left_out():
     h = harmonic_fit(TURNING, np.zeros((SAMPLES, 3)))
     for ratio, counted in ((24.0, 2), (26.0, 1)):
         noisy = type(h)(h.constant, Y1 * 0 + 1, h.sine, np.diag([ratio, 1.0, 1.0]), h.normal)
-        assert turning_vector(noisy, Y1).share == pytest.approx(1 / counted)
+        assert turning_vector(noisy, Y1).parts.max() == pytest.approx(1 / counted)
 
 
 def test_a_rippling_speed_cancels_in_oblique_gyros():
@@ -310,7 +310,7 @@ def test_what_telling_the_lag_costs_by_hand():
             Rotation.from_rotvec(shift * axis).apply(across),
             np.asarray(sigma**2),
             np.zeros(3),
-            np.asarray(1.0),
+            np.ones(3),
         )
         for shift in shifts
     ]
@@ -404,7 +404,7 @@ def test_axis_tilt_toward_north_enters_by_tan_lat_unless_levelled(latitude):
     # tan(lat) of it into heading.
     readings, angle = whole_turns(turning(C, latitude=lat))
     gyros = turning_vector(harmonic_fit(interval_harmonics(angle), readings.w_ib_b), Y1)
-    blind = TurningVector(np.zeros(3), np.asarray(1e-12), np.array([0, G, 0]), np.asarray(0.5))
+    blind = TurningVector(np.zeros(3), np.asarray(1e-12), np.array([0, G, 0]), np.full(3, 0.5))
     fit = carousel_attitude(gyros, blind, Y1, lat, Priors())
     assert error(fit.C_nb, C)[2] == pytest.approx(tilt * tan(lat), rel=2e-3)
 
@@ -542,6 +542,35 @@ def test_covariance(regime, latitude, one):
     nees = np.mean(np.einsum("ni,ni->n", eta, np.linalg.solve(P, eta[..., None])[..., 0]))
     spread = K * sqrt(2 * 3 / RUNS) * FREEDOM / (FREEDOM - 4)
     assert 3 - spread < nees < 3 * FREEDOM / (FREEDOM - 2) + spread
+
+
+@pytest.mark.parametrize("lean", [0.0, 8.0, -20.0])
+def test_constants_of_what_goes_round_about_a_leaning_axis_by_hand(lean):
+    """At the equator, the axis leaning east by L: gravity's g sin L goes round with the Earth's.
+
+    Accelerometers turned by m about the axis turn that: tilt about east m sin L. Of four g-sensitivities
+    across the axis each reads G g sin L, two sensors share, and half of all lies across north:
+    heading ``G g sin L / (sqrt(2) W cos L)``. A gyro triad turned by m turns the heading.
+    """
+    a = radians(lean)
+    # the instrument turned about north by -L: its up axis leans east
+    C = Rotation.from_rotvec([-a, 0, 0]).as_matrix() @ LEVEL
+    w_b, f_b = C.T @ (W * N), C.T @ (-G * D)
+
+    def covariance(**told):
+        y = [TURNING @ np.stack([v * Y1, v - v * Y1, -np.cross(Y1, v)]) for v in (w_b, f_b)]
+        both = [fitted(*y, 0.0, priors, False) for priors in (Priors(**told), Priors())]
+        return both[0].covariance - both[1].covariance
+
+    m, pull = 1e-3, 1e-9
+    turned = covariance(accel_misalignment=m)
+    assert np.sqrt(max(turned[0, 0], 0)) == pytest.approx(0, abs=1e-12)
+    assert np.sqrt(max(turned[1, 1], 0)) == pytest.approx(m * abs(sin(a)), rel=1e-6, abs=1e-12)
+    pulled = covariance(gyro_g_sensitivity=pull)
+    heading = pull * G * abs(sin(a)) / (sqrt(2) * W * cos(a))
+    assert np.sqrt(max(pulled[2, 2], 0)) == pytest.approx(heading, rel=1e-6, abs=1e-12)
+    astray = covariance(gyro_misalignment=m)
+    assert np.sqrt(astray[2, 2]) == pytest.approx(m / cos(a), rel=1e-6)
 
 
 @pytest.mark.parametrize("one", [False, True])

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.errors import AlignmentError, TooShort
-from alignment.methods.carousel import carousel_attitude, combined, lag_of
+from alignment.methods.carousel import carousel_attitude, combined, lag_of, without_lag
 from alignment.methods.harmonics import TurningVector
 from alignment.methods.positions import _bias_sigmas, _doubts, _growth
 from alignment.methods.single_gyro import gyro_latitude
@@ -92,9 +92,9 @@ def test_the_vertical_rate_that_is_too_large_is_named():
 # --- a carousel -----------------------------------------------------------------------------------
 
 
-def vector(across, variance=1.0, constant=(0.0, 0.0, 0.0), share=0.5) -> TurningVector:
+def vector(across, variance=1.0, constant=(0.0, 0.0, 0.0)) -> TurningVector:
     """What turns across an axis along Y1."""
-    return TurningVector(np.array(across), np.array(variance), np.array(constant), np.array(share))
+    return TurningVector(np.array(across), np.array(variance), np.array(constant), np.full(3, 0.5))
 
 
 @pytest.mark.parametrize(("tilt", "allowed"), [(29.9, True), (30.1, False)])
@@ -114,14 +114,13 @@ def test_the_axis_of_turning_is_within_thirty_degrees_of_the_vertical(tilt, allo
 
 def test_stretches_are_combined_by_their_variances():
     """Weights 1 and 3; turned back by rate times lag, a quarter each way about Y1 (Z1 to X1)."""
-    forth = vector([1.0, 0.0, 0.0], 1.0, [0.0, 4.0, 0.0], 0.2)
-    back = vector([-1.0, 0.0, 0.0], 1 / 3, [0.0, 8.0, 0.0], 0.7)
+    forth = vector([1.0, 0.0, 0.0], 1.0, [0.0, 4.0, 0.0])
+    back = vector([-1.0, 0.0, 0.0], 1 / 3, [0.0, 8.0, 0.0])
     found = combined([forth, back], [2.0, -2.0], UP, np.pi / 4)
     # a quarter back about Y1 takes X1 to Z1, a quarter on takes -X1 there too
     np.testing.assert_allclose(found.across, [0.0, 0.0, 1.0], atol=1e-15)
     assert found.variance == pytest.approx(0.25)
     np.testing.assert_allclose(found.constant, [0.0, 7.0, 0.0])
-    assert found.share == 0.7
 
 
 def test_a_lag_by_hand():
@@ -135,6 +134,12 @@ def test_a_lag_by_hand():
     back = vector([cos(0.3), 0.0, sin(0.3)], 0.5)
     np.testing.assert_allclose(lag_of([forth, back], [2.0, -1.0], UP), [0.1, 1 / 12])
     np.testing.assert_array_equal(lag_of([forth, back], [2.0, 1.0], UP), [0.0, 0.0])
+    # turned back by 0.2 and on by 0.1 they are alike; weights 1 and 2, a mean of 4/3
+    found = without_lag([forth, back], [2.0, -1.0], UP)
+    np.testing.assert_allclose(found.across, [4 / 3 * cos(0.2), 0.0, 4 / 3 * sin(0.2)])
+    assert found.variance == pytest.approx(1 / 3 + 16 / 9 / 12)
+    nothing = without_lag([vector([0.0] * 3), vector([0.0] * 3)], [2.0, -1.0], UP)
+    np.testing.assert_array_equal(nothing.across, np.zeros(3))
 
 
 # --- positions ------------------------------------------------------------------------------------
