@@ -5,9 +5,11 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from alignment import ImuReadings
 from alignment.errors import AlignmentError
-from alignment.methods.vectors import SOLUTIONS, against
+from alignment.methods.vectors import SOLUTIONS, Fixes, against
 from alignment.methods.vectors.method import options_of
 from stand.imu import Imu, load_imu
 from stand.imu.priors import priors_of
@@ -39,6 +41,17 @@ def _felt(drive: str, rate_hz: int) -> tuple[Sensed, ...]:
     return tuple(sense_blocks(load_drive(drive).path, rate_hz))
 
 
+def driven(
+    drive: str, imu: str, seed: int, rate_hz: int
+) -> tuple[ImuReadings, Fixes, Rotation, Rotation]:
+    """Readings, fixes and programmed start of one run, and its true attitude at each fix."""
+    made, unit = load_drive(drive), Imu(load_imu(imu), seed, rate_hz)
+    readings = readings_of(joined([unit.report(block) for block in _felt(drive, rate_hz)]))
+    fixes = fixes_of(made.path, made.satellite, np.random.default_rng([seed, 1]))
+    start = started(made, START, np.random.default_rng([seed, 2]))
+    return readings, fixes, start, made.path.at(fixes.t).C_nb
+
+
 def squares(
     drive: str, imu: str, seeds: Iterable[int], rate_hz: int, parts: tuple[float, ...]
 ) -> Iterator[list[Square]]:
@@ -46,14 +59,9 @@ def squares(
 
     A run's unit, fixes and start are drawn anew from its seed.
     """
-    made, spec = load_drive(drive), load_imu(imu)
-    options = options_of(priors_of(spec, None), START)
+    options = options_of(priors_of(load_imu(imu), None), START)
     for seed in seeds:
-        unit = Imu(spec, seed, rate_hz)
-        readings = readings_of(joined([unit.report(block) for block in _felt(drive, rate_hz)]))
-        fixes = fixes_of(made.path, made.satellite, np.random.default_rng([seed, 1]))
-        start = started(made, START, np.random.default_rng([seed, 2]))
-        truth = made.path.at(fixes.t).C_nb
+        readings, fixes, start, truth = driven(drive, imu, seed, rate_hz)
         found = []
         for name, solve in SOLUTIONS.items():
             try:

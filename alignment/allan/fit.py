@@ -252,17 +252,27 @@ def problem(curve: Deviation, first: int = 0, onset: float = 0.0) -> Problem:
     """The problem of a curve from its tau number `first` on; `onset` [samples] of its plateau."""
     m = tuple(int(k) for k in curve.m)
     lowpass = m[first] / SHORTEST
-    columns = design(curve.m[first:], onset) @ _mixing(-lowpass)
+    columns, mixing = design(curve.m[first:], onset), _mixing(-lowpass)
     T = _covariances(curve.lengths, m, first)
-    return Problem(columns, curve.variance[first:], T, lowpass=lowpass)
+    if onset > 0:
+        T = _risen(T, columns[:, _B])
+    return Problem(columns @ mixing, curve.variance[first:], _mixed(T, mixing), lowpass=lowpass)
+
+
+def _risen(T: Array, heights: Array) -> Array:
+    """Covariances of a plateau that is so high (k,) at each tau: its signal by the root of that."""
+    both = np.sqrt(heights[:, None] * heights)
+    T = T.copy()
+    T[_B] *= both
+    T[:, _B] *= both
+    return T
 
 
 @lru_cache(maxsize=64)
 def _covariances(lengths: tuple[int, ...], m: tuple[int, ...], first: int) -> Array:
-    """`Problem.T` of every curve with these taus."""
+    """Of every curve with these taus, by the terms' own weights and a flat plateau."""
     T = pooled(lengths, m)[:, :, first:, first:].copy()
     T[_B, _B] += PLATEAU**2 * np.eye(len(m) - first)
-    T = _mixed(T, _mixing(-m[first] / SHORTEST))
     T.flags.writeable = False
     return T
 

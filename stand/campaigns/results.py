@@ -22,7 +22,8 @@ FILE, PARTS = "results.parquet", "parts"
 GATHERED = 64  # parts of a size that become one of the next
 WORDS = ("method", "window", "place", "quantity", "refusal")
 NUMBERS = ("estimate", "error", "sigma")
-COLUMNS = ("case", "seed", "method", "window", "place", "quantity", *NUMBERS, "refusal")
+PLACES = ("case", "seed", "method", "window", "place", "quantity")
+COLUMNS = (*PLACES, *NUMBERS, "refusal", "noise_only")
 
 Columns = dict[str, NDArray[Any]]
 
@@ -49,6 +50,7 @@ def _schema(pa: Any) -> Any:
     """Errors and sigmas have 7 digits, so that 100 000 rows take a megabyte; estimates have all."""
     word = pa.dictionary(pa.int32(), pa.string())
     kinds = {"case": pa.int32(), "seed": pa.int64(), "estimate": pa.float64()}
+    kinds["noise_only"] = pa.bool_()
     kinds |= dict.fromkeys(WORDS, word) | {"error": pa.float32(), "sigma": pa.float32()}
     return pa.schema([(name, kinds[name]) for name in COLUMNS])
 
@@ -106,7 +108,7 @@ class Results:
         self._parts.rmdir()
 
     def columns(self, names: Iterable[str] = COLUMNS) -> Columns:
-        """The rows there are, by column: words as objects, numbers as float64 or int64."""
+        """The rows there are, by column: words as objects, numbers as float64 or int64, or bool."""
         names = list(names)
         files = self.files()
         if not files:
@@ -154,7 +156,7 @@ class Results:
 
     def _in_order(self, table: Any) -> Any:
         """By case, seed, method, window, place, quantity; words numbered in that order."""
-        order = [(name, "ascending") for name in COLUMNS[:6]]
+        order = [(name, "ascending") for name in PLACES]
         plain = self._plain(table).sort_by(order).combine_chunks()
         return plain.cast(_schema(self._arrow))
 
@@ -207,6 +209,8 @@ def _run_of(table: Any) -> NDArray[np.int64]:
 
 def _array(column: Any) -> NDArray[Any]:
     plain = column.to_numpy()
+    if plain.dtype == bool:
+        return plain
     if plain.dtype == object:
         return np.array([word or "" for word in plain], object)
     return plain.astype(float if plain.dtype.kind == "f" else np.int64)

@@ -1,6 +1,6 @@
 """One run of a case: what every method makes of it, beside the truth, as rows."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from math import nan
@@ -13,9 +13,11 @@ from alignment import AttitudeEstimate
 from alignment.against_truth import angle_errors, heading_errors, rotation_error
 from alignment.arrays import Array
 from alignment.errors import AlignmentError
+from alignment.options import of_noise_alone
 from stand.errors import StandError
 from stand.evaluation.runs import Answers, Made, answers_to, made_by
 from stand.evaluation.score import ANGLES, circular
+from stand.imu.priors import noise_alone
 from stand.rehearsal.rehearse import rehearse
 from stand.rehearsal.result import Prediction
 from stand.rehearsal.verify import BIASES
@@ -33,6 +35,7 @@ class Row(NamedTuple):
 
     `refusal`: why there is no answer, or none that can stand: only its sigma is there then.
     Without a quantity it is of a method's stretch, its place, or of the method altogether.
+    `noise_only`: no sheet states more than noise of the sensors that tell it; the sigma is of that.
     """
 
     method: str = ""
@@ -43,6 +46,7 @@ class Row(NamedTuple):
     error: float = nan
     sigma: float = nan
     refusal: str = ""
+    noise_only: bool = False
 
 
 class Run(NamedTuple):
@@ -83,16 +87,19 @@ def _trials(trials: Trials, methods: Sequence[str], seeds: Sequence[int]) -> lis
     settings = trials.settings
     made = [made_by(trials, seed) for seed in seeds]
     there = [one for one in made if isinstance(one, Made)]
+    alone = noise_alone(settings.unit)
     answers = iter(answers_to(there, methods, lambda *_: settings.site, settings.options))
     return [
-        _trial(one, next(answers), settings.site.latitude)
+        _trial(one, next(answers), settings.site.latitude, alone)
         if isinstance(one, Made)
         else (Row(refusal=str(one)),)
         for one in made
     ]
 
 
-def _trial(one: Made, answers: Answers, latitude: float | None) -> tuple[Row, ...]:
+def _trial(
+    one: Made, answers: Answers, latitude: float | None, alone: Collection[str]
+) -> tuple[Row, ...]:
     rows: dict[tuple[str, ...], Row] = {}
     for method, estimates, refused in answers:
         for r in refused:
@@ -100,6 +107,8 @@ def _trial(one: Made, answers: Answers, latitude: float | None) -> tuple[Row, ..
         for e in estimates:
             truth = one.truths[e.label].of(method) if e.label in one.truths else None
             for row in _rows(e, truth, one.biases, latitude):
+                told = bool(np.isfinite(row.sigma)) and of_noise_alone(row.quantity, alone)
+                row = row._replace(noise_only=told)
                 rows.setdefault(tuple(row[:4]), row)  # biases by the first of several fits
     return tuple(rows.values()) or (Row(refusal="no method is named"),)
 

@@ -23,6 +23,7 @@ from stand.rehearsal.result_json import rehearsal_json
 from stand.report import campaign, certificate, log_page, proposal, rehearsal, run_page
 
 ONLY, NO = "noise only", "not determined"
+COLUMNS = "quantity", "sigma", "noise_only"
 WALKS = {
     "gyro": "angle_random_walk_deg_rt_h",
     "accel": "velocity_random_walk_m_s_rt_h",
@@ -161,6 +162,12 @@ def test_each_sensor_says_it_of_what_it_tells(tmp_path, known):
     for p in stand.rehearse(made).predictions:
         of_gyros = "heading" in p.quantity or "gyro" in p.quantity
         assert p.noise_only is (of_gyros is (known == "accel")), p.quantity
+    swept = stand.campaign(tmp_path / "sweep.toml", out=tmp_path / "swept", workers=1).run()
+    rows = swept.columns()
+    for quantity, sigma, alone in zip(*(rows[c] for c in COLUMNS), strict=True):
+        of_gyros = quantity.startswith(("heading", "yaw", "gyro", "latitude"))
+        assert alone == (sigma > 0 and of_gyros is (known == "accel")), quantity
+    assert rows["noise_only"].any()
 
 
 OF_GYROS = {"heading", "yaw", "latitude"}

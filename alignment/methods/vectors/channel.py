@@ -51,6 +51,15 @@ class Strides(NamedTuple):
     effects: Effects
 
 
+class Path(NamedTuple):
+    """Where errors are looked at: ``C_ib`` (k, 3, 3) before each stretch, and what velocity and
+    place (k, 3) in i gain in it by force."""
+
+    C: Array
+    velocity: Array
+    place: Array
+
+
 @dataclass(frozen=True, slots=True)
 class Notes:
     """What happened at each point: whether it corrected, the invariants' differences, doubts."""
@@ -106,24 +115,50 @@ def steps(record: Record) -> Strides:
     return Strides(record.sensed.since(k, k + 1), record.effects.between(record.sensed))
 
 
-def carried(
-    state: State, strides: Strides, k: int, elapsed: float, fixes: Fixes, priors: Priors
-) -> State:
-    """The state after stretch `k` of `steps`, which began `elapsed` seconds after the first fix."""
-    (step, other), C = strides, state.C
-    T, own = float(step.duration[k]), state.more
+def path_to(strides: Strides, last: State) -> Path:
+    """The path that ends with the attitude of `last`, of a unit with the errors of it."""
+    C, found = last.C, []
+    for k in reversed(range(len(strides.sensed.duration))):
+        turned, dv, dr = _felt(strides, k, last)
+        C = C @ turned.T
+        found.append((C, C @ dv, C @ dr))
+    return Path(*(np.array(part) for part in zip(*reversed(found), strict=True)))
+
+
+def _felt(strides: Strides, k: int, state: State) -> tuple[Array, Array, Array]:
+    """Turn (3, 3), gains of velocity and place (3,) in b before it, less the unit's errors."""
+    (step, other), own = strides, state.more
     wrong = step.turn_time[k] @ state.gyro + other.turn[k] @ own
     turned = Rotation.from_rotvec(-wrong).as_matrix() @ step.turn[k]
     dv = step.velocity[k] - step.velocity_gyro[k] @ state.gyro - step.turn_time[k] @ state.accel
     dr = step.place[k] - step.place_gyro[k] @ state.gyro - step.turn_time2[k] @ state.accel
-    dv, dr = C @ (dv - other.velocity[k] @ own), C @ (dr - other.place[k] @ own)
+    return turned, dv - other.velocity[k] @ own, dr - other.place[k] @ own
+
+
+def carried(
+    state: State,
+    strides: Strides,
+    k: int,
+    elapsed: float,
+    fixes: Fixes,
+    priors: Priors,
+    path: Path | None = None,
+) -> State:
+    """The state after stretch `k` of `steps`, which began `elapsed` seconds after the first fix.
+
+    Its covariance is carried along the `path`, or along the state itself.
+    """
+    C, T = state.C, float(strides.sensed.duration[k])
+    turned, *gains = _felt(strides, k, state)
+    dv, dr = (C @ gain for gain in gains)
+    along = (C, dv, dr) if path is None else (path.C[k], path.velocity[k], path.place[k])
     g = gravitation(state.r, elapsed)
     ahead = state.r + state.v * T + dr + 0.5 * g * T**2
     slope = gravitation(ahead, elapsed + T) - g
     fading = np.exp(-T / fixes.drift_time)
-    F = _transition(strides, k, C, dv, dr, fading)
+    F = _transition(strides, k, *along, fading)
     P = F @ state.P @ F.T
-    P[:STATES, :STATES] += _noise(T, C, dv, dr, fading, fixes, priors)
+    P[:STATES, :STATES] += _noise(T, *along, fading, fixes, priors)
     return State(
         C @ turned,
         state.v + dv + (g + 0.5 * slope) * T,
@@ -132,7 +167,7 @@ def carried(
         accel=state.accel,
         r_drift=state.r_drift * fading,
         v_drift=state.v_drift * fading,
-        more=own,
+        more=state.more,
         P=P,
     )
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -139,27 +141,52 @@ class Record:
     priors: Priors
 
 
+class _Felt(NamedTuple):
+    """The points of a record, and what was felt till each of them: as in `Record`."""
+
+    t: Array
+    at_fix: BoolArray
+    sensed: Integrals
+    effects: Effects
+    priors: Priors
+
+
+_LAST: WeakKeyDictionary[ImuReadings, tuple[Fixes, Priors, float, _Felt]] = WeakKeyDictionary()
+
+
 def joined(
     readings: ImuReadings, fixes: Fixes, C_nb0: Rotation, C_en0: Array, options: VectorOptions
 ) -> Record:
-    """Bring readings and fixes together; `C_nb0` is the programmed attitude at the first fix."""
-    t, at_fix = _points(fixes.t, options.step)
+    """Bring readings and fixes together; `C_nb0` is the programmed attitude at the first fix.
+
+    What was felt is worked out once for all solutions that have the same fixes and options.
+    """
+    *of, felt = _LAST.get(readings, (None, None, None, None))
+    if felt is None or of != [fixes, options.priors, options.step]:
+        felt = _felt(readings, fixes, options)
+        _LAST[readings] = fixes, options.priors, options.step, felt
     r_i, v_i = inertial_fixes(fixes)
+    return Record(
+        felt.t,
+        felt.at_fix,
+        felt.sensed,
+        felt.effects,
+        r_i=r_i,
+        v_i=v_i,
+        C_ib=C_en0 @ C_nb0.as_matrix(),
+        priors=felt.priors,
+    )
+
+
+def _felt(readings: ImuReadings, fixes: Fixes, options: VectorOptions) -> _Felt:
+    t, at_fix = _points(fixes.t, options.step)
     often, shown = _points(t, FINE)
     sensed = integrals(readings, often)
     blocks = blocks_of(sensed)
     known = with_rounding(options.priors, readings)
     priors, gyro, accel = without_drifts(known, blocks, readings.interval)
-    return Record(
-        t,
-        at_fix,
-        sensed.at(shown),
-        effects(blocks, priors, gyro, accel).at(shown),
-        r_i=r_i,
-        v_i=v_i,
-        C_ib=C_en0 @ C_nb0.as_matrix(),
-        priors=priors,
-    )
+    found = effects(blocks, priors, gyro, accel)
+    return _Felt(t, at_fix, sensed.at(shown), found.at(shown), priors)
 
 
 def check(fixes: Fixes) -> None:

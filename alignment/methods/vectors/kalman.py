@@ -19,7 +19,9 @@ from alignment.methods.vectors.channel import (
     VEL,
     VEL_DRIFT,
     Notes,
+    Path,
     State,
+    Strides,
 )
 from alignment.methods.vectors.fixes import Matching, Record, VectorOptions, check, joined
 from alignment.navigation import C_en, geodetic
@@ -57,10 +59,12 @@ def kalman(
     -----
     21 states: attitude, velocity, place, gyro and accelerometer bias, correlated satellite errors
     (none of the last where ``fixes`` states none); and one for every other error of the unit that
-    the priors state: scale, axes that are off, g-sensitivity, the shapes of drifts in time. Leading
-    error: accelerometer bias b/g in tilt until turns separate them; heading only by horizontal
-    acceleration; a gyro's scale error times the angle turned. Source: methods.md section 4, the
-    tuned filter.
+    the priors state: scale, axes that are off, g-sensitivity, the shapes of drifts in time. It runs
+    twice: covariances that follow changing estimates learn what no fix tells, so the second run
+    carries them along the one path that the first ends with; later fixes enter earlier answers by
+    that alone, in second order. Leading error: accelerometer bias b/g in tilt until turns separate
+    them; heading only by horizontal acceleration; a gyro's scale error times the angle turned.
+    Source: methods.md section 4, the tuned filter.
     """
     options = options or VectorOptions()
     record, states, notes = filtered(readings, fixes, C_nb0, options)
@@ -81,12 +85,21 @@ def filtered(
     latitude, longitude, _ = geodetic(fixes.position[0])
     record = joined(readings, fixes, C_nb0, C_en(latitude, longitude), options)
     strides = channel.steps(record)
+    states, _ = _run(record, strides, None, fixes, options)
+    path = channel.path_to(strides, states[-1])
+    return record, *_run(record, strides, path, fixes, options)
+
+
+def _run(
+    record: Record, strides: Strides, path: Path | None, fixes: Fixes, options: VectorOptions
+) -> tuple[list[State], Notes]:
+    """The filter's states at all points, covariances along the path or along themselves."""
     state, seen = channel.begun(record, fixes, options), 1
     R = np.repeat(np.square([fixes.position_sigma, fixes.velocity_sigma]), 3)
     states, notes, misfit = [state], channel.Notes(), 0.0
     for k in range(len(record.t) - 1):
         elapsed = float(record.t[k] - record.t[0])
-        state = channel.carried(state, strides, k, elapsed, fixes, record.priors)
+        state = channel.carried(state, strides, k, elapsed, fixes, record.priors, path)
         doubt, at_fix = "", bool(record.at_fix[k + 1])
         if at_fix:
             z = np.concatenate([record.r_i[seen], record.v_i[seen]])
@@ -95,7 +108,7 @@ def filtered(
             doubt = _doubt(state, misfit, 6 * (seen - 1), options)
         states.append(state)
         notes.add(at_fix, np.zeros(3), doubt)
-    return record, states, notes
+    return states, notes
 
 
 def updated(state: State, z: Array, R: Array) -> tuple[State, float]:

@@ -11,7 +11,7 @@ from alignment.estimate import AttitudeEstimate
 from alignment.methods.vectors.fixes import Matching, VectorOptions
 from alignment.methods.vectors.solutions import SOLUTIONS
 from alignment.options import Options, Priors
-from alignment.readings import Dwell
+from alignment.readings import Dwell, ImuReadings
 
 METHOD = "vectors"
 WITHOUT_START = ("observing",)  # what needs no programmed attitude
@@ -64,10 +64,12 @@ def options_of(
 
 
 def _answers(dwell: Dwell, options: Options) -> list[AttitudeEstimate]:
+    h = dwell.readings.interval
+    readings = dwell.readings.between(dwell.t_from - h, dwell.t_to + h)
     found: dict[str, AttitudeEstimate | AlignmentError] = {}
     for name in SOLUTIONS:
         try:
-            found[name] = _answer(name, dwell, options)
+            found[name] = _answer(name, dwell, readings, options)
         except AlignmentError as error:
             found[name] = error
     if not any(isinstance(e, AttitudeEstimate) and e.C_nb is not None for e in found.values()):
@@ -78,12 +80,10 @@ def _answers(dwell: Dwell, options: Options) -> list[AttitudeEstimate]:
     ]
 
 
-def _answer(name: str, dwell: Dwell, options: Options) -> AttitudeEstimate:
+def _answer(name: str, dwell: Dwell, readings: ImuReadings, options: Options) -> AttitudeEstimate:
     assert dwell.fixes is not None
     if dwell.nominal is None and name not in WITHOUT_START:
         raise AlignmentError(NO_START)
-    h = dwell.readings.interval
-    readings = dwell.readings.between(dwell.t_from - h, dwell.t_to + h)
     start = Rotation.identity() if dwell.nominal is None else dwell.nominal
     choices = options_of(options.priors, dwell.nominal_sigma, options)
     matching = SOLUTIONS[name](readings, dwell.fixes, start, choices)

@@ -1,5 +1,6 @@
 """Vector matching: closed forms, the published setting, refusals, and the covariances by NEES."""
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -21,6 +22,7 @@ from alignment.methods.vectors import (
     observing,
     printed,
 )
+from alignment.methods.vectors.fixes import joined
 from alignment.methods.vectors.printed import (
     corrected_vectors,
     cramer,
@@ -566,3 +568,19 @@ def test_the_figure_is_drawn(theme):
     png = picture("Weaving", matchings, run.fixes, run.path, theme)
     assert png.startswith(b"\x89PNG")
     assert int.from_bytes(png[16:20], "big") == 1440  # pixels across
+
+
+def test_what_was_felt_is_worked_out_once():
+    """For other fixes, options or readings anew; a start enters no such thing."""
+    run = exact("weaving", 1)
+    C_en0, options = np.eye(3), VectorOptions(priors=ACCEL)
+
+    def felt(readings, fixes, options, start=run.start):
+        return joined(readings, fixes, start, C_en0, options).effects
+
+    first = felt(run.readings, run.fixes, options)
+    assert felt(run.readings, run.fixes, replace(options), Rotation.identity()) is first
+    assert felt(run.readings, run.fixes, VectorOptions(priors=Priors())) is not first
+    assert felt(run.readings, replace(run.fixes), options) is not first
+    assert felt(replace(run.readings), run.fixes, options) is not first
+    assert felt(run.readings, run.fixes, replace(options, step=0.25)).count == first.count

@@ -59,13 +59,14 @@ def test_the_same_bytes_in_any_order_and_in_any_parts(tmp_path):
 
 def test_rows_come_back_as_they_were(tmp_path):
     results = opened(tmp_path)
-    row = Row("triad", "", "up", "heading", estimate=1 / 3, error=1e-3, sigma=nan, refusal="")
+    row = Row("triad", "", "up", "heading", estimate=1 / 3, error=1e-3, sigma=nan, noise_only=True)
     results.add([Run(2, 7, (Row("triad", refusal="not at rest"), row))])
     columns = results.columns()
     assert list(columns) == list(COLUMNS)
     assert columns["case"].tolist() == [2, 2]
     assert columns["seed"].tolist() == [7, 7]
     assert columns["refusal"].tolist() == ["not at rest", ""]
+    assert columns["noise_only"].tolist() == [False, True]
     assert columns["estimate"][1] == 1 / 3  # all digits
     assert columns["error"][1] == pytest.approx(1e-3, rel=6e-8)  # of a 24 bit number
     assert np.isnan([columns["estimate"][0], columns["error"][0], columns["sigma"][1]]).all()
