@@ -90,6 +90,9 @@ class Functional:
         At the end.
     changes : (m, 6) or None
         How fast rates and forces in b change in each block; None: not told.
+    direction : Functional or None
+        What is found of the horizontal Earth rate along itself, across itself, and nothing, in
+        parts of it, where heading is its direction: what first order leaves out of it.
     checked_by : Functional or None
         The match of velocity curves by which the method checks that the instrument does not
         travel; None: itself.
@@ -104,6 +107,8 @@ class Functional:
     C_nb: Rotation
     checked_by: "Functional | None" = None
     changes: Array | None = None
+    direction: "Functional | None" = None
+    circle: Array | None = None
 
     def __post_init__(self) -> None:
         m = len(self.t) - 1
@@ -118,6 +123,8 @@ class Functional:
         )
         if self.changes is not None:
             set_owned(self, changes=(self.changes, (m, 6), float))
+        if self.circle is not None:
+            set_owned(self, circle=(self.circle, (2, 2), float))
 
     @property
     def changing(self) -> Array:
