@@ -20,6 +20,8 @@ from alignment.levelling import attitude_sensitivity
 from alignment.options import Options
 from alignment.strapdown import Carried, changes_in_b
 
+_FEWEST_STEPS = 3.0  # of increments in a record that shows fewer
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Answer:
@@ -167,6 +169,36 @@ def functional(
         checked_by=checked_by,
         changes=changes_in_b(carried),
     )
+
+
+def by_increments(gain: Array, spans: Array, moved: Array, ends: Array) -> Array:
+    """Covariance (k, k) of functionals by what rounded increments leave of angle or velocity.
+
+    Parameters
+    ----------
+    gain : (m, k, 3)
+        Per mean rate or force over blocks of `spans` (m,) [s].
+    moved : (m, 3)
+        Sums of increments over the blocks.
+    ends : (3,)
+        Variances of what is left at any time, ``q^2/12``.
+
+    Notes
+    -----
+    What is left stays about as long as the next step takes to come, by how far all moved: edges of
+    blocks that are nearer have it together. Where hardly a step comes, it may come anywhere.
+    """
+    none = np.zeros((1, *gain.shape[1:]))
+    edges = -np.diff(gain / spans[:, None, None], axis=0, prepend=none, append=none)
+    t = np.concatenate([[0.0], np.cumsum(spans)])
+    steps = np.abs(moved).sum(axis=0) / np.sqrt(12 * ends) if ends.all() else np.zeros(3)
+    covariance = np.zeros((gain.shape[1],) * 2)
+    for axis in range(3):
+        kept = t[-1] / max(steps[axis], _FEWEST_STEPS)
+        _, first = np.unique(np.floor(t / kept), return_index=True)
+        together = np.add.reduceat(edges[:, :, axis], first, axis=0)
+        covariance += ends[axis] * together.T @ together
+    return covariance
 
 
 def compass_gain(site: Site) -> Array:

@@ -32,9 +32,11 @@ from alignment.methods.inertial import (
     Noise,
     Rest,
     ahead_by_clock,
+    attitude_weights,
     checked_readings,
     covariances,
     drive,
+    functional_covariance,
     gravity_doubt,
     gravity_velocity,
     lag_covariance,
@@ -42,6 +44,7 @@ from alignment.methods.inertial import (
     left_of_the_turn,
     rest_covariance,
     rest_of,
+    sensitivity,
     sway_covariance,
     told_at,
     wander_doubt,
@@ -316,6 +319,8 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     if turns(carried) and coarse[2, 2] > _HIDDEN**2:
         run = _round(run, _by_size(model, reference, run, variance))
     added = rest_covariance(carried, matched, rest) + _in_the_mean(rest, carried, matched, site)
+    if noise.ends.any():
+        added = added + _by_ends(noise.ends, carried, matched)
     late = lag_covariance(carried, matched, priors, site)
     if options.priors.clock:
         as_found = replace(matched, C_ni=reference.C_ni)  # whose axes it turns about
@@ -387,6 +392,13 @@ def _in_the_mean(rest: Rest, carried: Carried, matched: Match, site: Site) -> Ar
     t_from, t_to = float(carried.t[0]), float(carried.t[-1])
     rates = [one.share(t_from, t_to) * one.off[:3] * east for one in rest.apart]
     return np.diag([0.0, 0.0, float(np.sum(np.square(rates))) / site.horizontal_rate() ** 2])
+
+
+def _by_ends(ends: Array, carried: Carried, matched: Match) -> Array:
+    """Covariance (3, 3) by what rounded increments leave, variances (6,), as the match has it."""
+    alone, C_ni = Noise(np.zeros(3), np.zeros(3), ends=ends), matched.C_ni.as_matrix()
+    gyro, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
+    return functional_covariance(gyro + np.eye(3), accel, C_ni, carried, alone, Priors())
 
 
 def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) -> Model:

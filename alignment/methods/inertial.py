@@ -9,7 +9,7 @@ and J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Contr
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -27,6 +27,7 @@ from alignment.doubts import ALIKE_DOUBT, apart_doubt, drift_doubt, heading_doub
 from alignment.earth import Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.gains import by_increments
 from alignment.information.drift import flicker, sum_covariance, turn_on
 from alignment.noise import (
     apart_around,
@@ -42,7 +43,7 @@ from alignment.noise import (
 )
 from alignment.options import SENSORS, Options, Priors
 from alignment.readings import Dwell, ImuReadings
-from alignment.rounding import with_rounding
+from alignment.rounding import end_variance, with_rounding
 from alignment.saturation import saturation_doubt
 from alignment.strapdown import Carried, carry, changes_in_b, matrices
 
@@ -82,12 +83,14 @@ _TRACK_POINTS = 200  # of a track: each is a match of the record so far
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
     """White noise of each axis, (3,): `gyro` [rad/sqrt(s)] and `accel` [m/s/sqrt(s)]; `jitter`:
-    of velocity itself [m/sqrt(s)], as a dither or vibration makes it.
+    of velocity itself [m/sqrt(s)], as a dither or vibration makes it. `ends` (6,): variances of
+    angle and velocity at any time [rad^2], [m^2/s^2], as rounded increments leave them.
     """
 
     gyro: Array
     accel: Array
     jitter: float = 0.0
+    ends: Array = field(default_factory=lambda: np.zeros(6))
 
 
 class Own(NamedTuple):
@@ -222,7 +225,7 @@ def noise_of(readings: ImuReadings, priors: Priors) -> Noise:
             (priors.accel_walk, readings.f_b),
         )
     )
-    return Noise(gyro, accel)
+    return Noise(gyro, accel, ends=end_variance(readings))
 
 
 def rest_of(
@@ -602,11 +605,14 @@ def functional_covariance(
     turned, root = drive(carried, C_ni), np.sqrt(carried.spans)[:, None, None]
     gains = gyro @ turned, accel @ turned  # per constant error of b in each block
     covariance = np.zeros((gyro.shape[1],) * 2)
-    for gain, level, sensor in zip(
-        gains, (noise.gyro, noise.accel), ("gyro", "accel"), strict=True
+    for gain, level, ends, sensor in zip(
+        gains, (noise.gyro, noise.accel), np.split(noise.ends, 2), ("gyro", "accel"), strict=True
     ):
         white = gain * (level / root)
         covariance += np.tensordot(white, white, ([0, 2], [0, 2]))
+        if ends.any():
+            moved = carried.dtheta if sensor == "gyro" else carried.dv
+            covariance += by_increments(gain, carried.spans, moved, ends)
         covariance += _by_biases(gain, carried, priors, sensor)
     J = _per_constant(*gains, carried, priors)
     if J.shape[-1]:

@@ -12,7 +12,7 @@ from alignment import ImuReadings
 from alignment.around import by_direction, by_length
 from alignment.arrays import Array
 from alignment.constant_errors import BY_AXIS
-from alignment.gains import Functional
+from alignment.gains import Functional, by_increments
 from alignment.information import InstrumentErrors
 from alignment.information.circle import NO_RIVAL, Rival
 from alignment.information.drift import sum_covariance
@@ -67,6 +67,9 @@ def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
         for source, size in (("white noise", triad.noise), ("rounding", step)):
             white = each * np.asarray(size)
             parts[f"{name} {source}"] = np.einsum("mij,mkj->ik", white, white)
+        if end := scene.roundings[k].end:
+            ends, moved = np.full(3, end**2), x * spans[:, None]
+            parts[f"{name} rounding"] += by_increments(gain, spans, moved, ends)
         if scene.imu.clock.jitter:
             white = each * trembling[:, None, 3 * k : 3 * k + 3]
             parts[f"{name} jitter"] = np.einsum("mij,mkj->ik", white, white)

@@ -41,6 +41,7 @@ from alignment.methods.fine import (
 )
 from alignment.methods.inertial import Noise, gravity_velocity, inertial, match
 from alignment.methods.updates import ERRORS, Pass, Steps, _inverse, one_by_one
+from alignment.readings import Grain
 from alignment.strapdown import carry
 
 W = 7.292115e-5  # rad/s
@@ -304,6 +305,22 @@ def spun(method, priors, axis, rate, size):
     _, w, f, _ = faster.readings(T, 10.0)
     e = method([dwell(t, w / (1 + size), f)], site(turning), Options(priors=priors))[0]
     return Spun(errors(e.C_nb.as_matrix()[None], C)[0], e.covariance)
+
+
+@pytest.mark.parametrize("method", [inertial, fine])
+def test_the_last_of_rounded_increments_is_missing_from_the_tilt(method):
+    """A count q of angle: anywhere in it at the end, q^2/12 about north, of which nothing else
+    tells; what the Earth's rate tells, about down, is more by the match's blocks."""
+    stretch, _ = exact(STILL, T, 10.0)
+    q, r = 1e-5, stretch.readings
+    coarse = replace(stretch, readings=replace(r, grains=(Grain(increment=q), Grain())))
+    known, missing = (
+        method([one], site(STILL), Options(priors=NO_BIAS))[0].covariance
+        for one in (stretch, coarse)
+    )
+    more = (missing - known) / (q**2 / 12)
+    assert more[0, 0] == pytest.approx(1.0, rel=0.02)
+    assert more[2, 2] > 1e4  # of an angle, over what the Earth turns by in a minute and less
 
 
 def test_stamps_that_tremble_are_noise_of_what_turns():

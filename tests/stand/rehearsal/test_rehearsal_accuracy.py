@@ -526,11 +526,23 @@ def test_what_rounding_leaves_is_in_the_bias_that_is_told():
         assert rate == 100 or "rounded to 0.061 deg/s" in heading.reason
 
 
-def test_increments_lose_nothing_to_rounding():
+def test_increments_lose_what_both_ends_of_a_rest_leave():
+    """40 arc seconds a count, once anywhere in it at either end: 40''/(sqrt(6) T) of a mean."""
     unit = load_imu("hg9900")
-    coarse = replace(unit, gyro=replace(unit.gyro, resolution=1e-3), increments=True)
-    gyro, _ = roundings_of(coarse, 200)
-    assert (gyro.noise, gyro.steepness) == (0.0, 0.0)
+    lsb = 40 * DEG / 3600
+    gyro = replace(unit.gyro, resolution=1e-3, increment_lsb=lsb)
+    coarse = replace(unit, gyro=gyro, increments=True)
+    one, _ = roundings_of(coarse, 200)
+    assert (one.noise, one.steepness) == (0.0, 0.0)
+    procedure = load_procedure("two-position")
+    asked = assembled(procedure, coarse, table_of(procedure), Site(LAT), rate_hz=20)
+    found = {p.method: p for p in rehearse(asked).predictions if p.quantity == "heading"}
+    T = prepared(asked).plan.stretches[0]
+    mean = lsb / np.sqrt(6) / (T.steady_to - T.steady_from) / (EARTH_RATE * np.cos(LAT))
+    rows = {c.source: c.sigma for c in found["triad"].contributions}
+    assert rows["gyro rounding"] == pytest.approx(mean, rel=0.01)
+    rows = {c.source: c.sigma for c in found["two-position"].contributions}
+    assert rows["gyro rounding"] == pytest.approx(mean / np.sqrt(2), rel=0.01)
 
 
 def test_a_low_pass_takes_noise_that_would_blur():
