@@ -20,6 +20,8 @@ from alignment.levelling import attitude_sensitivity
 from alignment.options import Options
 from alignment.strapdown import Carried, changes_in_b
 
+_FEWEST_STEPS = 3.0  # of increments in a record that shows fewer
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Answer:
@@ -90,6 +92,9 @@ class Functional:
         At the end.
     changes : (m, 6) or None
         How fast rates and forces in b change in each block; None: not told.
+    direction : Functional or None
+        What is found of the horizontal Earth rate along itself, across itself, and nothing, in
+        parts of it, where heading is its direction: what first order leaves out of it.
     checked_by : Functional or None
         The match of velocity curves by which the method checks that the instrument does not
         travel; None: itself.
@@ -104,6 +109,8 @@ class Functional:
     C_nb: Rotation
     checked_by: "Functional | None" = None
     changes: Array | None = None
+    direction: "Functional | None" = None
+    circle: Array | None = None
 
     def __post_init__(self) -> None:
         m = len(self.t) - 1
@@ -118,6 +125,8 @@ class Functional:
         )
         if self.changes is not None:
             set_owned(self, changes=(self.changes, (m, 6), float))
+        if self.circle is not None:
+            set_owned(self, circle=(self.circle, (2, 2), float))
 
     @property
     def changing(self) -> Array:
@@ -160,6 +169,36 @@ def functional(
         checked_by=checked_by,
         changes=changes_in_b(carried),
     )
+
+
+def by_increments(gain: Array, spans: Array, moved: Array, ends: Array) -> Array:
+    """Covariance (k, k) of functionals by what rounded increments leave of angle or velocity.
+
+    Parameters
+    ----------
+    gain : (m, k, 3)
+        Per mean rate or force over blocks of `spans` (m,) [s].
+    moved : (m, 3)
+        Sums of increments over the blocks.
+    ends : (3,)
+        Variances of what is left at any time, ``q^2/12``.
+
+    Notes
+    -----
+    What is left stays about as long as the next step takes to come, by how far all moved: edges of
+    blocks that are nearer have it together. Where hardly a step comes, it may come anywhere.
+    """
+    none = np.zeros((1, *gain.shape[1:]))
+    edges = -np.diff(gain / spans[:, None, None], axis=0, prepend=none, append=none)
+    t = np.concatenate([[0.0], np.cumsum(spans)])
+    steps = np.abs(moved).sum(axis=0) / np.sqrt(12 * ends) if ends.all() else np.zeros(3)
+    covariance = np.zeros((gain.shape[1],) * 2)
+    for axis in range(3):
+        kept = t[-1] / max(steps[axis], _FEWEST_STEPS)
+        _, first = np.unique(np.floor(t / kept), return_index=True)
+        together = np.add.reduceat(edges[:, :, axis], first, axis=0)
+        covariance += ends[axis] * together.T @ together
+    return covariance
 
 
 def compass_gain(site: Site) -> Array:

@@ -19,7 +19,7 @@ from alignment.once import once
 from alignment.options import SENSORS, Priors
 from alignment.parts import PART, excerpts, mean, parts, release, sums_between
 from alignment.readings import Dwell, ImuReadings
-from alignment.rounding import rounding_variance
+from alignment.rounding import end_variance, rounding_variance
 from alignment.sampling import step_of
 
 # least Allan deviation of flicker noise over its bias instability: sqrt(2 ln 2 / pi), with the
@@ -125,6 +125,8 @@ def _means_and_shown(readings: ImuReadings) -> tuple[Array, Array, Array, Apart,
     means = np.concatenate([mean(values) for values in columns])
     shown = [_shown_by(values) for values in columns]
     variances = np.concatenate([one.variance for one in shown])
+    # a channel that stays on one count shows nothing of what its ends leave
+    variances = np.maximum(variances, 2 * end_variance(readings) / (n * readings.interval) ** 2)
     cosines, sines, sixteen = (np.hstack([one[k] for one in shown]) for k in (1, 2, 3))
     triads = slice(3), slice(3, 6)
     drifts = [_drift(cosines[:, own], sines[:, own], n) for own in triads]

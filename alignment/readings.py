@@ -19,10 +19,15 @@ EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1
 @dataclass(frozen=True, slots=True)
 class Grain:
     """How coarse a sensor's numbers are: the `step` that they are rounded to, and the `noise` of
-    one sample before that, its standard deviation; both in the sensor's unit."""
+    one sample before that, its standard deviation; both in the sensor's unit.
+
+    `increment`: of one whose increments are rounded, remainders carried on, their step [rad] or
+    [m/s].
+    """
 
     step: float = 0.0
     noise: float = 0.0
+    increment: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)

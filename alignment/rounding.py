@@ -66,6 +66,17 @@ def rounding_variance(readings: ImuReadings, steps: Array | None = None) -> Arra
     return np.array([waves(*one)[1].sum() if one[0] else 0.0 for one in told])
 
 
+def end_variance(readings: ImuReadings) -> Array:
+    """Variance (6,) of the angle [rad^2] and velocity [m^2/s^2] so far by rounded increments.
+
+    Remainders are carried on, so that only what the last one leaves is missing: anywhere in a
+    step q, ``q^2/12``; of a mean over T, which has two ends, ``q^2/(6 T^2)``.
+    """
+    if readings.grains is None:
+        return np.zeros(6)
+    return np.repeat([grain.increment**2 / 12 for grain in readings.grains], 3)
+
+
 def blur_of(readings: ImuReadings, steps: Array) -> Array:
     """Noise (6,) of samples that blurs the `steps` (6,), as `rounding_variance` takes it."""
     noises = [0.0, 0.0] if readings.grains is None else [grain.noise for grain in readings.grains]

@@ -31,9 +31,12 @@ from alignment.methods.inertial import (
     Match,
     Noise,
     Rest,
+    ahead_by_clock,
+    attitude_weights,
     checked_readings,
     covariances,
     drive,
+    functional_covariance,
     gravity_doubt,
     gravity_velocity,
     lag_covariance,
@@ -41,9 +44,11 @@ from alignment.methods.inertial import (
     left_of_the_turn,
     rest_covariance,
     rest_of,
+    sensitivity,
     sway_covariance,
     told_at,
     wander_doubt,
+    with_clock,
 )
 from alignment.methods.updates import (
     BLOCK,
@@ -81,6 +86,7 @@ _SHOWN = 0.5  # rad: a track begins when heading is known to this
 
 _SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multiply
 _SIZE, _NORTH, _FOREVER = "size", np.diag([1.0, 0.0, 0.0]), 1e12  # s
+_OF_SIZE = -3  # of the state: north's, of the last three
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
 _ROUND = 1.0  # rad: what turns by more goes round
@@ -281,7 +287,7 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     carried = carry(readings, update_of(readings))
     priors = states_of(with_rounding(options.priors, readings), carried, site)
     matched, noise, arm = laid(readings, carried, site, priors)
-    coarse, wander = covariances(carried, matched, noise, priors, arm)
+    coarse, wander = covariances(carried, matched, noise, priors, arm, site)
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
@@ -310,15 +316,22 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
         )
     if whole:
         run = _filter(replace(model, whole=True), reference, variance).ending(run)
-    if _turns(carried) and coarse[2, 2] > _HIDDEN**2:
+    if turns(carried) and coarse[2, 2] > _HIDDEN**2:
         run = _round(run, _by_size(model, reference, run, variance))
     added = rest_covariance(carried, matched, rest) + _in_the_mean(rest, carried, matched, site)
+    if noise.ends.any():
+        added = added + _by_ends(noise.ends, carried, matched)
     late = lag_covariance(carried, matched, priors, site)
+    if options.priors.clock:
+        as_found = replace(matched, C_ni=reference.C_ni)  # whose axes it turns about
+        ahead = ahead_by_clock(reference.carried, as_found, options.priors, site)
+        heading = float(np.sqrt(run.attitude[-1, 2, 2]))
+        late += with_clock(ahead, _clocked(model, run, options.priors.clock), heading)
     more = added, left_of_the_turn(carried, matched, priors), late
     return _answer(model, reference, run, more, flags)
 
 
-def _turns(carried: Carried) -> bool:
+def turns(carried: Carried) -> bool:
     """Whether the stretch turns or rocks."""
     return _angle(carried) >= _ROCKED
 
@@ -340,13 +353,27 @@ def _by_size(model: Model, reference: _Reference, run: Pass, variance: float) ->
     rate = model.site.horizontal_rate()
     apart = _COARSE * model.update
     coarse = _about(model, _at_end(reference), reference, apart)
-    sized = any(sensor == _SIZE for sensor, _ in model.drifts)
-    wider = model if sized else replace(model, drifts=(*model.drifts, _any_size(model.site)))
-    free = _filter(wider, coarse, variance * model.update / apart)
-    own, x = -3, free.x[-1]  # north's, of the last three
-    both = free.heading[own] / rate
-    errors = np.array([[free.variances[-1, own] / rate**2, both], [both, free.heading[2]]])
-    return by_size(np.array([1 + x[own] / rate, x[2]]), errors, float(run.x[-1, 2]))
+    free = _filter(of_any_size(model), coarse, variance * model.update / apart)
+    x = free.x[-1]
+    errors = of_the_rate(free.heading, free.variances[-1], model.site)
+    return by_size(np.array([1 + x[_OF_SIZE] / rate, x[2]]), errors, float(run.x[-1, 2]))
+
+
+def of_any_size(model: Model) -> Model:
+    """The model with the size of the Earth's level rate unknown."""
+    if any(sensor == _SIZE for sensor, _ in model.drifts):
+        return model
+    return replace(model, drifts=(*model.drifts, _any_size(model.site)))
+
+
+def of_the_rate(heading: Array, variances: Array, site: Site) -> Array:
+    """Covariance (2, 2) of the Earth's level rate along and across itself, in parts of it.
+
+    By a filter of `of_any_size`: covariances (s,) of heading's error with all, variances (s,).
+    """
+    rate = site.horizontal_rate()
+    both = heading[_OF_SIZE] / rate
+    return np.array([[variances[_OF_SIZE] / rate**2, both], [both, heading[2]]])
 
 
 def _round(run: Pass, heading: float) -> Pass:
@@ -365,6 +392,13 @@ def _in_the_mean(rest: Rest, carried: Carried, matched: Match, site: Site) -> Ar
     t_from, t_to = float(carried.t[0]), float(carried.t[-1])
     rates = [one.share(t_from, t_to) * one.off[:3] * east for one in rest.apart]
     return np.diag([0.0, 0.0, float(np.sum(np.square(rates))) / site.horizontal_rate() ** 2])
+
+
+def _by_ends(ends: Array, carried: Carried, matched: Match) -> Array:
+    """Covariance (3, 3) by what rounded increments leave, variances (6,), as the match has it."""
+    alone, C_ni = Noise(np.zeros(3), np.zeros(3), ends=ends), matched.C_ni.as_matrix()
+    gyro, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
+    return functional_covariance(gyro + np.eye(3), accel, C_ni, carried, alone, Priors())
 
 
 def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) -> Model:
@@ -407,7 +441,7 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     asymmetry makes a constant of what goes to and fro, ``a (mean |x| - |mean x|)``; of what goes
     round it is a scale error, as a cubic term of gyros is of both.
     """
-    if not _turns(carried):
+    if not turns(carried):
         return in_one_attitude(priors, site.gravity)
     astray = with_products(priors)
     own = {name: getattr(astray, name) for name in _ASTRAY}
@@ -426,7 +460,9 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
         rectified = size * float(np.max(np.abs(means).mean(axis=0) - np.abs(means.mean(axis=0))))
         bias = float(np.hypot(getattr(folded, f"{sensor}_bias"), rectified))
         own[f"{sensor}_bias"] = bias
-    return replace(folded, **own)
+    if priors.clock:  # of one scale for all axes: what it is at the end, `filtered` adds
+        own["gyro_scale"] = float(np.hypot(own.get("gyro_scale", folded.gyro_scale), priors.clock))
+    return replace(folded, **own, clock=0.0)
 
 
 def _scale_of_cubic(priors: Priors, carried: Carried) -> float:
@@ -547,6 +583,24 @@ def _constant(model: Model, x: Array, name: str) -> Array:
     return x[columns_of(model.names.index(name))]
 
 
+def _states_of_scale(model: Model) -> slice:
+    """Where the gyros' scale errors stand in the state; nowhere if they are none of it."""
+    if "gyro_scale" not in model.names:
+        return slice(0)
+    return columns_of(model.names.index("gyro_scale"))
+
+
+def _clocked(model: Model, run: Pass, clock: float) -> Array:
+    """Of the attitude's errors (m, 3) what one sigma of a clock that runs fast makes of them.
+
+    It is a scale error, one for all gyros, and as much of what the states of scale errors make as
+    it is of their prior.
+    """
+    if not clock or "gyro_scale" not in model.names:
+        return np.zeros(3)
+    return np.asarray(-clock / model.priors.gyro_scale**2 * run.scaled)
+
+
 def columns_of(k: int) -> slice:
     """Where the k-th constant stands in the state."""
     return slice(ERRORS + 3 * k, ERRORS + 3 * k + 3)
@@ -624,7 +678,8 @@ def _filter(model: Model, reference: _Reference, variance: float) -> Pass:
     state[:, :-1] = np.diag(model.start)
     for k, own in enumerate(reference.found):  # taken out already
         state[columns_of(k), -1] = -own
-    out = Pass(*(np.empty(s) for s in ((m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,))))
+    shapes = (m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,)
+    out = Pass(*map(np.empty, shapes), scaled=np.empty((m, 3)), scale=_states_of_scale(model))
     careful = min(_CAREFUL, m)
     # an update or more after whole blocks; as fast one by one where more than errors move
     drifting = any(sensor != _SIZE for sensor, _ in model.drifts)

@@ -9,7 +9,7 @@ and J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Contr
 """
 
 from collections.abc import Sequence as Ordered
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -27,6 +27,7 @@ from alignment.doubts import ALIKE_DOUBT, apart_doubt, drift_doubt, heading_doub
 from alignment.earth import Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
+from alignment.gains import by_increments
 from alignment.information.drift import flicker, sum_covariance, turn_on
 from alignment.noise import (
     apart_around,
@@ -42,7 +43,7 @@ from alignment.noise import (
 )
 from alignment.options import SENSORS, Options, Priors
 from alignment.readings import Dwell, ImuReadings
-from alignment.rounding import with_rounding
+from alignment.rounding import end_variance, with_rounding
 from alignment.saturation import saturation_doubt
 from alignment.strapdown import Carried, carry, changes_in_b, matrices
 
@@ -82,12 +83,14 @@ _TRACK_POINTS = 200  # of a track: each is a match of the record so far
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
     """White noise of each axis, (3,): `gyro` [rad/sqrt(s)] and `accel` [m/s/sqrt(s)]; `jitter`:
-    of velocity itself [m/sqrt(s)], as a dither or vibration makes it.
+    of velocity itself [m/sqrt(s)], as a dither or vibration makes it. `ends` (6,): variances of
+    angle and velocity at any time [rad^2], [m^2/s^2], as rounded increments leave them.
     """
 
     gyro: Array
     accel: Array
     jitter: float = 0.0
+    ends: Array = field(default_factory=lambda: np.zeros(6))
 
 
 class Own(NamedTuple):
@@ -222,7 +225,7 @@ def noise_of(readings: ImuReadings, priors: Priors) -> Noise:
             (priors.accel_walk, readings.f_b),
         )
     )
-    return Noise(gyro, accel)
+    return Noise(gyro, accel, ends=end_variance(readings))
 
 
 def rest_of(
@@ -282,10 +285,10 @@ def _bias_doubt(carried: Carried, matched: Match, noise: Noise, priors: Priors) 
     That is a bias along north; one along east, of which nothing shows, passes for heading.
     """
     left, C_ni = left_of_the_turn(carried, matched, priors), matched.C_ni.as_matrix()
-    along = attitude_weights(carried, matched)[:, 2:] @ _ALONG
-    felt = sensitivity(along, C_ni, carried)
+    weights = along(attitude_weights(carried, matched)[:, 2:])
+    felt = sensitivity(weights, C_ni, carried)
     variance = float(functional_covariance(*felt, C_ni, carried, noise, priors)[0, 0])
-    variance += noise.jitter**2 * float(np.sum(along**2 / carried.spans[:, None, None]))
+    variance += noise.jitter**2 * float(np.sum(weights**2 / carried.spans[:, None, None]))
     if abs(left - 1) <= max(_BEYOND * np.sqrt(variance), _SEEN):
         return ()
     return (
@@ -602,16 +605,30 @@ def functional_covariance(
     turned, root = drive(carried, C_ni), np.sqrt(carried.spans)[:, None, None]
     gains = gyro @ turned, accel @ turned  # per constant error of b in each block
     covariance = np.zeros((gyro.shape[1],) * 2)
-    for gain, level, sensor in zip(
-        gains, (noise.gyro, noise.accel), ("gyro", "accel"), strict=True
+    for gain, level, ends, sensor in zip(
+        gains, (noise.gyro, noise.accel), np.split(noise.ends, 2), ("gyro", "accel"), strict=True
     ):
         white = gain * (level / root)
         covariance += np.tensordot(white, white, ([0, 2], [0, 2]))
+        if ends.any():
+            moved = carried.dtheta if sensor == "gyro" else carried.dv
+            covariance += by_increments(gain, carried.spans, moved, ends)
         covariance += _by_biases(gain, carried, priors, sensor)
     J = _per_constant(*gains, carried, priors)
     if J.shape[-1]:
         covariance = covariance + J @ J.T
-    return np.asarray(covariance)
+    J = by_clock(gains[0], carried, priors)
+    return np.asarray(covariance + np.outer(J, J))
+
+
+def by_clock(gain: Array, carried: Carried, priors: Priors) -> Array:
+    """Functionals (k,) of gains (m, k, 3) to each block's mean rate, by the clock's one sigma.
+
+    By stamps of a clock that runs fast all turns by that part faster than the gyros say: an error
+    of scale that is one for all of them.
+    """
+    rates = carried.dtheta / carried.spans[:, None]
+    return np.asarray(-priors.clock * np.tensordot(gain, rates, ([0, 2], [0, 1])))
 
 
 def _by_biases(gain: Array, carried: Carried, priors: Priors, sensor: str) -> Array:
@@ -732,6 +749,11 @@ def _weights(spans: Array, matched: Match) -> Array:
     return np.asarray(np.linalg.inv(normal) @ weighted)
 
 
+def along(across: Array) -> Array:
+    """How the level rate is found larger, in parts of it, by weights (..., 3) that find heading."""
+    return np.asarray(across @ _ALONG)
+
+
 def less_arm(weights: Array, arm: Arm) -> tuple[Array, Array]:
     """Functionals (m, k, 3) of a curve that the arm's swing is taken from; what is left of it
     (k, 3), per unit cause."""
@@ -799,7 +821,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         arm = arm_of(part, match(part, site, unbiased=known), noise, priors, site)
         matched = match(part, site, arm.place, known)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
-        P, _ = covariances(part, matched, noise, priors, arm)
+        P, _ = covariances(part, matched, noise, priors, arm, site)
         P = P + rest_covariance(part, matched, rest)
         P *= less_turned(P, left_of_the_turn(part, matched, priors))
         found.append((C_nb, P + lag_covariance(part, matched, priors, site)[-1]))
@@ -837,7 +859,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
     matched, noise, arm = laid(readings, carried, site, priors)
-    covariance, wander = covariances(carried, matched, noise, priors, arm)
+    covariance, wander = covariances(carried, matched, noise, priors, arm, site)
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)
     covariance = covariance + rest_covariance(carried, matched, rest)
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
@@ -864,7 +886,7 @@ def told_at(dwell: Dwell, C_nb: Rotation) -> Rotation:
 
 
 def covariances(
-    carried: Carried, matched: Match, noise: Noise, priors: Priors, arm: Arm
+    carried: Carried, matched: Match, noise: Noise, priors: Priors, arm: Arm, site: Site
 ) -> tuple[Array, Array]:
     """Of the attitude about n (3, 3) [rad^2], and of `wander_values` (9, 9) by noise and priors.
 
@@ -878,7 +900,7 @@ def covariances(
     m = len(spans)
     weights = np.empty((m, 13, 3))
     weights[:, :3] = attitude_weights(carried, matched)
-    weights[:, 12] = weights[:, 2] @ _ALONG
+    weights[:, 12] = along(weights[:, 2])
     weights[:, 3:12] = np.einsum("mo,ij->moij", basis, np.eye(3)).reshape(m, 9, 3)
     ends = [weights[k, :3] / spans[k] for k in (0, -1)]
     weights, left = less_arm(weights, arm)
@@ -893,8 +915,13 @@ def covariances(
     wander = P[3:12, 3:12] + np.kron(np.eye(3), 2 * sway + _FINEST**2 * np.eye(3))
     sway = sway + _slow_sway(wander_values(carried, matched), wander)
     attitude = P[:3, :3] + sum(e @ sway @ e.T for e in ends)
-    along = np.ix_([12, 2], [12, 2])
-    return whole_circle(attitude, by_direction(P[along])), wander
+    both = np.ix_([12, 2], [12, 2])
+    heading = by_direction(P[both])
+    if priors.clock:
+        J = by_clock(gyro[:, :3] @ drive(carried, C_ni), carried, priors)
+        ahead = ahead_by_clock(carried, matched, priors, site)[-1:]
+        attitude = attitude + with_clock(ahead, J, heading)[0]
+    return whole_circle(attitude, heading), wander
 
 
 def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors: Priors) -> Noise:
@@ -976,26 +1003,48 @@ def lag_covariance(carried: Carried, matched: Match, priors: Priors, site: Site)
     The same motion a time `lag` before is as good a record: all is as then, turned on by the rate.
     Of accelerometers that come later than gyros a force is felt that changed meanwhile, which the
     match takes for one of another attitude: of a steady spin about a level axis that undoes what
-    late gyros do. Of a clock that runs fast readings come later the later they are: gravity turns
-    in b at another rate than the gyros say.
+    late gyros do.
     """
-    if not (priors.lag or priors.accel_later or priors.clock):
+    if not (priors.lag or priors.accel_later):
         return np.zeros((len(carried.t), 3, 3))
-    spans, C_ni = carried.spans[:, None], matched.C_ni.as_matrix()
-    rates = carried.dtheta / spans
-    C_nb = C_ni @ matrices(carried.q)
-    w_ib_n = C_nb @ np.concatenate([rates[:1], rates])[:, :, None]
-    turning = w_ib_n - site.w_ie_n[:, None]
-    late, fast = priors.lag * turning, np.zeros((3, 1))
-    if priors.accel_later or priors.clock:
-        gyro, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
-        change, turned = changes_in_b(carried)[:, :, None], drive(carried, C_ni)
-        since = ((carried.t[1:] + carried.t[:-1]) / 2 - carried.t[-1])[:, None, None]
-        felt, seen = (accel @ turned) @ change[:, 3:], ((gyro + np.eye(3)) @ turned) @ change[:, :3]
+    late = priors.lag * _turning(carried, matched, site)[:, :, None]
+    if priors.accel_later:
+        C_ni = matched.C_ni.as_matrix()
+        _, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
+        felt = (accel @ drive(carried, C_ni)) @ changes_in_b(carried)[:, 3:, None]
         late = late + priors.accel_later * felt.sum(axis=0)
-        fast = carried.t[-1] * turning[-1] + np.sum(since * (felt + seen), axis=0)
-        fast *= priors.clock
-    return np.asarray(late * late.transpose(0, 2, 1) + fast * fast.T)
+    return np.asarray(late @ late.transpose(0, 2, 1))
+
+
+def ahead_by_clock(carried: Carried, matched: Match, priors: Priors, site: Site) -> Array:
+    """By how much readings tell a later attitude (m + 1, 3) about n at the edges, the later they
+    are, of one sigma of a clock that runs fast.
+
+    Where a turn has stopped within three sigmas, by its rate before.
+    """
+    turning, t = _turning(carried, matched, site), carried.t
+    before = np.searchsorted(t, t - _BEYOND * priors.clock * np.abs(t)).clip(0, len(t) - 1)
+    then = turning[before]
+    faster = np.linalg.norm(then, axis=1) > np.linalg.norm(turning, axis=1)
+    return np.asarray(priors.clock * t[:, None] * np.where(faster[:, None], then, turning))
+
+
+def with_clock(ahead: Array, clocked: Array, heading: float) -> Array:
+    """Covariances (k, 3, 3) about n by what is `ahead` (k, 3), whose own clock the attitude holds
+    for an error `clocked` (k, 3) or (3,) of scale.
+
+    Both turn with `heading`'s error h, of this sigma: ``E cos h`` of them goes together.
+    """
+    both = np.exp(-(heading**2) / 2) * ahead[:, :, None] * np.atleast_2d(clocked)[:, None]
+    return np.asarray(ahead[:, :, None] * ahead[:, None] + both + both.transpose(0, 2, 1))
+
+
+def _turning(carried: Carried, matched: Match, site: Site) -> Array:
+    """Rates about n (m + 1, 3) at the edges: those of the blocks before."""
+    rates = carried.dtheta / carried.spans[:, None]
+    C_nb = matched.C_ni.as_matrix() @ matrices(carried.q)
+    w_ib_n = C_nb @ np.concatenate([rates[:1], rates])[:, :, None]
+    return np.asarray(w_ib_n[:, :, 0] - site.w_ie_n)
 
 
 def _share(one: Apart, carried: Carried) -> Array:

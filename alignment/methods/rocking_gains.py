@@ -4,6 +4,8 @@
 linear functional of the errors of its sensors over time.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from alignment.arrays import Array
@@ -13,13 +15,18 @@ from alignment.gains import Functional, functional
 from alignment.methods.fine import (
     STILL,
     UPDATE,
+    Model,
     columns_of,
     error_matrices,
     model_of,
+    of_any_size,
+    of_the_rate,
     states_of,
+    turns,
 )
 from alignment.methods.inertial import (
     EVERY,
+    along,
     attitude_weights,
     block_of,
     drive,
@@ -31,6 +38,7 @@ from alignment.methods.inertial import (
     sensitivity,
     sway_covariance,
 )
+from alignment.methods.updates import Steps
 from alignment.options import Options
 from alignment.readings import ImuReadings
 from alignment.strapdown import Carried, carry
@@ -45,14 +53,19 @@ def inertial_functional(readings: ImuReadings, site: Site, options: Options) -> 
     matched, _, arm = laid(readings, carried, site, options.priors)
     C_ni = matched.C_ni.as_matrix()
     weights = attitude_weights(carried, matched)
-    ends = [weights[k] / carried.spans[k] for k in (0, -1)]
+    weights = np.concatenate([weights, along(weights[:, 2:])], axis=1)
+    ends = [weights[k, :3] / carried.spans[k] for k in (0, -1)]
     weights, left = less_arm(weights, arm)
     gyro, accel = sensitivity(weights, C_ni, carried)
-    gyro = gyro + np.eye(3)  # the attitude carried to the end has all of the gyros' error
+    gyro[:, :3] += np.eye(3)  # the attitude carried to the end has all of the gyros' error
     turned = drive(carried, C_ni, EVERY)
-    sway = sway_covariance(carried, matched)
-    motion = sum((e @ sway @ e.T for e in ends), left @ left.T)
-    return functional(carried, matched.C_ni, gyro @ turned, accel @ turned, np.asarray(motion))
+    gyro, accel = gyro @ turned, accel @ turned
+    sway, left = sway_covariance(carried, matched), left[:3]
+    motion = np.asarray(sum((e @ sway @ e.T for e in ends), left @ left.T))
+    gyro_of, accel_of = (np.stack([x[:, 3], x[:, 2], 0 * x[:, 2]], axis=1) for x in (gyro, accel))
+    direction = functional(carried, matched.C_ni, gyro_of, accel_of, np.zeros((3, 3)))
+    run = functional(carried, matched.C_ni, gyro[:, :3], accel[:, :3], motion)
+    return replace(run, direction=direction)
 
 
 def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Functional:
@@ -66,21 +79,29 @@ def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Func
     C_ni = matched.C_ni.as_matrix()
     push = np.diff(gravity_velocity(carried.t, site)[0], axis=0)
     steps, H = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
-    F = steps.F
     walk = float(np.mean(noise.gyro**2)) * float(carried.t[-1] - carried.t[0])
     variance = (STILL**2 + 100 * priors.lever_arm**2 * walk) * UPDATE / STEP
-    rows = _rows(F, H, _kalman_gains(F, steps.Q, H, np.diag(model.start), variance))
+    gains, _ = _kalman_gains(model, steps, H, variance)
+    rows = _rows(steps.F, H, gains)
     gyro, accel = _by_sensor(rows[1:], carried, C_ni, push)
     arm = np.zeros((3, 3))
     if "lever_arm" in model.names:
         part = rows[0][:, columns_of(model.names.index("lever_arm"))] * priors.lever_arm
         arm = part @ part.T
-    return functional(carried, matched.C_ni, gyro, accel, arm, checked_by)
+    circle = None
+    if turns(carried):
+        free = of_any_size(model)
+        steps, H = error_matrices(free, carried, C_ni, push, slice(0, len(carried.t)))
+        _, P = _kalman_gains(free, steps, H, variance)
+        circle = np.linalg.inv(of_the_rate(P[2], P.diagonal(), site))
+    run = functional(carried, matched.C_ni, gyro, accel, arm, checked_by)
+    return replace(run, circle=circle)
 
 
-def _kalman_gains(F: Array, Q: Array, H: Array, P: Array, variance: float) -> Array:
-    """Gains (n + 1, s, 3) of updates that observe ``H x`` with noise of `variance`."""
-    kept = []
+def _kalman_gains(model: Model, steps: Steps, H: Array, variance: float) -> tuple[Array, Array]:
+    """Gains (n + 1, s, 3) of updates that observe ``H x`` with noise of `variance`, and what is
+    left of the covariance (s, s) after the last."""
+    F, Q, P, kept = steps.F, steps.Q, np.diag(model.start), []
     for k in range(len(H)):
         PH = P @ H[k].T
         K = PH @ np.linalg.inv(H[k] @ PH + variance * np.eye(3))
@@ -89,7 +110,7 @@ def _kalman_gains(F: Array, Q: Array, H: Array, P: Array, variance: float) -> Ar
         if k < len(F):
             P = F[k] @ P @ F[k].T + Q[k]
             P = 0.5 * (P + P.T)
-    return np.array(kept)
+    return np.array(kept), P
 
 
 def _rows(F: Array, H: Array, gains: Array) -> Array:

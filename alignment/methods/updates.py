@@ -17,7 +17,7 @@ ERRORS = 10  # of attitude, velocity, displacement, and the size of gravity: the
 BLOCK = 64  # updates that are one, where nobody asks what each found
 _SYMMETRIC = 8  # updates after which rounding's asymmetry is taken out
 _CONSISTENT = 5.0  # standard errors by which the innovations' mean square may exceed one
-_TOLD = ("x", "variances", "attitude", "values")  # of a pass, by each update or by the last
+_TOLD = ("x", "variances", "attitude", "values", "scaled")  # of a pass, by each or by the last
 
 
 class Steps(NamedTuple):
@@ -58,7 +58,8 @@ class Pass:
     about n [rad], velocity, displacement, constants; their `variances`; covariance `attitude`
     (m, 3, 3); innovations `values` (m, 3). Of all updates in any case: the innovations' variances
     `expected` (n, 3) and normalised squares `misfit` (n,), as far as they are told. `heading` (s,):
-    covariances of heading's error with all, at the end.
+    covariances of heading's error with all, at the end. `scaled` (m, 3): of attitude's errors with
+    the sum of the states `scale`, which a clock that runs fast is one of.
     """
 
     x: Array
@@ -68,6 +69,8 @@ class Pass:
     expected: Array
     misfit: Array
     heading: Array = field(default_factory=lambda: np.zeros(0))
+    scaled: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    scale: slice = field(default_factory=lambda: slice(0))
 
     @property
     def left(self) -> Array:
@@ -126,6 +129,7 @@ def careful_updates(
         at = part.start + k
         out.x[at], out.variances[at] = x, np.sum(S * S, axis=0)
         out.attitude[at] = S[:, :3].T @ S[:, :3]
+        out.scaled[at] = S[:, :3].T @ S[:, out.scale].sum(axis=1)
         out.values[at], out.misfit[at] = value, unit @ unit
         out.expected[at] = np.sum(W * W, axis=0)
         if k < len(rows):
@@ -281,6 +285,7 @@ def one_by_one(
     out.x[part] = after[:, :, -1]
     out.variances[part] = np.diagonal(after, axis1=1, axis2=2)
     out.attitude[part] = after[:, :3, :3]
+    out.scaled[part] = after[:, :3, out.scale].sum(axis=2)
     values = -innovations
     out.values[part] = values
     out.expected[part] = np.diagonal(spread, axis1=1, axis2=2)

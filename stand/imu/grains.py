@@ -25,9 +25,13 @@ def stated_of(
 def grains_of(
     imu: ImuSpec, rate_hz: float, sampling: Sampling = Sampling.MEAN
 ) -> tuple[Grain, Grain]:
-    """Of gyros and of accelerometers; increments carry their remainders on, and lose nothing."""
+    """Of gyros and of accelerometers; increments carry their remainders on."""
     gyro, accel = (
-        Grain(0.0 if imu.increments else spec.resolution, _sample_noise(spec, rate_hz, sampling))
+        Grain(
+            step=0.0 if imu.increments else spec.resolution,
+            noise=_sample_noise(spec, rate_hz, sampling),
+            increment=spec.increment_lsb if imu.increments else 0.0,
+        )
         for spec in (imu.gyro, imu.accel)
     )
     return gyro, accel

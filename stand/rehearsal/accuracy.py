@@ -10,7 +10,7 @@ from alignment.earth import Site
 from alignment.errors import AlignmentError
 from alignment.gains import Answer, Gains
 from alignment.information import Information, InstrumentErrors, Stretch
-from alignment.information.circle import Rival
+from alignment.information.circle import Rival, rival
 from alignment.information.result import DETERMINED
 from alignment.methods.position_gains import known_to
 from alignment.units import DEG
@@ -39,6 +39,7 @@ from stand.rehearsal.rocking import (
     readings_of,
     tilt_doubt,
     turned_by_heading,
+    turning_round,
 )
 from stand.rehearsal.scene import Scene
 
@@ -233,9 +234,14 @@ def _of_stretch(
     check_carried(step.label, over_time(run.checked_by or run, unit, scene))
     parts = over_time(run, unit, scene)
     if not method.tells_mean:
-        parts["lag"] = late(run, scene)
+        parts |= late(run, scene)
+    other = turning_round(run, unit, scene) if run.circle is None else rival(run.circle)
+    parts = rounder(parts, other)
     off = known(run, scene)
     # of an axis that turns, the attitude is told where it reads zero
     C_nb = run.C_nb if step.turning is None else step.C_nb
     told = angles(name, "", step.label, C_nb, turned_by_heading(parts), str, off)
+    why_not = rivalled(other)
+    told = withheld(told, ("heading", "yaw"), why_not)
+    told = withheld(told, by_gyros(parts, C_nb) if why_not else (), f"as heading: {why_not}")
     return list(withheld(told, ("pitch", "roll"), tilt_doubt(parts)))

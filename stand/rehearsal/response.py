@@ -133,6 +133,8 @@ class ReadingErrors:
         waves: Array = np.asarray(block_diag(*(_waves(p) for *_, p in seen)))
         spans = zip(self.true.stretches, seen, strict=True)
         fresh: Array = np.asarray(block_diag(*(_fresh(s, len(w), scene) for s, (w, *_) in spans)))
+        weights = [coefficient_weights(s) / s.span.length**2 for s in self.true.stretches]
+        ends = np.diag(np.concatenate(weights)) * 2
         found = {}
         for k, one in enumerate(scene.roundings):
             total = np.zeros_like(doubt)
@@ -141,6 +143,7 @@ class ReadingErrors:
                 left = one.left(nodes[:, channel], waves @ doubt[own, own] @ waves.T)
                 slopes[own, own] = project @ (left.slope[:, None] * waves)
                 total[own, own] = project @ left.moments @ project.T + np.diag(fresh @ left.fresh)
+                total[own, own] += ends * one.end**2
             found[f"{SENSORS[k]} rounding"] = total
         return slopes, found
 

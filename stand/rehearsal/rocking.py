@@ -9,12 +9,14 @@ from math import sqrt
 import numpy as np
 
 from alignment import ImuReadings
-from alignment.around import by_length
+from alignment.around import by_direction, by_length
 from alignment.arrays import Array
 from alignment.constant_errors import BY_AXIS
-from alignment.gains import Functional
+from alignment.gains import Functional, by_increments
 from alignment.information import InstrumentErrors
+from alignment.information.circle import NO_RIVAL, Rival
 from alignment.information.drift import sum_covariance
+from alignment.information.result import DETERMINED
 from stand.imu.by_value import values_of
 from stand.imu.instrument import lags_of
 from stand.motion.polynomial import Motion
@@ -65,6 +67,9 @@ def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
         for source, size in (("white noise", triad.noise), ("rounding", step)):
             white = each * np.asarray(size)
             parts[f"{name} {source}"] = np.einsum("mij,mkj->ik", white, white)
+        if end := scene.roundings[k].end:
+            ends, moved = np.full(3, end**2), x * spans[:, None]
+            parts[f"{name} rounding"] += by_increments(gain, spans, moved, ends)
         if scene.imu.clock.jitter:
             white = each * trembling[:, None, 3 * k : 3 * k + 3]
             parts[f"{name} jitter"] = np.einsum("mij,mkj->ik", white, white)
@@ -101,17 +106,39 @@ def known(run: Functional, scene: Scene) -> Array:
     return run.answer(off)
 
 
-def late(run: Functional, scene: Scene) -> Array:
-    """Covariance about n by a lag: the attitude is that of as long before the end, and by what
+def late(run: Functional, scene: Scene) -> Parts:
+    """Covariances about n by a lag: the attitude is that of as long before the end, and by what
     accelerometers that come later than gyros feel; by a clock that runs fast, as much at the end.
     """
     lag, later = lags_of(scene.imu)
     turn = run.C_nb.as_matrix() @ run.rate[-1] - scene.site.w_ie_n
     felt = run.changing * np.repeat([0.0, 1.0], 3)
     late = lag * turn + later * run.answer(felt)
-    since = run.middle[:, None] - run.t[-1]
-    fast = scene.imu.clock.offset * (run.t[-1] * turn + run.answer(since * run.changing))
-    return np.outer(late, late) + np.outer(fast, fast)
+    ahead = scene.imu.clock.offset * run.t[-1] * turn + by_clock(run, scene)
+    return {"lag": np.outer(late, late), "gyro clock": np.outer(ahead, ahead)}
+
+
+def by_clock(run: Functional, scene: Scene) -> Array:
+    """What a clock that runs fast makes of an answer (3,): a scale error, one for all gyros."""
+    slower = np.concatenate([run.rate, np.zeros_like(run.rate)], axis=1)
+    return -scene.imu.clock.offset * run.answer(slower)
+
+
+def turning_round(match: Functional, unit: InstrumentErrors, scene: Scene) -> Rival:
+    """What errors of the Earth's level rate along itself make of the heading of a match of curves.
+
+    Heading is the direction of what is found: an error as large as the rate turns it round. Nothing
+    of one that first order does not determine.
+    """
+    if match.direction is None:
+        return NO_RIVAL
+    parts = over_time(match.direction, unit, scene)
+    clock = by_clock(match.direction, scene)
+    errors = sum(parts.values(), np.outer(clock, clock))[:2, :2]
+    across = float(np.sqrt(errors[1, 1]))
+    if not 0 < across < DETERMINED:
+        return NO_RIVAL
+    return Rival(by_direction(errors) / across, np.pi, float(1 / errors[0, 0]))
 
 
 def turned_by_heading(parts: Parts) -> Parts:

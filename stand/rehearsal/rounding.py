@@ -45,7 +45,8 @@ class Left:
 
 @dataclass(frozen=True, slots=True)
 class Rounding:
-    """Samples rounded to a `step`, by what noise of `dither` (standard deviation) leaves of it.
+    """Samples rounded to a `step`, by what noise of `dither` (standard deviation) leaves of it;
+    or sums of samples rounded to an `increment`, remainders carried on.
 
     Notes
     -----
@@ -66,6 +67,7 @@ class Rounding:
 
     step: float
     dither: float
+    increment: float = 0.0
 
     def _waves(self) -> tuple[Array, Array]:
         """Wave numbers (n,) per unit of a reading, and mean squares of each wave that is left."""
@@ -77,6 +79,11 @@ class Rounding:
         if not self.step:
             return 0.0
         return float(np.sqrt(max(self.step**2 / 12 - self._waves()[1].sum(), 0.0)))
+
+    @property
+    def end(self) -> float:
+        """Standard deviation of a sum at any time by what its rounding carries on."""
+        return self.increment / sqrt(12)
 
     @property
     def steepness(self) -> float:
@@ -144,6 +151,8 @@ class Rounding:
 def roundings_of(
     imu: ImuSpec, rate_hz: int, sampling: Sampling = Sampling.MEAN
 ) -> tuple[Rounding, Rounding]:
-    """Of gyros and of accelerometers; increments carry their remainders on, and lose nothing."""
-    gyro, accel = (Rounding(one.step, one.noise) for one in grains_of(imu, rate_hz, sampling))
+    """Of gyros and of accelerometers; increments carry their remainders on."""
+    gyro, accel = (
+        Rounding(one.step, one.noise, one.increment) for one in grains_of(imu, rate_hz, sampling)
+    )
     return gyro, accel

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment import ESTIMATORS, Options, Priors, Site
 from alignment.errors import AlignmentError
-from alignment.gains import Answer, each_alone
+from alignment.gains import Answer, by_increments, each_alone
 from alignment.information import Stretch
 from alignment.units import DEG, DEG_PER_HOUR
 
@@ -98,3 +98,22 @@ def test_arrays_are_owned():
         answer.gain[0, 0] = 1.0
     with pytest.raises(ValueError, match="window_gain"):
         Answer(label="", stretches=(REST,), planned=(0,), gain=gain, window_gain=np.zeros((3, 12)))
+
+
+def test_rounded_increments_leave_what_both_ends_of_a_mean_do():
+    """q^2/6 over T squared, however often a step comes; of a gain that grows by a tenth a block
+    each edge has its own where steps are many, and where there are none three parts of the record
+    have theirs together: 40 edges, of which the ends bring 1 and the rest a tenth each."""
+    spans, q = np.ones(39), 1e-3
+    even = np.ones((39, 1, 3)) / 39
+    grows = np.tile(np.arange(1, 40)[:, None, None] / 10, (1, 1, 3))
+    for counts, apart in ((1e3, 40), (0.0, 4)):
+        moved = np.full((39, 3), counts * q)
+        ends = np.full(3, q**2 / 12)
+        of_mean = by_increments(even, spans, moved, ends)
+        assert of_mean[0, 0] == pytest.approx(3 * q**2 / 6 / 39**2, rel=1e-9)
+        own = np.append(np.full(39, -0.1), 3.9)
+        parts = own if apart == 40 else own.reshape(-1)[:39].reshape(3, 13).sum(axis=1)
+        parts = parts if apart == 40 else np.append(parts, 3.9)
+        want = 3 * q**2 / 12 * np.sum(parts**2)
+        assert by_increments(grows, spans, moved, ends)[0, 0] == pytest.approx(want, rel=1e-9)

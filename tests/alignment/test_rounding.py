@@ -12,6 +12,7 @@ from alignment.methods.position_fit import rounding_covariance
 from alignment.methods.positions import multi_position
 from alignment.methods.triad import triad
 from alignment.methods.two_gyro import two_gyro
+from alignment.noise import mean_and_variance
 from alignment.readings import Grain
 from alignment.rounding import rounding_variance, shared_rounding, steps_of, waves, with_rounding
 
@@ -196,3 +197,20 @@ def test_steps_of_channels_that_hardly_change():
     np.testing.assert_allclose(rounding_variance(readings)[1], 0.5**2 / 12, rtol=0.01)
     none = ImuReadings(readings.t, np.full((n, 3), 1.0), np.full((n, 3), 2.0))
     np.testing.assert_array_equal(steps_of(none), np.zeros(6))
+
+
+def test_a_channel_that_stays_on_one_count_is_known_to_its_ends():
+    """Increments of 0.1 mrad, of which 60 s of Earth rate make 29 or 33 along two axes and none
+    along the third: of that the mean is known to q/(sqrt(6) T), and those show more."""
+    q, n, hz = 1e-4, 1200, 20
+    t = np.arange(1, n + 1) / hz
+    lat = np.radians(48.5)
+    angle = np.outer(t, W * np.array([np.cos(lat), np.sin(lat), 0.0]))
+    counts = np.diff(np.round(angle / q), axis=0, prepend=0.0)
+    f = np.tile([0.0, G, 0.0], (n, 1))
+    grains = (Grain(increment=q), Grain())
+    means, variances = mean_and_variance(ImuReadings(t, counts * q * hz, f, grains=grains))
+    assert means[2] == 0
+    assert np.sqrt(variances[2]) == pytest.approx(q / np.sqrt(6) / 60, rel=1e-9)
+    assert np.all(variances[:2] >= variances[2])
+    assert not mean_and_variance(ImuReadings(t, counts * q * hz, f))[1][2]

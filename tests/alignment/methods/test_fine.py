@@ -3,6 +3,7 @@
 import sys
 from dataclasses import replace
 from math import cos, pi, radians, sqrt
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ from alignment.methods.fine import (
 )
 from alignment.methods.inertial import Noise, gravity_velocity, inertial, match
 from alignment.methods.updates import ERRORS, Pass, Steps, _inverse, one_by_one
+from alignment.readings import Grain
 from alignment.strapdown import carry
 
 W = 7.292115e-5  # rad/s
@@ -273,6 +275,54 @@ def test_a_clock_that_runs_fast_turns_gravity_at_another_rate():
     np.testing.assert_allclose(got / root**2, np.outer(J, J) / root**2, atol=0.02)
 
 
+@pytest.mark.parametrize("method", [inertial, fine])
+def test_a_fast_clock_is_in_sigma_as_much_as_it_turns_the_answer(method):
+    """Of 3.3 turns, by its very error: of 2 ppm about a level axis tilts are off by sigma, of
+    20 about the vertical heading is. The match tells it of the middle, which is off by half."""
+    size, rate = 2e-5, radians(20.0)
+    level = spun(method, replace(NO_BIAS, clock=size / 10), "roll", rate, size / 10)
+    np.testing.assert_allclose(np.abs(level.error[:2]), np.sqrt(level.P.diagonal()[:2]), rtol=0.01)
+    quiet = replace(NO_BIAS, gyro_walk=1e-9, accel_walk=1e-7, clock=size)
+    vertical = spun(method, quiet, "yaw", rate, size)
+    assert vertical.error[2] == pytest.approx(np.sqrt(vertical.P[2, 2]), rel=0.01)
+    if method is inertial:
+        assert vertical.error[2] == pytest.approx(size * rate * T / 2, rel=0.01)
+
+
+class Spun(NamedTuple):
+    """Error (3,) and covariance of an answer."""
+
+    error: np.ndarray
+    P: np.ndarray
+
+
+def spun(method, priors, axis, rate, size):
+    """Of a spin that is told by a clock that runs fast by `size`."""
+    turning, faster = (
+        replace(STILL, **{axis: Angle(0.3, rate=rate * part)}) for part in (1.0, 1 + size)
+    )
+    t, _, _, C = turning.readings(T, 10.0)
+    _, w, f, _ = faster.readings(T, 10.0)
+    e = method([dwell(t, w / (1 + size), f)], site(turning), Options(priors=priors))[0]
+    return Spun(errors(e.C_nb.as_matrix()[None], C)[0], e.covariance)
+
+
+@pytest.mark.parametrize("method", [inertial, fine])
+def test_the_last_of_rounded_increments_is_missing_from_the_tilt(method):
+    """A count q of angle: anywhere in it at the end, q^2/12 about north, of which nothing else
+    tells; what the Earth's rate tells, about down, is more by the match's blocks."""
+    stretch, _ = exact(STILL, T, 10.0)
+    q, r = 1e-5, stretch.readings
+    coarse = replace(stretch, readings=replace(r, grains=(Grain(increment=q), Grain())))
+    known, missing = (
+        method([one], site(STILL), Options(priors=NO_BIAS))[0].covariance
+        for one in (stretch, coarse)
+    )
+    more = (missing - known) / (q**2 / 12)
+    assert more[0, 0] == pytest.approx(1.0, rel=0.02)
+    assert more[2, 2] > 1e4  # of an angle, over what the Earth turns by in a minute and less
+
+
 def test_stamps_that_tremble_are_noise_of_what_turns():
     """``j |f'|`` of each sample: 20 deg/s of gravity across the axis, along none of it."""
     jitter, turning = 1e-4, Motion(roll=Angle(0.3, rate=radians(20.0)))
@@ -394,7 +444,8 @@ def test_updates_are_those_of_the_textbook(drifting):
     x, P = rng.normal(size=size), root @ root.T
     state = np.column_stack([P, x])
     shapes = (m, size), (m, size), (m, 3, 3), (m, 3), (m, 3), (m,)
-    out = Pass(*(np.empty(shape) for shape in shapes))
+    own = slice(free, free + 3)
+    out = Pass(*(np.empty(shape) for shape in shapes), scaled=np.empty((m, 3)), scale=own)
     for part in (slice(0, 25), slice(25, m)):  # as chunks: each but the last propagates to the next
         steps = slice(part.start, min(part.stop, m - 1))
         given = Steps(rows[steps], kept, walks[steps], added[steps])
@@ -408,6 +459,7 @@ def test_updates_are_those_of_the_textbook(drifting):
         np.testing.assert_allclose(out.x[k], x, atol=1e-10)
         np.testing.assert_allclose(out.variances[k], P.diagonal(), atol=1e-10)
         np.testing.assert_allclose(out.attitude[k], P[:3, :3], atol=1e-10)
+        np.testing.assert_allclose(out.scaled[k], P[:3, own].sum(axis=1), atol=1e-10)
         np.testing.assert_allclose(out.values[k], innovation, atol=1e-10)
         np.testing.assert_allclose(out.expected[k], S.diagonal(), atol=1e-10)
         misfit = innovation @ np.linalg.solve(S, innovation)

@@ -376,7 +376,7 @@ def test_a_sway_is_in_the_covariance_by_its_ends(laid_out):
     sway = sway_covariance(carried, swaying)
     # blocks of a tenth of a period make 3 % more of it, the first and the last of a period the rest
     np.testing.assert_allclose(sway, np.diag([2e-6, 0, 0]), atol=0.1 * 2e-6)
-    found, wander = covariances(carried, swaying, none, Priors(), arm)
+    found, wander = covariances(carried, swaying, none, Priors(), arm, where)
     want = at_the_ends(carried, matched, where, sway.diagonal())
     size = np.sqrt(want.diagonal())
     size = np.maximum(size, 1e-3 * size.max())
@@ -414,7 +414,7 @@ def test_a_slow_sway_counts_where_an_axis_shows_it(laid_out, sigmas, counted):
     slow = replace(matched, residual=np.outer(fourth, [moved * 9 / T, 0.0, 0.0]))
     values = wander_values(carried, slow).reshape(3, 3)
     np.testing.assert_allclose(values[1], [moved, 0.0, 0.0], rtol=1e-3, atol=1e-10)
-    found, _ = covariances(carried, slow, none, Priors(), arm)
+    found, _ = covariances(carried, slow, none, Priors(), arm, where)
     want = at_the_ends(carried, matched, where, [counted * moved**2, 0.0, 0.0])
     scale = max(want.max(), 1e-20)
     np.testing.assert_allclose(found / scale, want / scale, atol=0.01)

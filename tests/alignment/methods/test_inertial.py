@@ -240,8 +240,8 @@ def test_a_jitter_of_velocity_by_differencing_the_match():
     matched = match(carried, where)
     none = Noise(np.zeros(3), np.zeros(3))
     arm = arm_of(carried, matched, none, Priors(), where)
-    found, wander = covariances(carried, matched, replace(none, jitter=1e-6), Priors(), arm)
-    base, still = covariances(carried, matched, none, Priors(), arm)
+    found, wander = covariances(carried, matched, replace(none, jitter=1e-6), Priors(), arm, where)
+    base, still = covariances(carried, matched, none, Priors(), arm, where)
     slopes = []
     for m, span in enumerate(carried.spans):
         for axis in np.eye(3):

@@ -526,11 +526,23 @@ def test_what_rounding_leaves_is_in_the_bias_that_is_told():
         assert rate == 100 or "rounded to 0.061 deg/s" in heading.reason
 
 
-def test_increments_lose_nothing_to_rounding():
+def test_increments_lose_what_both_ends_of_a_rest_leave():
+    """40 arc seconds a count, once anywhere in it at either end: 40''/(sqrt(6) T) of a mean."""
     unit = load_imu("hg9900")
-    coarse = replace(unit, gyro=replace(unit.gyro, resolution=1e-3), increments=True)
-    gyro, _ = roundings_of(coarse, 200)
-    assert (gyro.noise, gyro.steepness) == (0.0, 0.0)
+    lsb = 40 * DEG / 3600
+    gyro = replace(unit.gyro, resolution=1e-3, increment_lsb=lsb)
+    coarse = replace(unit, gyro=gyro, increments=True)
+    one, _ = roundings_of(coarse, 200)
+    assert (one.noise, one.steepness) == (0.0, 0.0)
+    procedure = load_procedure("two-position")
+    asked = assembled(procedure, coarse, table_of(procedure), Site(LAT), rate_hz=20)
+    found = {p.method: p for p in rehearse(asked).predictions if p.quantity == "heading"}
+    T = prepared(asked).plan.stretches[0]
+    mean = lsb / np.sqrt(6) / (T.steady_to - T.steady_from) / (EARTH_RATE * np.cos(LAT))
+    rows = {c.source: c.sigma for c in found["triad"].contributions}
+    assert rows["gyro rounding"] == pytest.approx(mean, rel=0.01)
+    rows = {c.source: c.sigma for c in found["two-position"].contributions}
+    assert rows["gyro rounding"] == pytest.approx(mean / np.sqrt(2), rel=0.01)
 
 
 def test_a_low_pass_takes_noise_that_would_blur():
@@ -760,3 +772,62 @@ def test_what_cannot_be_told_apart_is_in_words():
     asked, _ = predictions("two-position", load_imu("stim300"))
     seen = rehearse(asked).observability[1]
     assert (seen.rank, seen.unseen) == (9, ())
+
+
+# --- spins about a level axis: errors of scale beside the Earth's rate ----------------------------
+
+
+def spun(imu, latitude_deg=48.5, turns=6, axis="inner"):
+    """Predictions of both methods for turns at 10 deg/s, by method and quantity; its end [s]."""
+    text = f"""
+    title = "Spin"
+    table = "mid-class"
+    [site]
+    latitude_deg = {latitude_deg}
+    [estimate]
+    methods = ["inertial", "fine"]
+    [[step]]
+    kind = "dwell"
+    label = "before"
+    duration_s = 20
+    [[step]]
+    kind = "rate"
+    label = "spin"
+    axis = "{axis}"
+    rate_deg_s = 10
+    turns = {turns}
+    """
+    procedure = procedure_from(catalogue.Source("spin", "procedure", text))
+    site = procedure.entry.site.site()
+    scene = prepared(assembled(procedure, imu, table_of(procedure), site, 20))
+    found = predict(scene, ["inertial", "fine"])[0]
+    ends = [step.steady_to for step in scene.plan.stretches if step.label == "spin"]
+    return {(p.method, p.quantity): p for p in found if p.label == "spin"}, ends[-1]
+
+
+def by_clock(ppm):
+    unit = load_imu("hg9900")
+    return replace(unit, clock=replace(unit.clock, offset=ppm * 1e-6))
+
+
+def test_a_clock_turns_the_tilt_of_a_level_spin_by_hand():
+    """50 ppm of 10 deg/s: of the time of the end, by the last force; for the match half the spin
+    less, which it takes the middle of. 24 runs: 0.114 deg and 0.062 deg."""
+    found, end = spun(by_clock(50))
+    for method, since in (("fine", 0.0), ("inertial", 108.0)):
+        parts = {c.source: c.sigma for c in found[method, "roll"].contributions}
+        assert parts["gyro clock"] == pytest.approx(50e-6 * 10 * DEG * (end - since), rel=0.02)
+
+
+def test_a_heading_that_errors_of_scale_turn_round_has_no_number():
+    """500 ppm of 10 deg/s are 18 deg/h, the Earth's level rate 10: half of 24 runs were turned
+    round, where first order has 0.11 and 0.09 deg. Of 5 ppm it is a fiftieth, and half of it at
+    88.5 deg, where runs came to 51 deg."""
+    for imu, latitude_deg, turns, told in (
+        (by_clock(500), 48.5, 6, False),
+        (load_imu("hg9900"), 88.5, 3, False),
+        (load_imu("ring-laser"), 88.5, 3, False),
+        (load_imu("hg9900"), 48.5, 6, True),
+    ):
+        found, _ = spun(imu, latitude_deg, turns)
+        assert [found[m, "heading"].determined for m in ("inertial", "fine")] == [told, told]
