@@ -45,6 +45,7 @@ SAME_AXIS = 1e-6  # rad, and parts of rotations: stretches that belong together
 PART_OF_TURN = 0.02  # a turn counts as whole from 98 % of it
 UNUSED = 0.2  # part of a stretch beyond whole turns that goes unremarked
 AMPLITUDE_DOUBT = 0.2  # part of the Earth's horizontal rate
+_CLEAR = 10.0  # standard deviations: what goes round has a phase of its own
 _POINTS = 16  # of a turn: of what is cubic in a harmonic none folds down to the first
 MISALIGNMENT = 1e-3  # rad: what rate ripple is weighed with
 
@@ -397,12 +398,12 @@ def combined(
 def lag_of(vectors: Ordered[TurningVector], rates: Ordered[float], axis_b: Array) -> Array:
     """Lag [s] and the variance that its estimation adds to the phase [rad^2], (2,).
 
-    Least squares of ``phase_i = phase + rate_i lag``; zeros where all turn one way, or nothing does.
+    Least squares of ``phase_i = phase + rate_i lag``; zeros where all turn one way.
     """
     r = np.asarray(rates)
-    weights = np.array([v.across @ v.across / v.variance for v in vectors])
-    if not _both_ways(rates) or not weights.any():
+    if not _both_ways(rates):
         return np.zeros(2)
+    weights = np.array([v.across @ v.across / v.variance for v in vectors])
     first = vectors[0].across
     phases = np.array(
         [np.arctan2(np.cross(first, v.across) @ axis_b, first @ v.across) for v in vectors]
@@ -414,15 +415,27 @@ def lag_of(vectors: Ordered[TurningVector], rates: Ordered[float], axis_b: Array
 
 
 def without_lag(
-    vectors: Ordered[TurningVector], rates: Ordered[float], axis_b: Array
-) -> TurningVector:
-    """`combined`, less the lag that the vectors themselves show, whose variance is in theirs.
+    seen: Ordered[TurningVector],
+    felt: Ordered[TurningVector],
+    rates: Ordered[float],
+    axis_b: Array,
+) -> tuple[TurningVector, TurningVector]:
+    """`combined` vectors of gyros and of accelerometers, less a lag whose variance is in theirs.
 
-    Each triad by its own: the accelerometers' is known by gravity, the gyros' by the Earth's rate.
+    Each triad by the lag that it shows itself; accelerometers to which the axis hardly leans, so
+    that nothing goes round but noise, by that of the gyros.
     """
-    lag, added = lag_of(vectors, rates, axis_b)
-    both = combined(vectors, rates, axis_b, float(lag))
-    return replace(both, variance=both.variance + added * float(both.across @ both.across))
+    by_gyros = lag_of(seen, rates, axis_b)
+    leans = all(v.across @ v.across > _CLEAR**2 * v.variance for v in felt)
+    found = []
+    for vectors, (lag, added) in (
+        (seen, by_gyros),
+        (felt, lag_of(felt, rates, axis_b) if leans else by_gyros),
+    ):
+        both = combined(vectors, rates, axis_b, lag)
+        more = added * float(both.across @ both.across)
+        found.append(replace(both, variance=both.variance + more))
+    return found[0], found[1]
 
 
 def _both_ways(rates: Ordered[float]) -> bool:
@@ -443,7 +456,7 @@ def _together(
     lag, _ = lag_of(seen, rates, axis)
 
     def found(seen: Ordered[TurningVector], felt: Ordered[TurningVector]) -> CarouselFit:
-        gyros, accels = (without_lag(vectors, rates, axis) for vectors in (seen, felt))
+        gyros, accels = without_lag(seen, felt, rates, axis)
         return carousel_attitude(gyros, accels, axis, latitude, options.priors)
 
     try:

@@ -66,11 +66,12 @@ def _attitude(y: Array, group: Sequence[Stretch], site: Site, options: Options) 
     parts = [
         (
             _vector(c[:, :3], axis, priors.gyro_walk, s.span.length),
-            _vector(c[:, 3:], axis, 1.0, s.span.length),
+            _vector(c[:, 3:], axis, priors.accel_walk, s.span.length),
         )
         for c, s in zip(y, group, strict=True)
     ]
-    gyros, accels = (without_lag(list(own), rates, axis) for own in zip(*parts, strict=True))
+    seen, felt = ([pair[k] for pair in parts] for k in range(2))
+    gyros, accels = without_lag(seen, felt, rates, axis)
     return carousel_attitude(gyros, accels, axis, latitude, _UNKNOWN).C_nb
 
 

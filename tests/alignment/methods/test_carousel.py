@@ -548,9 +548,9 @@ def test_covariance(regime, latitude, one):
 def test_constants_of_what_goes_round_about_a_leaning_axis_by_hand(lean):
     """At the equator, the axis leaning east by L: gravity's g sin L goes round with the Earth's.
 
-    Accelerometers turned by m about the axis turn that: tilt about east m sin L. Of four g-sensitivities
-    across the axis each reads G g sin L, two sensors share, and half of all lies across north:
-    heading ``G g sin L / (sqrt(2) W cos L)``. A gyro triad turned by m turns the heading.
+    Accelerometers turned by m about the axis turn that: tilt about east m sin L. Of four
+    g-sensitivities across the axis each reads G g sin L, two sensors share, and half of all lies
+    across north: heading ``G g sin L / (sqrt(2) W cos L)``. Gyros turned by m turn the heading.
     """
     a = radians(lean)
     # the instrument turned about north by -L: its up axis leans east

@@ -134,12 +134,24 @@ def test_a_lag_by_hand():
     back = vector([cos(0.3), 0.0, sin(0.3)], 0.5)
     np.testing.assert_allclose(lag_of([forth, back], [2.0, -1.0], UP), [0.1, 1 / 12])
     np.testing.assert_array_equal(lag_of([forth, back], [2.0, 1.0], UP), [0.0, 0.0])
-    # turned back by 0.2 and on by 0.1 they are alike; weights 1 and 2, a mean of 4/3
-    found = without_lag([forth, back], [2.0, -1.0], UP)
-    np.testing.assert_allclose(found.across, [4 / 3 * cos(0.2), 0.0, 4 / 3 * sin(0.2)])
-    assert found.variance == pytest.approx(1 / 3 + 16 / 9 / 12)
-    nothing = without_lag([vector([0.0] * 3), vector([0.0] * 3)], [2.0, -1.0], UP)
-    np.testing.assert_array_equal(nothing.across, np.zeros(3))
+
+
+@pytest.mark.parametrize(("noise", "own"), [(0.099, True), (0.101, False)])
+def test_accelerometers_have_a_lag_of_their_own_where_the_axis_leans(noise, own):
+    """Gyros without a lag, accelerometers that lag by 0.1 s, of 10 times their noise or just not.
+
+    At 2 and -1 rad/s, alike in noise: phases of 0.2 and -0.1 that are one without the lag, or
+    ``cos 0.15`` of one at their mean. Mean rate 1/2, squares about it 9/2 over the variance: a lag
+    adds (1/4)/(9/2) of the variance.
+    """
+    rates = [2.0, -1.0]
+    gyros = [vector([1.0, 0.0, 0.0], 1e-4)] * 2
+    turned = [vector([cos(r / 10), 0.0, -sin(r / 10)], noise**2) for r in rates]
+    seen, felt = without_lag(gyros, turned, rates, UP)
+    assert seen.variance == pytest.approx(1e-4 * (1 / 2 + 1 / 18))
+    size = 1.0 if own else cos(0.15)
+    assert np.linalg.norm(felt.across) == pytest.approx(size)
+    assert felt.variance == pytest.approx(noise**2 / 2 + (noise**2 if own else 1e-4) * size**2 / 18)
 
 
 # --- positions ------------------------------------------------------------------------------------
