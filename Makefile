@@ -33,6 +33,7 @@ proof: $(READY)
 	$(PY) tests/benchmarks/proof_allan.py
 	$(PY) tests/benchmarks/proof_nees.py
 	$(PY) tests/benchmarks/proof_drives.py
+	$(PY) tests/benchmarks/proof_units.py
 	$(PY) tests/benchmarks/proof_calibration.py
 
 docs: $(READY)
