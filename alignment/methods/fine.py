@@ -321,9 +321,9 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     added = rest_covariance(carried, matched, rest) + _in_the_mean(rest, carried, matched, site)
     if noise.ends.any():
         added = added + _by_ends(noise.ends, carried, matched)
-    late = lag_covariance(carried, matched, priors, site)
+    as_found = replace(matched, C_ni=reference.C_ni)  # whose axes it turns about
+    late = lag_covariance(carried, as_found, priors, site)
     if options.priors.clock:
-        as_found = replace(matched, C_ni=reference.C_ni)  # whose axes it turns about
         ahead = ahead_by_clock(reference.carried, as_found, options.priors, site)
         heading = float(np.sqrt(run.attitude[-1, 2, 2]))
         late += with_clock(ahead, _clocked(model, run, options.priors.clock), heading)
