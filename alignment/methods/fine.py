@@ -713,7 +713,8 @@ def error_matrices(
 
     Errors of the reference: ``phi' = C (w errors)``, ``u' = phi x f + C (f errors)``,
     ``rho' = u``, where f is the reaction to gravity whose increments (k, 3) are `gravity`: were
-    it the measured force, its noise times the unknown heading would pass for information. Of
+    it the measured force, its noise times the unknown heading would pass for information, and
+    times a scale error, which goes with the noise of the updates, for the scale error itself. Of
     sensors whose constants `found` (k, 3) are taken out, errors are those of what is true. The
     reference's place is ``rho + C r`` with lever arm r; its C holds phi, so the sway's own force
     is not in f. Within an interval of 0.1 s rates, f and C stay.
@@ -726,6 +727,7 @@ def error_matrices(
     H[:, :, 6:9] = np.eye(3)
     spans, push = carried.spans[steps, None, None], cross_matrix(gravity)
     turned = drive(carried, C_ni, steps)
+    reaction = np.einsum("kij,ki->kj", C_nb[: len(gravity)], gravity)
     errors = np.zeros((len(model.names), 3)) if found is None else found
     by = {s: turned @ np.linalg.inv(_made(model, errors, s).gain) for s in _SUMS}
     F[:, 3:6, :3] = -push
@@ -741,7 +743,8 @@ def error_matrices(
         sensor, _, kind = name.partition("_")
         driven = by[sensor]
         if kind != "bias":
-            felt = getattr(carried, _SUMS[sensor])[steps] / spans[:, 0]
+            felt = carried.dtheta[steps] if sensor == "gyro" else reaction
+            felt = felt / spans[:, 0]
             driven = driven @ BY_AXIS[kind](felt, felt)
         _drive(F[:, :9, column], sensor, driven, push, spans)
     for k, (sensor, _) in enumerate(model.drifts, start=len(model.names)):
