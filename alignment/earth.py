@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
+from alignment.cross import cross_matrix
 from alignment.errors import AlignmentError, PoleError
 from alignment.fixed_order import norm
 
@@ -134,16 +135,30 @@ class Site:
     def about_n(self, covariance: Array) -> Array:
         """Covariances (..., 3, 3) about n of attitudes that have them about the plumb line's frame.
 
-        Where heading is not sure, it is not known which way the plumb line leans by d: an error h
-        of heading tilts by ``d sin h`` across that way, the first order, and by ``d (1 - cos h)``
-        along it, of a mean square of ``3/2 - 2 exp(-s^2/2) + exp(-2 s^2)/2`` if h is normal.
+        See `leaning` for what a heading that is not sure does to tilt.
         """
         if not any(self.deflection):
             return covariance
-        C, s2 = self.plumb.as_matrix(), covariance[..., 2, 2]
+        less, beyond = self.leaning(covariance[..., 2, 2])
+        C = less @ self.plumb.as_matrix()
+        return np.asarray(C @ covariance @ np.swapaxes(C, -1, -2) + beyond)
+
+    def leaning(self, variance: Array) -> tuple[Array, Array]:
+        """What headings of a `variance` (...) [rad^2] do to covariances about n of first order:
+        a turn of these and an addition to them, (..., 3, 3).
+
+        Where heading is not sure, it is not known which way the plumb line leans by d: an error h
+        of heading tilts by ``d sin h`` across that way, of a mean square of
+        ``(1 - exp(-2 s^2)) / 2`` if h is normal where first order has s^2, and by
+        ``d (1 - cos h)`` along it, of ``3/2 - 2 exp(-s^2/2) + exp(-2 s^2)/2``.
+        """
+        s2 = np.asarray(variance)
         d = self.plumb.as_rotvec() * [1.0, 1.0, 0.0]
+        across = np.sqrt(-np.expm1(-2 * s2) / np.maximum(2 * s2, 1e-30))
+        across = np.where(s2 > 0, across, 1.0)
         along = 1.5 - 2 * np.exp(-s2 / 2) + np.exp(-2 * s2) / 2
-        return np.asarray(C @ covariance @ C.T + along[..., None, None] * np.outer(d, d))
+        less = np.eye(3) + (across[..., None, None] - 1) * cross_matrix(d)
+        return less, np.asarray(along[..., None, None] * np.outer(d, d))
 
     def horizontal_rate(self) -> float:
         """Horizontal Earth rate [rad/s]; `PoleError` where it is too small to show north."""

@@ -44,12 +44,13 @@ from alignment.calibration.result import (
     parameters_of,
 )
 from alignment.calibration.unknowns import Unknowns, unknowns_of
-from alignment.earth import Site, normal_gravity
+from alignment.earth import EARTH_RATE, Site, normal_gravity
 from alignment.errors import AlignmentError, TooShort
 from alignment.noise import GAP
 from alignment.options import Priors
 from alignment.readings import ImuReadings
 from alignment.rests import find_stretches
+from alignment.rounding import steps_of
 from alignment.saturation import CHANNELS, clipped
 from alignment.units import STANDARD_GRAVITY
 
@@ -167,6 +168,27 @@ class _Log:
         p = self.priors or Priors()
         plateaus = p.gyro_instability, p.accel_instability
         return np.array([drift_variances(rests, one) for one in plateaus])
+
+    def rounding(self, means: RestMeans) -> float:
+        """Variance of a gyro's bias by what rounding leaves of all of its means alike.
+
+        Where moves tell the bias, it has of that the part of a move in which the gyro reads what it
+        reads at rest: of the stillest one. And no rounding is by more than what is rounded.
+        """
+        p = self.priors
+        known = np.inf if p is None or not p.gyro_bias else p.gyro_bias
+        felt = known, EARTH_RATE, 0.0 if p is None else p.gyro_g_sensitivity * self.gravity.value
+        return min(means.rounding, float(np.dot(felt, felt))) * self._still(means) ** 2
+
+    def _still(self, means: RestMeans) -> float:
+        """Part of the time between rests in which the stillest gyro reads, to a step, what it reads
+        at rest."""
+        r, first, last = self.readings, self.rests[0][1], self.rests[-1][0]
+        between = (r.t > first) & (r.t <= last)
+        for a, b in self.rests:
+            between &= (r.t <= a) | (r.t > b)
+        off = np.abs(r.w_ib_b[between] - means.gyro.mean(axis=0))
+        return float(np.mean(off <= steps_of(r)[:3], axis=0).max()) if len(off) else 1.0
 
     def problem(self, left: _Left | None = None) -> Problem:
         """The problem without what is left out."""
@@ -476,7 +498,7 @@ def _calibration(
     basis = unknowns.basis
     turned_case = 0.0 if priors is None else priors.accel_misalignment
     case = turned_case**2 * unknowns.rotation @ unknowns.rotation.T
-    common = log.drift(log.rests)[:, 0] + np.array([problem.rests.rounding, 0.0])
+    common = log.drift(log.rests)[:, 0] + np.array([log.rounding(problem.rests), 0.0])
     drift = np.diag(_of_biases(unknowns, common))
     covariance = basis @ fit.covariance[:q, :q] @ basis.T + case + drift
     values = basis @ fit.state.z

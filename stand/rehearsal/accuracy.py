@@ -136,12 +136,13 @@ def _by_gains(
         why = partial(_why, answer, told_by)
         other, lean = rivals[id(answer.stretches)], leans[id(answer.stretches)]
         why_not, parts = rivalled(other), response.attitude()
-        parts = parts if why_not else rounder(parts, other)
+        parts = parts if why_not else rounder(parts, other, scene.site)
         told = angles(name, answer.window, answer.label, C_nb, parts, why, response.bias())
         for quantity, unseen in answer.unseen.items():
             told = withheld(told, (quantity,), unseen)
         told = withheld(told, ("heading", "yaw"), doubt or why_not)
-        told = withheld(told, by_gyros(parts, C_nb) if why_not else (), f"as heading: {why_not}")
+        as_heading = by_gyros(parts, C_nb, scene.site) if why_not else ()
+        told = withheld(told, as_heading, f"as heading: {why_not}")
         later = answer.window == "fresh" and not method.carries_nominal
         found += withheld(told, ("pitch", "roll"), coarse_tilt(scene) if later else lean)
         if answer is answers[0]:

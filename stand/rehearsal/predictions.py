@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from alignment.angles import Sequence as Order
 from alignment.angles import SequenceRule, angle_jacobian, angles_from_C_nb, near_singular
 from alignment.arrays import Array
+from alignment.earth import Site
 from alignment.information.circle import Rival
 from alignment.information.result import DETERMINED
 from alignment.units import DEG
@@ -100,21 +101,31 @@ def withheld(
         yield p
 
 
-def by_gyros(parts: Parts, C_nb: Rotation) -> list[str]:
+def by_gyros(parts: Parts, C_nb: Rotation, site: Site) -> list[str]:
     """The angles that gyros tell, as they do heading, and not accelerometers: by what limits them.
 
-    Where another heading fits as well, another such tilt does.
+    Where another heading fits as well, another such tilt does; and where the plumb line leans, any
+    tilt along it.
     """
     gyros = sum((P for name, P in parts.items() if name.startswith("gyro")), np.zeros((3, 3)))
     total = sum(parts.values(), np.zeros((3, 3)))
+    if any(site.deflection):
+        _, anywhere = site.leaning(np.asarray(np.inf))
+        gyros, total = gyros + anywhere, total + anywhere
     return [q for q, j in rows_of_angles(C_nb).items() if j @ gyros @ j > 0.5 * (j @ total @ j)]
 
 
-def rounder(parts: Parts, other: Rival) -> Parts:
-    """The same with what the circle of headings adds to its first order."""
+def rounder(parts: Parts, other: Rival, site: Site) -> Parts:
+    """The same with what the circle of headings adds to its first order, and what a heading that is
+    not sure does to tilt where the plumb line of the `site` leans."""
     variance = float(sum(parts.values(), np.zeros((3, 3)))[2, 2])
     more = max(other.ratio**2 - 1, 0.0) * variance
-    return parts | {BEYOND: np.diag([0.0, 0.0, more])} if more else parts
+    beyond = np.diag([0.0, 0.0, more])
+    if any(site.deflection):
+        less, leaning = site.leaning(np.asarray(variance + more))
+        beyond += leaning
+        parts = {name: less @ P @ less.T for name, P in parts.items()}
+    return parts | {BEYOND: beyond} if beyond.any() else parts
 
 
 def name_of(source: str) -> str:

@@ -30,22 +30,30 @@ def observed_for(entry: ProcedureEntry) -> float:
 def warmed(priors: Priors, imu: ImuSpec, temperature: Temperature, seconds: float) -> Priors:
     """The priors of a unit whose biases and scale factors follow a temperature.
 
-    Of where it is farthest from the sheet's a bias and a scale error, of its standard deviation an
-    instability of the bias. A scale factor that changes is an accelerometer's bias that drifts
-    otherwise in each attitude, by gravity: positions would contradict one another by it. That
+    Biases have a ramp of the temperature's mean slope over those seconds, and an instability of
+    what it is off that line, by its standard deviation; what else a bias and a scale error come to
+    where the temperature is farthest from the sheet's is constant. A scale factor that changes is
+    an accelerometer's bias that drifts otherwise in each attitude, by gravity: no ramp, for
+    positions would contradict one another by it, but an instability by all that it changes. That
     states too much where what changes is along the vertical, or steady.
     """
     imu = at_most(imu)
     t = np.linspace(0.0, max(seconds, 1.0), _TIMES)
     above = temperature.at(t) - imu.reference_temperature
     most = float(np.max(np.abs(above)))
-    changed = float(np.std(above)) if np.ptp(above) > _FELT else 0.0
+    slope, changed, off = 0.0, 0.0, 0.0
+    if np.ptp(above) > _FELT:
+        slope, level = np.polyfit(t, above, 1).tolist()
+        changed, off = float(np.std(above)), float(np.std(above - level - slope * t))
+    beside = float(np.sqrt(max(np.max(above**2 - (slope * t) ** 2), 0.0)))
     found: dict[str, float] = {}
     for sensor, pull in zip(SENSORS, (0.0, STANDARD_GRAVITY), strict=True):
         spec = getattr(imu, sensor)
+        by_scale = pull * spec.scale_temperature * changed
         sizes = {
-            "bias": spec.bias_temperature * most,
-            "instability": hypot(spec.bias_temperature, pull * spec.scale_temperature) * changed,
+            "bias": spec.bias_temperature * beside,
+            "ramp": spec.bias_temperature * abs(slope),
+            "instability": hypot(spec.bias_temperature * off, by_scale),
             "scale": spec.scale_temperature * most,
         }
         for name, size in sizes.items():

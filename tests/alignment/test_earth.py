@@ -4,6 +4,7 @@ from math import atan, atan2, cos, hypot, inf, nan, pi, radians, sin, sqrt
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from alignment.earth import EARTH_RATE, Site, earth_rate_n, normal_gravity
 from alignment.errors import AlignmentError, PoleError
@@ -156,8 +157,22 @@ def test_an_unsure_heading_leaves_open_which_way_the_plumb_line_leans():
     is a turn about an axis that leans, 3e-6 about N, and by (1 - cos h) about E: 3 s^4/4."""
     site = Site(0.8, deflection=(3e-4, 0.0))
     found = site.about_n(np.diag([0.0, 0.0, 1e-4]))
-    assert found[0, 0] == pytest.approx(9e-12, rel=1e-6)
+    assert found[0, 0] == pytest.approx(9e-12 * (1 - 1e-4), rel=1e-6)  # sin h is less than h
     assert found[1, 1] == pytest.approx(9e-8 * 0.75e-8, rel=1e-3)
-    assert abs(found[0, 2]) == pytest.approx(3e-8, rel=1e-6)
+    assert abs(found[0, 2]) == pytest.approx(3e-8 * (1 - 0.5e-4), rel=1e-6)
     same = np.diag([1.0, 2.0, 3.0])
     assert Site(0.8).about_n(same) is same
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.5, 3.0])
+def test_tilts_of_an_unsure_heading_are_those_of_many_turns(sigma):
+    """Turns by h about a plumb line that leans 200" north and 300" east move the vertical in n."""
+    site = Site(0.8, deflection=(200 / 206265, 300 / 206265))
+    h = sigma * np.random.default_rng(3).standard_normal(200_000)
+    turns = site.plumb * Rotation.from_rotvec(h[:, None] * [0, 0, 1]) * site.plumb.inv()
+    down = turns.apply([0.0, 0.0, 1.0])
+    tilt = np.stack([-down[:, 1], down[:, 0]], axis=1)
+    found = site.about_n(np.diag([0.0, 0.0, sigma**2]))[:2, :2]
+    # fourth moments of 200 000 draws: a few parts in a thousand; lean to the second order, 1e-3
+    np.testing.assert_allclose(found, tilt.T @ tilt / len(h), rtol=0.02, atol=2e-2 * found.trace())
+    assert site.about_n(np.zeros((2, 3, 3))).shape == (2, 3, 3)

@@ -191,22 +191,52 @@ def test_what_rounding_leaves():
     np.testing.assert_allclose(none, 4 / 12, rtol=0.01)
 
 
-def test_a_unit_too_coarse_for_its_noise():
-    """Gyros in steps of 0.3 deg/s read their bias alike in all rests: it is known to a step over
-    sqrt 12, however many there are. Accelerometers in steps of 10 mg; 21 numbers."""
-    unit = unit_of("ideal", 1, 25)
-    log, _, _ = log_of(unit, anyhow(20, 3), rest_s=5)
-    q, qa = np.radians(0.3), 0.1
-    w = q * np.rint((log.w_ib_b + q * np.array([0.3, -0.45, 5.2])) / q)
-    coarse = ImuReadings(log.t, w, qa * np.rint(log.f_b / qa))
-    found = hand_held(coarse, Gravity(value=G, sigma=1e-6), SITE)
+Q = np.radians(0.3)  # rad/s, a step of coarse gyros
+
+
+def coarse(bias, attitudes, **how):
+    """What a unit without noise that rounds to 0.3 deg/s and 10 mg is found to be: its calibration,
+    gyro biases less the true ones and their sigmas, in steps."""
+    log, _, _ = log_of(unit_of("ideal", 1, 25), attitudes, rest_s=5)
+    w = Q * np.rint(log.w_ib_b / Q + bias)
+    rounded = ImuReadings(log.t, w, 0.1 * np.rint(log.f_b / 0.1))
+    found = hand_held(rounded, Gravity(value=G, sigma=1e-6), SITE, **how)
     own = [k for k, key in enumerate(found.keys) if (key.sensor, key.term) == ("gyro", "bias")]
-    off = found.values[own] - q * np.array([0.3, -0.45, 5.2])
-    assert np.all(found.sigmas[own] > 0.28 * q)
-    assert np.all(found.sigmas[own] < 0.6 * q)
-    assert np.all(np.abs(off) < 0.51 * q)
+    return found, found.values[own] / Q - bias, found.sigmas[own] / Q
+
+
+def about_one_axis_each(count, seed):
+    """Attitudes (count, 4) by quarter turns and others, about X1, Y1, Z1 in turn."""
+    angles = np.radians(np.random.default_rng(seed).choice([90, -90, 120, 60], count))
+    path = [Rotation.identity()]
+    for k in range(count - 1):
+        path.append(path[-1] * Rotation.from_rotvec(np.eye(3)[k % 3] * angles[k]))
+    return Rotation.concatenate(path).as_quat()
+
+
+def test_a_unit_too_coarse_for_its_noise():
+    """Gyros read their bias alike in all rests: those tell it to a step over sqrt 12, however many
+    they are. So does a move with the axes that it does not turn, two thirds of the time at least;
+    one about any axis for the third in which the hand has not begun, or ends. 21 numbers."""
+    bias = np.array([0.3, -0.45, 5.2])
+    found, off, sigmas = coarse(bias, anyhow(20, 3))
+    assert (sigmas > 0.3 / np.sqrt(12)).all()
+    assert (sigmas < 0.6 / np.sqrt(12)).all()
+    assert (np.abs(off) < 2.5 * sigmas).all()
     force = [k for k, key in enumerate(found.keys) if key.sensor == "accel"]
     assert 0.1 < np.mean((found.values / found.sigmas)[force] ** 2) < 3.0
+    _, off, sigmas = coarse(bias, about_one_axis_each(20, 1))
+    assert (sigmas > 0.67 / np.sqrt(12)).all()
+    assert (np.abs(off) < 2.5 * sigmas).all()
+
+
+def test_no_rounding_is_by_more_than_what_is_rounded():
+    """A sheet's 0.02 steps of bias, and the Earth's 0.014: all is read as zero."""
+    bias = np.array([0.018, -0.03, 0.005])
+    known = Priors(gyro_bias=0.02 * Q)
+    _, off, sigmas = coarse(bias, about_one_axis_each(20, 1), priors=known)
+    assert (sigmas < 0.032).all()
+    assert (np.abs(off) < 2.5 * sigmas).all()
 
 
 def test_gravity_as_it_is_known():

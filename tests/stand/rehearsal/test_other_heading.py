@@ -6,11 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from generated import generated
+from scipy.spatial.transform import Rotation
 
+from alignment import Site
+from alignment.units import ARC_SECOND, DEG_PER_RT_HOUR
 from stand.imu import imu_from, load_imu
-from stand.procedure.procedure import table_of
+from stand.procedure.procedure import load_procedure, table_of
+from stand.rehearsal.predictions import by_gyros
 from stand.rehearsal.rehearse import rehearse
 from stand.simulation.settings import assembled, settings
+from stand.table.table import load_table
 from stand.toml_files import Source
 
 
@@ -109,3 +114,45 @@ def test_a_bias_that_nobody_states_is_not_told_from_an_angle_without_a_number():
     assert found["Y1 up", "roll"].sigma == pytest.approx(level, rel=1e-3)
     half_turn = predicted(settings("two-position", unit, rate_hz=5))
     assert all(p.determined for p in half_turn.values())
+
+
+# --- a plumb line that leans ----------------------------------------------------------------------
+
+
+def leaning_north(walk_deg_rt_h: float):
+    """Predictions without a deflection of the vertical, and with one of 200" north: accelerometers
+    without errors, gyros of nothing but noise."""
+    unit = load_imu("hg9900")
+    gyro = replace(unit.gyro, noise=walk_deg_rt_h * DEG_PER_RT_HOUR, instability=0.0)
+    accel = replace(unit.accel, bias=0.0, instability=0.0, scale=0.0, misalignment=0.0)
+    procedure, table = load_procedure("two-position"), load_table("precision")
+    unit = replace(unit, gyro=gyro, accel=accel)
+    for arc_s in (0.0, 200.0):
+        site = Site(0.85, deflection=(arc_s * ARC_SECOND, 0.0))
+        yield predicted(assembled(procedure, unit, table, site, 5))
+
+
+def test_a_plumb_line_that_leans_tilts_along_itself_by_a_heading_that_is_not_sure():
+    """By 200" (1 - cos h): to first order a heading of 10 deg tilts across the lean alone."""
+    upright, leant = leaning_north(0.7)
+    h = leant["first", "heading"].sigma
+    assert h == pytest.approx(np.radians(9.9), rel=0.02)
+    along = 1.5 - 2 * np.exp(-(h**2) / 2) + np.exp(-2 * h**2) / 2
+    across = (1 - np.exp(-2 * h**2)) / 2
+    for quantity, square in (("pitch", along), ("roll", across)):
+        before = upright["first", quantity].sigma
+        want = np.hypot(before, 200 * ARC_SECOND * np.sqrt(square))
+        assert want > 1.3 * before
+        assert leant["first", quantity].sigma == pytest.approx(want, rel=0.02)
+
+
+def test_no_tilt_is_told_along_a_lean_where_another_heading_fits():
+    """Accelerometers tell pitch to 0.001 deg, and 200" north of the vertical may be anywhere."""
+    level = Rotation.from_rotvec([np.pi / 2, 0.0, 0.0])  # X1 north
+    parts = {
+        "gyro white noise": np.diag([0.0, 0.0, 0.1]),
+        "accelerometer white noise": np.radians(0.001) ** 2 * np.diag([1.0, 1.0, 0.0]),
+    }
+    leans = Site(0.8, deflection=(200 * ARC_SECOND, 0.0))
+    assert by_gyros(parts, level, Site(0.8)) == ["heading"]
+    assert by_gyros(parts, level, leans) == ["heading", "pitch"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from rehearsed import answer, infeasible, margins, prediction, verified
 
+from alignment.earth import Site
 from alignment.information.circle import Rival
 from stand.rehearsal.predictions import prediction as predicted
 from stand.rehearsal.predictions import rounder, withheld
@@ -115,11 +116,11 @@ def test_a_number_is_withheld_where_there_is_a_reason():
 def test_the_circle_of_headings_adds_to_the_variance_of_heading_alone():
     """A rms of 1.25 times that of first order: 0.5625 of its variance more."""
     parts = {"a": np.diag([1.0, 2.0, 3.0]), "b": np.diag([1.0, 1.0, 1.0])}
-    more = rounder(parts, Rival(1.25, 1.0, 9.0))
+    more = rounder(parts, Rival(1.25, 1.0, 9.0), Site(0.8))
     assert more.pop("heading beyond first order") == pytest.approx(np.diag([0, 0, 2.25]))
     assert more == parts
-    assert rounder(parts, Rival(1.0, 0.0, np.inf)) == parts
-    assert rounder(parts, Rival(0.9, 0.0, np.inf)) == parts  # it makes nothing better
+    assert rounder(parts, Rival(1.0, 0.0, np.inf), Site(0.8)) == parts
+    assert rounder(parts, Rival(0.9, 0.0, np.inf), Site(0.8)) == parts  # it makes nothing better
 
 
 def test_an_expanded_uncertainty():
