@@ -319,8 +319,7 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     if turns(carried) and coarse[2, 2] > _HIDDEN**2:
         run = _round(run, _by_size(model, reference, run, variance))
     added = rest_covariance(carried, matched, rest) + _in_the_mean(rest, carried, matched, site)
-    if noise.ends.any():
-        added = added + _by_ends(noise.ends, carried, matched)
+    added = added + _beside_white(noise, carried, matched)
     as_found = replace(matched, C_ni=reference.C_ni)  # whose axes it turns about
     late = lag_covariance(carried, as_found, priors, site)
     if options.priors.clock:
@@ -394,11 +393,23 @@ def _in_the_mean(rest: Rest, carried: Carried, matched: Match, site: Site) -> Ar
     return np.diag([0.0, 0.0, float(np.sum(np.square(rates))) / site.horizontal_rate() ** 2])
 
 
-def _by_ends(ends: Array, carried: Carried, matched: Match) -> Array:
-    """Covariance (3, 3) by what rounded increments leave, variances (6,), as the match has it."""
-    alone, C_ni = Noise(np.zeros(3), np.zeros(3), ends=ends), matched.C_ni.as_matrix()
+def _beside_white(noise: Noise, carried: Carried, matched: Match) -> Array:
+    """Covariance (3, 3) by what is no white noise of sensors whose sheets do not tell it, as the
+    match has it: rounded increments, and flicker. Of gyros' flicker it is heading's alone: they
+    carry tilt through the match, but the filter has it from the accelerometers."""
+    covariance, none, C_ni = np.zeros((3, 3)), np.zeros(3), matched.C_ni.as_matrix()
+    if not (noise.ends.any() or noise.plateaus.any()):
+        return covariance
     gyro, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
-    return functional_covariance(gyro + np.eye(3), accel, C_ni, carried, alone, Priors())
+    gyro = gyro + np.eye(3)
+    slow = noise.plateaus * [0.0, 1.0]
+    for part, own in (
+        (np.ones(3), Noise(none, none, ends=noise.ends, plateaus=slow)),
+        (np.array([0.0, 0.0, 1.0]), Noise(none, none, plateaus=noise.plateaus - slow)),
+    ):
+        P = functional_covariance(gyro, accel, C_ni, carried, own, Priors())
+        covariance += P * np.outer(part, part)
+    return covariance
 
 
 def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) -> Model:

@@ -60,6 +60,8 @@ _SMOOTH_ORDER = 8  # velocity beyond it is sway, not drift
 _TOLD_ORDERS = slice(3, 9)  # by which noise is told where the spectrum of the readings is motion's
 _PARTS = np.geomspace(1e-6, 1.0, 13)  # of a variance
 _MORE = np.append(0.0, np.geomspace(1.0, 1e6, 13))  # parts of a variance that are added to it
+_NONE = 10.0, 1.0  # times as likely as all plateaus together is none, of gyros, accelerometers
+_MORE_FLICKER = np.append(0.0, np.geomspace(1e-2, 1e3, 11))  # of the variance by white noise
 _SELDOM = 0.01
 _JITTERS = np.geomspace(1e-3, 1.0, 7)  # of the mean square of the velocities that tell
 _CERTAIN = 3.0  # of log likelihood: chi-square of two degrees of freedom at one in twenty
@@ -84,13 +86,16 @@ _TRACK_POINTS = 200  # of a track: each is a match of the record so far
 class Noise:
     """White noise of each axis, (3,): `gyro` [rad/sqrt(s)] and `accel` [m/s/sqrt(s)]; `jitter`:
     of velocity itself [m/sqrt(s)], as a dither or vibration makes it. `ends` (6,): variances of
-    angle and velocity at any time [rad^2], [m^2/s^2], as rounded increments leave them.
+    angle and velocity at any time [rad^2], [m^2/s^2], as rounded increments leave them. `plateaus`
+    (2,): of the Allan deviations of gyros [rad/s] and accelerometers [m/s^2], where no sheet has
+    them and the record shows them.
     """
 
     gyro: Array
     accel: Array
     jitter: float = 0.0
     ends: Array = field(default_factory=lambda: np.zeros(6))
+    plateaus: Array = field(default_factory=lambda: np.zeros(2))
 
 
 class Own(NamedTuple):
@@ -471,6 +476,48 @@ def louder(noise: Noise, readings: ImuReadings, carried: Carried, matched: Match
     return replace(noise, gyro=noise.gyro * np.sqrt(a), accel=noise.accel * np.sqrt(b))
 
 
+def plateaus_of(noise: Noise, carried: Carried, matched: Match) -> Array:
+    """Plateaus (2,) of the Allan deviations of gyros and accelerometers, as the velocity curve of a
+    record shows them beside white noise.
+
+    Notes
+    -----
+    Flicker is more the slower it is: what the fit takes up, and what differs from record to record,
+    has more of it than velocities of order 3 to 8 show. So their likelihood is by plateaus of both,
+    and by a jitter of velocity, as a sway makes it, that are equally likely by their logarithm, or
+    none: as likely as all of them, of gyros, whose heading is the costlier, ten times so. The mean
+    squares count. What both may have made counts for both: that of accelerometers is as if gyros
+    had none.
+    """
+    alike = _alike(noise)
+    values, by_gyro, by_accel = _told_of_the_base(alike, carried, matched)
+    white = by_gyro + by_accel + noise.jitter**2 * np.eye(len(values))
+    C_ni, level = matched.C_ni.as_matrix(), _level_ones(3 * len(values) // 2)
+    felt = sensitivity(_weights_of_orders(carried)[:, level], C_ni, carried)
+    units = [
+        functional_covariance(
+            *felt, C_ni, carried, Noise(np.zeros(3), np.zeros(3), plateaus=unit), Priors()
+        )
+        for unit in np.eye(2)
+    ]
+    squares = [_MORE_FLICKER * np.trace(white) / np.trace(unit) for unit in units]
+    jitters = np.append(0.0, _JITTERS) * np.mean(values**2)
+    P = (
+        white
+        + squares[0][:, None, None, None, None] * units[0]
+        + squares[1][:, None, None, None] * units[1]
+        + jitters[:, None, None] * np.eye(len(values))
+    )
+    misfit = np.sum(values * np.linalg.solve(P, values[:, None])[..., 0], axis=-1)
+    likelihood = -0.5 * (np.linalg.slogdet(P)[1] + misfit)
+    some = len(_MORE_FLICKER) - 1
+    gyro, accel = (np.where(_MORE_FLICKER > 0, 1.0, some * odds) for odds in _NONE)
+    weight = np.exp(likelihood - likelihood.max()) * gyro[:, None, None] * accel[:, None]
+    weight /= weight.sum()
+    by_accel = weight[0].sum(axis=1) / weight[0].sum()  # had the gyros none
+    return np.sqrt([weight.sum(axis=(1, 2)) @ squares[0], by_accel @ squares[1]])
+
+
 def _within(values: Array, covariance: Array) -> bool:
     """Whether all but one record of a hundred has values (k,) as large."""
     return bool(values @ np.linalg.solve(covariance, values) < chdtri(len(values), _SELDOM))
@@ -605,11 +652,13 @@ def functional_covariance(
     turned, root = drive(carried, C_ni), np.sqrt(carried.spans)[:, None, None]
     gains = gyro @ turned, accel @ turned  # per constant error of b in each block
     covariance = np.zeros((gyro.shape[1],) * 2)
-    for gain, level, ends, sensor in zip(
-        gains, (noise.gyro, noise.accel), np.split(noise.ends, 2), ("gyro", "accel"), strict=True
-    ):
+    levels, both_ends = (noise.gyro, noise.accel), np.split(noise.ends, 2)
+    told = zip(gains, levels, both_ends, noise.plateaus.tolist(), SENSORS, strict=True)
+    for gain, level, ends, plateau, sensor in told:
         white = gain * (level / root)
         covariance += np.tensordot(white, white, ([0, 2], [0, 2]))
+        if plateau:
+            covariance += sum_covariance(gain, float(carried.spans[-1]), flicker(plateau))
         if ends.any():
             moved = carried.dtheta if sensor == "gyro" else carried.dv
             covariance += by_increments(gain, carried.spans, moved, ends)
@@ -771,7 +820,8 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     site : Site
         ``latitude`` needed, not at a pole.
     options : Options
-        `priors`: ``gyro_walk`` and ``accel_walk`` (both 0: see `white_levels` and `quieter`);
+        `priors`: ``gyro_walk`` and ``accel_walk`` (both 0: see `white_levels` and `quieter`, of a
+        base that moves `plateaus_of`);
         biases and scale factor errors enter the covariance by theirs. Of a unit of which nothing
         but noise is known, the size of the Earth's level rate is free: a gyro's bias along north
         would else tilt the answer.
@@ -929,8 +979,12 @@ def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors
     noise = noise_of(readings, priors)
     if not (priors.gyro_walk > 0 or priors.accel_walk > 0):
         noise = quieter(noise, carried, matched)
-        if is_at_rest(readings):  # else what is beyond noise there is motion
+        if is_at_rest(readings):  # else what is beyond noise there is motion, or flicker
             noise = louder(noise, readings, carried, matched)
+        else:
+            unknown = np.array([sensor in priors.noise_only for sensor in SENSORS], float)
+            plateaus = unknown * plateaus_of(noise, carried, matched)
+            noise = replace(noise, plateaus=plateaus)
     if not priors.jitter:
         return noise
     change = np.sqrt(np.mean(changes_in_b(carried) ** 2, axis=0))

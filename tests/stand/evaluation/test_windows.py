@@ -1,16 +1,18 @@
 """Windows of a log: the cut, the scatter by hand, and sigmas that hold against it."""
 
 from dataclasses import replace
-from math import cos, degrees, nan, pi, radians, sqrt
+from math import cos, degrees, exp, nan, pi, radians, sqrt
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rocking import Angle, G, Motion
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import stand
 from alignment import Dwell, ImuReadings, Options, Priors, Site, Turn
+from alignment.information.drift import flicker
 from alignment.methods.triad import triad
 from stand.errors import StandError
 from stand.evaluation.windows import (
@@ -337,7 +339,30 @@ def wandering(gyro, accel, walk):
     return add
 
 
+def flickering(gyro, accel, gyro_plateau, accel_plateau):
+    """White noise, and bias that flickers: sums of processes a decade apart, from 1 s to 3 h."""
+
+    def add(rng, w, f, hz):
+        w, f = white(gyro, accel)(rng, w, f, hz)
+        return w + flicker_of(rng, len(w), hz, gyro_plateau), f + flicker_of(
+            rng, len(f), hz, accel_plateau
+        )
+
+    return add
+
+
+def flicker_of(rng, n, hz, plateau):
+    total = np.zeros((n, 3))
+    for one in flicker(plateau):
+        kept = exp(-1 / (hz * one.time))
+        driven = one.sigma * sqrt(1 - kept**2) * rng.normal(size=(n, 3))
+        driven[0] = one.sigma * rng.normal(size=3)
+        total += lfilter([1.0], [1.0, -kept], driven, axis=0)
+    return total
+
+
 AT_REST = ("triad", "single-gyro", "two-gyro", "inertial", "fine")
+RT = radians(1.0) / 60  # deg/rt-h
 ARW = radians(1.0) * W * cos(radians(48.5)) * sqrt(60)  # a degree of heading in 60 s
 
 
@@ -354,10 +379,12 @@ ARW = radians(1.0) * W * cos(radians(48.5)) * sqrt(60)  # a degree of heading in
     ids=["white", "dithered", "wandering", "rocking", "rocking, dithered"],
 )
 def test_scatter_is_of_the_order_of_the_sigma(motion, methods, noise):
-    """Of 20 windows of 60 s, without a data sheet: 19 degrees of freedom are good to a third."""
+    """Of 20 windows of 60 s, without a data sheet: 19 degrees of freedom are good to a third. Of a
+    base that rocks sigmas hold a flicker that it may hide."""
     found = ratios(motion, 60.0, 20, 20, methods, noise, 7)
     assert len(found) >= 2 * len(methods)
-    assert all(0.2 < value < 3 for value in found.values()), found
+    least = 0.2 if motion is STILL else 0.1
+    assert all(least < value < 3 for value in found.values()), found
 
 
 @pytest.mark.parametrize(
@@ -370,6 +397,25 @@ def test_scatter_of_windows_of_five_minutes(motion, noise):
     found = ratios(motion, 300.0, 10, 10, ("inertial", "fine"), noise, 1)
     assert len(found) == 4
     assert all(0.2 < value < 3 for value in found.values()), found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "noise",
+    [
+        flickering(0.002 * RT, 0.0353 / 60, radians(0.002) / 3600, 1e-4),
+        flickering(0.15 * RT, 0.07 / 60, radians(0.3) / 3600, 5e-4),
+    ],
+    ids=["navigation", "tactical"],
+)
+def test_flicker_of_a_base_that_rocks_is_stated(noise):
+    """Twelve windows of 300 s of two logs without a sheet, heading and tilt: their squares were up
+    to 9 times those stated, for orders that show no flicker have less of it than the answer."""
+    both = [ratios(ROCKING, 300.0, 12, 10, ("inertial", "fine"), noise, seed) for seed in (1, 2)]
+    found = {key: float(np.mean([one[key] for one in both])) for key in both[0]}
+    assert len(found) == 4
+    # means of 22 and 44 degrees of freedom; a plateau that may be there widens white noise's
+    assert all(0.1 < value < 2.5 for value in found.values()), found
 
 
 LN100 = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "real" / "ln100"
