@@ -8,10 +8,13 @@ knows the instrument; whoever states its errors multiplies them in.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import sqrt
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from scipy.special import ndtr
 
 from alignment.arrays import Array, owned, set_owned
 from alignment.earth import Site
@@ -21,6 +24,23 @@ from alignment.options import Options
 from alignment.strapdown import Carried, changes_in_b
 
 _FEWEST_STEPS = 3.0  # of increments in a record that shows fewer
+
+
+class Mirror(NamedTuple):
+    """Another attitude that readings may be taken for.
+
+    `chi2`: by how much readings as they should be are against it. What the true one is off it:
+    `turn` (3,), tilts about north and east and turn about down [rad], and `biases` by label.
+    """
+
+    chi2: float
+    turn: Array
+    biases: Mapping[str, float]
+
+    @property
+    def odds(self) -> float:
+        """In how many cases it is taken for the true one, ``Q(sqrt(chi2)/2)``."""
+        return float(ndtr(-sqrt(self.chi2) / 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -50,6 +70,8 @@ class Answer:
         vertical.
     unseen : mapping
         Angles that nothing tells the method, with what its readings cannot tell them from.
+    mirrors : tuple of Mirror
+        Other attitudes that a method which searches for the likeliest one may take for the true.
     """
 
     label: str
@@ -62,6 +84,7 @@ class Answer:
     circle: Array | None = None
     window_gain: Array | None = None
     unseen: Mapping[str, str] = field(default_factory=dict)
+    mirrors: tuple[Mirror, ...] = ()
 
     def __post_init__(self) -> None:
         set_owned(self, gain=(self.gain, (3, None), float))

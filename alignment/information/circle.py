@@ -12,7 +12,7 @@ import numpy as np
 from alignment.arrays import Array
 from alignment.earth import Site
 from alignment.information.model import sensor_inputs
-from alignment.information.result import Information
+from alignment.information.result import DETERMINED, Information
 
 _NEAR = np.linspace(-8, 8, 129)  # standard deviations about the true heading
 _ROUND = np.radians(np.arange(-180.0, 180.0, 2.0))
@@ -20,7 +20,8 @@ _DRAWS = np.linspace(-6, 6, 73)  # of a normal number, and their weights
 _WEIGHTS = np.exp(-(_DRAWS**2) / 2) / np.sum(np.exp(-(_DRAWS**2) / 2))
 # two of them, turned by half a radian: no line on which headings change over lies along a row
 _HALF = np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]])
-_STRAIGHT = 0.9  # of the tangent's chi-square: what stays above it everywhere is first order
+# of the tangent's chi-square: what is never less everywhere, nor more nearby, is first order
+_STRAIGHT, _NEARBY = 0.9, 2.0  # and within so many standard deviations
 _FAR = 36.0  # chi-square beyond which no heading is taken for another
 
 
@@ -106,7 +107,9 @@ def rival(G: Array) -> Rival:
     h = np.concatenate([_NEAR[np.abs(_NEAR * sigma) < np.pi] * sigma, _ROUND])
     d = np.stack([np.cos(h) - 1, np.sin(h)], axis=1)
     chi2 = np.einsum("ki,ij,kj->k", d, G, d)
-    if np.all(chi2 >= _STRAIGHT * np.minimum((h / sigma) ** 2, _FAR)):
+    tangent, nearby = (h / sigma) ** 2, np.abs(h) <= _NEARBY * sigma
+    none = np.all(chi2 >= _STRAIGHT * np.minimum(tangent, _FAR))
+    if none and np.all(_STRAIGHT * chi2[nearby] <= tangent[nearby]):
         return NO_RIVAL
     # chi-square of every heading against what is drawn, less what is the same for all of them
     U = np.linalg.cholesky(G)
@@ -116,4 +119,6 @@ def rival(G: Array) -> Rival:
     weights = np.outer(_WEIGHTS, _WEIGHTS).ravel()
     worst = int(np.argmax(h**2 * np.exp(-chi2 / 8) * (np.abs(h) > 2 * sigma)))
     ratio = float(np.sqrt(weights @ error**2) / sigma)
+    if sigma >= DETERMINED:  # nobody asks by how much it is too large
+        ratio = max(ratio, 1.0)
     return Rival(ratio, float(abs(h[worst])), float(chi2[worst]))

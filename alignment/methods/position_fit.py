@@ -4,6 +4,7 @@ from collections.abc import Callable
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -39,9 +40,16 @@ _HELPLESS = (
 _FURTHER = 4  # times as far as the last step a step may go for its secant
 _CONVERGED = 1e-9  # rad, and parts of a standard deviation
 _POLE = 1e-3  # least horizontal part of Earth rate
-_ANOTHER = np.radians(1.0)  # two ends farther apart than this are two attitudes
+# two ends farther apart than this are two attitudes, and so are those a standard deviation apart,
+# unless they are as near as steps end
+_ANOTHER, _ONE = np.radians(1.0), 1e-5
 _GRAVITY = 9.81  # m/s^2, to start from
+_SIZES = (EARTH_RATE, _GRAVITY)
+_TILT = 1e-3  # rad: axes off by as much as any turn ten times more of it into a few ug
 _DOUBTED = 0.05  # part of Earth rate: a component known worse may have either sign
+_SURE = 5.0  # standard deviations of a bias: a component that is more has the sign it seems to
+# what may have the other sign: rate, force, both
+_MIRRORS = np.array([[True, False], [False, True], [True, True]])
 _LATITUDE_START = 0.999  # sine of the latitude to start from: not at a pole
 
 
@@ -315,21 +323,20 @@ def fit_positions(
     each = None if drift is None else drift.reshape(-1, *drift.shape[-3:])
     turns = relative.reshape(-1, n, 3, 3)
     problem = _problem(readings, turns, (latitude, gravity), priors, gravity_sigma, each)
-    starts, weak, hidden = _starts(problem)
+    starts, hidden, weak = _starts(problem)
     every = np.arange(len(sigma))
     # those that have two go both ways at once
     both = _descended(_joined(starts), problem.of(np.concatenate([every, hidden])))
     first, second = _parted(both, len(every))
     ends = [first, _put(first, hidden, second)]
-    state, margin = _likeliest(ends)
-    if len(hidden):
-        of, own = _of(state, hidden), problem.of(hidden)
-        third = _descended(_mirrored(of[0], of[1], weak[hidden], own), own)
-        ends.append(_put(first, hidden, third))
-        state, margin = _likeliest(ends)
-    fit = _result(state, _linearised(state, problem), problem)
-    apart, weights = _others(ends, state, problem)
-    return _spread(replace(fit, margin=margin), apart, weights).shaped(lead)
+    state = _likeliest(ends)
+    for mirror in _MIRRORS:
+        runs, start = _mirrored(state, weak, mirror, problem)
+        if len(runs):
+            ends.append(_put(first, runs, _descended(start, problem.of(runs))))
+    state = _likeliest(ends)
+    fit = _tilted(_result(state, _linearised(state, problem), problem), state, problem)
+    return _spread(fit, *_others(ends, state, fit.covariance[:, 0], problem)).shaped(lead)
 
 
 # runs' attitudes of position 0 (r, 3, 3), what is sought (r, p) with zeros for the attitude, and
@@ -361,16 +368,12 @@ def _put(end: _End, runs: IntArray, another: _End) -> _End:
     return (C, x, u), cost
 
 
-def _likeliest(ends: list[_End]) -> tuple[_State, Array]:
-    """Of several ends (state, cost) the best of each run, and by how much (r,) another one's cost
-    exceeds it."""
+def _likeliest(ends: list[_End]) -> _State:
+    """Of several ends (state, cost) the best of each run."""
     states, costs = [end[0] for end in ends], np.stack([end[1] for end in ends])
     C, x, u = (np.stack(parts) for parts in zip(*states, strict=True))
     best, runs = np.argmin(costs, axis=0), np.arange(costs.shape[1])
-    state = C[best, runs], x[best, runs], u[best, runs]
-    another = np.array([_angle(end[0][0], state[0]) > _ANOTHER for end in ends])
-    margins = np.where(another, costs - costs[best, runs], np.inf)
-    return state, margins.min(axis=0)
+    return C[best, runs], x[best, runs], u[best, runs]
 
 
 def _by_cost(ends: list[_End]) -> list[_End]:
@@ -390,30 +393,91 @@ def _angle(C: Array, other: Array) -> Array:
     return np.asarray(2 * np.arcsin(np.sqrt(np.minimum(squares / 8, 1.0))))
 
 
-def _others(ends: list[_End], taken: _State, problem: _Problem) -> tuple[Array, Array]:
-    """How far other ends lie from the one taken, and their probabilities.
+def _another(C: Array, other: Array, P: Array) -> BoolArray:
+    """Whether ends (r, 3, 3) are two attitudes, of which one has the covariance P (r, 3, 3)."""
+    angle, off = _angle(C, other), _off(C @ np.swapaxes(other, -1, -2))[..., None]
+    far = (np.swapaxes(off, -1, -2) @ np.linalg.solve(P, off))[..., 0, 0] > 1.0
+    return np.asarray((angle > _ANOTHER) | (far & (angle > _ONE)))
 
-    Differences (e, r, 3n + p - 3) of all attitudes and of what else is sought; weights (e, r),
-    ``exp(-margin/2)`` over the sum of all, each attitude counted once.
+
+def _others(
+    ends: list[_End], taken: _State, P: Array, problem: _Problem
+) -> tuple[Array, Array, Array]:
+    """Margins (r,) of other ends, how far they lie from the one taken, and their probabilities.
+
+    `P` (r, 3, 3): of position 0. What the one taken is off if they are true, (e, r, 3n + p - 3):
+    all attitudes and what else is sought; weights (e, r), ``exp(-margin/2)`` over the sum of all,
+    each attitude counted once.
     """
     least = np.min([cost for _, cost in ends], axis=0)
-    ordered, odds, seen = _by_cost(ends), [], [taken[0]]
+    ordered, margins, seen = _by_cost(ends), [], [taken[0]]
     for (C, _, _), cost in ordered:
-        new = np.all([_angle(C, other) > _ANOTHER for other in seen], axis=0)
-        odds.append(np.where(new, np.exp(-(cost - least) / 2), 0.0))
+        new = np.all([_another(C, other, P) for other in seen], axis=0)
+        margins.append(np.where(new, cost - least, np.inf))
         seen.append(C)
-    weights = np.array(odds)
+    margin, weights = np.min(margins, axis=0), np.exp(-np.array(margins) / 2)
     if not weights.any():
-        return np.zeros((*weights.shape, 3 * problem.positions + problem.count - 3)), weights
+        none = np.zeros((*weights.shape, 3 * problem.positions + problem.count - 3))
+        return margin, none, weights
     placed, apart = _placed(taken[0], taken[2], problem), []
     for (C, x, u), _ in ordered:
-        turned = _placed(C, u, problem) @ np.swapaxes(placed, -1, -2)
-        turns = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(len(x), -1)
-        apart.append(np.concatenate([turns, (x - taken[1])[:, 3:]], axis=1))
-    return np.array(apart), weights / (1 + weights.sum(axis=0))
+        turns = _off(placed @ np.swapaxes(_placed(C, u, problem), -1, -2)).reshape(len(x), -1)
+        apart.append(np.concatenate([turns, (taken[1] - x)[:, 3:]], axis=1))
+    return margin, np.array(apart), weights / (1 + weights.sum(axis=0))
 
 
-def _spread(fit: PositionFit, apart: Array, weights: Array) -> PositionFit:
+def _off(turned: Array) -> Array:
+    """Tilt about north and east of the vertical, and turn about down (..., 3) [rad] by rotations.
+
+    A heading far off turns the axis of a rotation away from that of its tilt.
+    """
+    flat = turned.reshape(-1, 3, 3)
+    heading = Rotation.from_matrix(flat).as_rotvec()[:, 2]
+    return np.stack([-flat[:, 1, 2], flat[:, 0, 2], heading], axis=-1).reshape(turned.shape[:-1])
+
+
+def _tilted(fit: PositionFit, state: _State, problem: _Problem) -> PositionFit:
+    """The fit whose accelerometers' biases are as unsure as a tilt of some degrees makes them.
+
+    Axes that are off turn a force that a tilt leaves along the turns' axis across it, and it is a
+    bias there: a product of two errors, which first order has not. By the law of total variance
+    over tilts t of a standard deviation either way about the axis known worst: what the covariance
+    there is more, by how much more than first order biases change with t, and of those that are
+    bent by ``q t^2`` the mean square ``3 q^2``.
+    """
+    variances, axes = np.linalg.eigh(fit.covariance[:, 0, :2, :2])
+    sigmas = np.sqrt(variances[:, -1])
+    runs = np.flatnonzero(sigmas > _TILT)
+    if not len(runs):
+        return fit
+    own, (C, x, u) = problem.of(runs), _of(state, runs)
+    way = np.zeros((len(runs), 3))
+    way[:, :2] = sigmas[runs, None] * axes[runs, :, -1]
+    at = [_accel_biases((_turned(s * way, C), x, u), own) for s in (0.0, 1.0, -1.0)]
+    (b, P), (b_one, P_one), (b_two, P_two) = at
+    q = (b_one + b_two) / 2 - b
+    slope = np.einsum("ri,rij->rj", way[:, :2], fit.cross[runs, 0, :2, 3:])
+    s = (b_one - b_two) / 2 - slope / variances[runs, -1, None]
+    more = s[:, :, None] * s[:, None] + 3 * q[:, :, None] * q[:, None]
+    found = fit.bias_covariance.copy()
+    found[runs, 3:, 3:] += (P_one + P_two) / 2 - P + more
+    return replace(fit, bias_covariance=found)
+
+
+def _accel_biases(state: _State, problem: _Problem) -> tuple[Array, Array]:
+    """Likeliest biases (r, 3) of the accelerometers at an attitude, and their covariances."""
+    system, x = _linearised(state, problem), state[1]
+    prior = np.broadcast_to(np.eye(problem.count - 3), (len(x), *[problem.count - 3] * 2))
+    A = np.concatenate([system.J[..., 3:] * problem.units[3:], prior], axis=-2)
+    Q, R = np.linalg.qr(A)
+    wanted = np.concatenate([system.innovation, -x[:, 3:] / problem.sigmas], axis=-1)
+    root = problem.units[3:, None] * np.linalg.inv(R)
+    step = (root @ np.swapaxes(Q, -1, -2) @ wanted[..., None])[..., 0]
+    P = root @ np.swapaxes(root, -1, -2)
+    return (x[:, 3:] + step)[:, 3:6], P[:, 3:6, 3:6]
+
+
+def _spread(fit: PositionFit, margin: Array, apart: Array, weights: Array) -> PositionFit:
     """The fit whose covariances hold the other ends too: the mean square about the one taken."""
     n = fit.C_nb.shape[1]
     turns = apart[..., : 3 * n].reshape(*apart.shape[:2], n, 3)
@@ -430,18 +494,30 @@ def _spread(fit: PositionFit, apart: Array, weights: Array) -> PositionFit:
         cross=fit.cross + cross,
         bias_covariance=fit.bias_covariance + biases,
         latitude_sigma=latitude,
+        margin=margin,
     )
 
 
-def _mirrored(C: Array, x: Array, hidden: Array, problem: _Problem) -> tuple[Array, Array]:
-    """Start from the other sign of the rate along the axis that the turns do not show."""
-    w_n, _, _ = _vectors(x, problem)
-    w = (np.swapaxes(C, -1, -2) @ w_n[..., None])[..., 0]
-    flipped = 2 * np.sum(w * hidden, axis=1, keepdims=True) * hidden
-    x = x.copy()
-    x[:, 3:6] += flipped
-    up = -C[:, 2]
-    return _levelled(w - flipped, up), x
+def _mirrored(
+    state: _State, weak: "_Weak", mirror: Array, problem: _Problem
+) -> tuple[IntArray, tuple[Array, Array]]:
+    """Runs that may lie in another valley, and where it is: with the other sign of rate, force or
+    both (`mirror` (2,)) along the axis that the turns do not show.
+
+    Turns about one axis show a vector across it, and its size what lies along it but for the sign.
+    Rate and force that are mirrored both stand at the angle at which they stood, so that their
+    attitude fits but for the biases, by twice what lies along the axis.
+    """
+    C, x, _ = state
+    w_n, f_n, _ = _vectors(x, problem)
+    vectors = np.stack([w_n, f_n], axis=1) @ C
+    along = np.sum(vectors * weak.axes, axis=-1)
+    runs = np.flatnonzero(np.all((np.abs(along) < _SURE * weak.doubts) | (mirror == 0), axis=1))
+    moved = np.where(mirror[:, None], 2 * along[..., None] * weak.axes, 0.0)[runs]
+    there = x[runs]
+    there[:, 3:9] += moved.reshape(-1, 6)
+    w, f = np.moveaxis(vectors[runs] - moved, 1, 0)
+    return runs, (_levelled(w, f), there)
 
 
 def _levelled(w: Array, f: Array) -> Array:
@@ -587,17 +663,62 @@ def predicted_covariance(
     not given latitude and gravity; the rest as `fit_positions`.
     """
     given = (None, None) if estimated else (latitude, gravity)
+    state, problem = _expected(C_nb, variances, relative, given, priors, 0.0, drift)
+    if estimated:
+        state[1][:, 9] = latitude
+        problem = replace(problem, y=_predicted(state, problem)[0])
+    return _result(state, _linearised(state, problem), problem).covariance[0]
+
+
+def predicted_mirrors(
+    C_nb: Array,
+    variances: Array,
+    relative: Array,
+    latitude: float,
+    gravity: float,
+    priors: Priors,
+    gravity_sigma: float = 0.0,
+    drift: Array | None = None,
+) -> list[tuple[float, Array, Array]]:
+    """Other attitudes that a fit may take for the true ones, before there are readings.
+
+    Each with its chi-square by readings that are as they should be, and with what the true ones
+    are off it: tilts about north and east of all positions and turns about down (n, 3) [rad], and
+    biases (6,). Arguments as `predicted_covariance` and `fit_positions` have them.
+    """
+    given = latitude, gravity
+    true, problem = _expected(C_nb, variances, relative, given, priors, gravity_sigma, drift)
+    weak = _worst([_linear(problem, size) for size in _SIZES])
+    P = _result(true, _linearised(true, problem), problem).covariance[:, 0]
+    placed, there = _placed(true[0], true[2], problem), [true[0]]
+    found = []
+    for mirror in _MIRRORS:
+        runs, start = _mirrored(true, weak, mirror, problem)
+        if len(runs):
+            (C, x, u), cost = _descended(start, problem)
+            if all(_another(C, other, P)[0] for other in there):
+                off = _off(placed @ np.swapaxes(_placed(C, u, problem), -1, -2))
+                found.append((float(cost[0]), off[0], -x[0, 3:9]))
+                there.append(C)
+    return found
+
+
+def _expected(
+    C_nb: Array,
+    variances: Array,
+    relative: Array,
+    given: tuple[float | None, float | None],
+    priors: Priors,
+    gravity_sigma: float,
+    drift: Array | None,
+) -> tuple[_State, _Problem]:
+    """One run whose readings are as they should be at `C_nb` (3, 3)."""
     sigma = np.sqrt(variances + ROUNDING**2).reshape(1, -1)
     each = None if drift is None else drift[None]
     readings = np.zeros_like(sigma), sigma
-    problem = _problem(readings, relative[None], given, priors, 0.0, each)
-    x = np.zeros((1, problem.count))
-    if estimated:
-        x[:, 9] = latitude
-    state = C_nb[None], x, _no_errors(problem, 1)
-    # the readings are as they should be
-    problem = replace(problem, y=_predicted(state, problem)[0])
-    return _result(state, _linearised(state, problem), problem).covariance[0]
+    problem = _problem(readings, relative[None], given, priors, gravity_sigma, each)
+    state = C_nb[None], np.zeros((1, problem.count)), _no_errors(problem, 1)
+    return state, replace(problem, y=_predicted(state, problem)[0])
 
 
 def _turned(eta: Array, C: Array) -> Array:
@@ -608,18 +729,25 @@ def _turned(eta: Array, C: Array) -> Array:
 # --- where to start ------------------------------------------------------------------------------
 
 
+class _Weak(NamedTuple):
+    """Of rate and force the directions (r, 2, 3) in b known worst, and their sigmas (r, 2)."""
+
+    axes: Array
+    doubts: Array
+
+
 def _starts(
     problem: _Problem,
-) -> tuple[tuple[tuple[Array, Array], tuple[Array, Array]], Array, IntArray]:
+) -> tuple[tuple[tuple[Array, Array], tuple[Array, Array]], IntArray, _Weak]:
     """Attitudes (., 3, 3) of position 0 and what is sought (., p) to start from, of all runs and of
-    those again that have another start; the axes (r, 3) in b known worst; which runs those are.
+    those again that have another start; which runs those are; what all know worst.
 
     Linear least squares for each triad: ``y_k = R_k^T v + b``, `v` no larger than it can be. Where
     the turns do not tell the rate along their axis from its bias, there are two starts: along the
     axis, either way what is missing of Earth rate.
     """
-    w, w_bias, weak, doubt = _linear(problem, EARTH_RATE)
-    f, f_bias, _, _ = _linear(problem, _GRAVITY)
+    both = [_linear(problem, size) for size in _SIZES]
+    (w, w_bias, weak, doubt), (f, f_bias, _, _) = both
     doubted = doubt > _DOUBTED * EARTH_RATE
     hidden = np.flatnonzero(doubted)
     along = np.sum(w * weak, axis=1, keepdims=True)
@@ -646,7 +774,13 @@ def _starts(
         return _levelled(w, f[runs]), x
 
     starts = start(one[0], one[1], np.arange(len(w))), start(another[0], another[1], hidden)
-    return starts, weak, hidden
+    return starts, hidden, _worst(both)
+
+
+def _worst(linear: Ordered[tuple[Array, Array, Array, Array]]) -> _Weak:
+    """Of `_linear` of rate and of force."""
+    _, _, axes, doubts = zip(*linear, strict=True)
+    return _Weak(np.stack(axes, axis=1), np.stack(doubts, axis=1))
 
 
 def _linear(problem: _Problem, size: float) -> tuple[Array, Array, Array, Array]:

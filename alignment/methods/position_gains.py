@@ -16,11 +16,16 @@ from alignment.arrays import Array
 from alignment.constant_errors import with_products
 from alignment.earth import Site
 from alignment.errors import AlignmentError
-from alignment.gains import Answer
+from alignment.gains import Answer, Mirror
 from alignment.information import ANGLES, Information, Setting, Stretch, assumed, information
 from alignment.information.circle import circle_information
 from alignment.information.drift import switched_on
-from alignment.methods.position_fit import ROUNDING
+from alignment.methods.position_fit import (
+    ROUNDING,
+    drift_covariance,
+    local_vectors,
+    predicted_mirrors,
+)
 from alignment.methods.positions import ANOMALY, LEAST_TURN
 from alignment.options import Options
 
@@ -80,6 +85,7 @@ def _fitted(
     labels = [p.label for p in known.parameters if p.source.endswith(" bias")]
     biases = {label: known.gain(label) for label in labels if known.determined(label)}
     circle = circle_information(known, site)
+    mirrors = _mirrors(known, site, options)
     return [
         Answer(
             label=stretch.label,
@@ -90,9 +96,30 @@ def _fitted(
             biases=biases,
             circle=circle,
             unseen=_unseen(known, k),
+            mirrors=tuple(
+                Mirror(chi2, turns[k], dict(zip(labels, off.tolist(), strict=True)))
+                for chi2, turns, off in mirrors
+            ),
         )
         for k, stretch in enumerate(used)
     ]
+
+
+def _mirrors(known: Information, site: Site, options: Options) -> list[tuple[float, Array, Array]]:
+    """Other attitudes that the fit may take for the planned ones (`predicted_mirrors`)."""
+    priors = switched_on(with_products(options.priors))
+    C = np.array([s.C_pb.as_matrix() for s in known.stretches])
+    white = [N for name, N in zip(known.noise_names, known.noises, strict=True) if "noise" in name]
+    variances = np.sum(white, axis=0).diagonal().reshape(-1, 6)
+    latitude, gravity = local_vectors(site)
+    assert latitude is not None
+    assert gravity is not None
+    anomaly = ANOMALY if site.local_gravity is None else 0.0
+    drift = np.repeat(drift_covariance(priors, [s.span for s in known.stretches]), 3, axis=0)
+    leant = site.plumb.inv().as_matrix() @ C[0]
+    return predicted_mirrors(
+        leant, variances, C[0].T @ C, latitude, gravity, priors, anomaly, drift
+    )
 
 
 def _unseen(known: Information, k: int) -> dict[str, str]:

@@ -18,8 +18,17 @@ from stand.imu.by_value import warmed_by_value
 from stand.motion.plan import Plan, PlannedStep
 from stand.rehearsal.constants import constants_by
 from stand.rehearsal.planned import planned_stretch
-from stand.rehearsal.predictions import Parts, angles, by_gyros, rounder, withheld
+from stand.rehearsal.predictions import (
+    Parts,
+    angles,
+    by_gyros,
+    rounder,
+    uncrossed,
+    unmistaken,
+    withheld,
+)
 from stand.rehearsal.refusals import (
+    axes_off,
     check_carried,
     check_quiet,
     check_vertical,
@@ -144,12 +153,15 @@ def _by_gains(
         as_heading = by_gyros(parts, C_nb, scene.site) if why_not else ()
         told = withheld(told, as_heading, f"as heading: {why_not}")
         later = answer.window == "fresh" and not method.carries_nominal
-        found += withheld(told, ("pitch", "roll"), coarse_tilt(scene) if later else lean)
+        told = withheld(told, ("pitch", "roll"), coarse_tilt(scene) if later else lean)
+        found += unmistaken(told, answer.mirrors, C_nb)
         if answer is answers[0]:
             of_heading = withheld(
                 response.biases(name), *_with_heading(response, parts, why_not, scene.site)
             )
-            found += withheld(of_heading, [b for b in answer.biases if b.startswith("accel")], lean)
+            by_accel = [b for b in answer.biases if b.startswith("accel")]
+            told = unmistaken(withheld(of_heading, by_accel, lean), answer.mirrors, C_nb)
+            found += uncrossed(told, parts, answer.mirrors, axes_off(scene))
     return found, [_observed(name, told_by(answers[0]))] if observe else []
 
 

@@ -11,10 +11,12 @@ from alignment.angles import Sequence as Order
 from alignment.angles import SequenceRule, angle_jacobian, angles_from_C_nb, near_singular
 from alignment.arrays import Array
 from alignment.earth import Site
+from alignment.gains import Mirror
 from alignment.information.circle import Rival
 from alignment.information.result import DETERMINED
 from alignment.units import DEG
 from stand.rehearsal.result import Contribution, Prediction
+from stand.rehearsal.verification import AGREES
 from stand.table.known_errors import KNOWN
 
 Parts = dict[str, Array]  # covariance (3, 3) about n [rad^2] by source
@@ -98,6 +100,53 @@ def withheld(
         if reason and p.determined and p.quantity in quantities:
             why = f"not determined: {reason}"
             p = replace(p, sigma=None, bias=0.0, contributions=(), reason=why)
+        yield p
+
+
+def unmistaken(
+    found: Iterable[Prediction], mirrors: Sequence[Mirror], C_nb: Rotation
+) -> Iterator[Prediction]:
+    """The predictions, without a number for what another attitude would change too often.
+
+    That is where its root mean square is larger than sigma by more than is promised of
+    predictions: such errors are mostly small and now and then wide, which no sigma says.
+    """
+    rows = rows_of_angles(C_nb)
+    for p in found:
+        for other in mirrors:
+            if p.sigma is None:
+                break
+            row = rows.get(p.quantity)
+            off = other.biases.get(p.quantity, 0.0) if row is None else float(row @ other.turn)
+            if other.odds * off**2 > (AGREES[1] ** 2 - 1) * p.sigma**2:
+                told = (
+                    f"one that is {abs(off) / p.per:.2g} {p.unit} off fits the readings nearly as "
+                    f"well (chi-square {other.chi2:.1f} more): a turn about a second axis would "
+                    "tell"
+                )
+                (p,) = withheld([p], (p.quantity,), told)
+        yield p
+
+
+def uncrossed(
+    found: Iterable[Prediction], parts: Parts, mirrors: Sequence[Mirror], off: float
+) -> Iterator[Prediction]:
+    """The predictions, without a number for a bias that tilts through axes that are off change.
+
+    A tilt t of an attitude with `parts` leaves ``g t`` along an axis, and axes by which it is
+    `off` [m/s^2] per radian make a bias of it across: a product, which first order has not.
+    """
+    tilts = sum(parts.values(), np.zeros((3, 3)))[:2, :2]
+    wide = sum(other.odds * float(other.turn[:2] @ other.turn[:2]) for other in mirrors)
+    tilt = float(np.sqrt(np.linalg.eigvalsh(tilts)[-1] + wide))
+    for p in found:
+        sigma = p.sigma if p.quantity.startswith("accelerometer") else None
+        if sigma is not None and (tilt * off) ** 2 > (AGREES[1] ** 2 - 1) * sigma**2:
+            told = (
+                f"a tilt that is unsure by {tilt / DEG:.2g} deg makes {tilt * off / p.per:.2g} "
+                f"{p.unit} of it by axes that are off: more than first order matters; see --verify"
+            )
+            (p,) = withheld([p], (p.quantity,), told)
         yield p
 
 

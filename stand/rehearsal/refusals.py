@@ -130,13 +130,27 @@ def rivalled(other: Rival) -> str:
     """Why another heading forbids a number for this one; '' where it does not.
 
     Where it would change the sigma by more than is promised of predictions: such errors are mostly
-    small and now and then wide, which no sigma says.
+    small and now and then wide, which no sigma says. Nor is one where heading is told by how the
+    circle bends more than by its tangent.
     """
+    if other.ratio < AGREES[0]:
+        return (
+            f"by first order it would be {1 / other.ratio:.2g} times too large: what the turns "
+            "show of Earth rate hardly changes with heading; see --verify"
+        )
     if other.ratio <= AGREES[1]:
         return ""
     return (
         f"a heading {other.apart / DEG:.0f} deg off fits the readings nearly as well (chi-square "
         f"{other.chi2:.1f} more): a turn about a second axis would tell"
+    )
+
+
+def axes_off(scene: Scene) -> float:
+    """How much force [m/s^2] accelerometers feel across it of one that tilts by a radian."""
+    told = scene.options.priors
+    return scene.site.gravity * float(
+        np.hypot(told.accel_misalignment, told.accel_non_orthogonality)
     )
 
 

@@ -65,6 +65,23 @@ def test_first_order_stands_where_both_directions_are_known(sigma):
         assert rival(np.diag([size, 1.0]) / (sigma * DEG) ** 2).ratio == pytest.approx(1, abs=0.02)
 
 
+def test_where_the_circle_bends_within_a_sigma_its_tangent_is_too_wide():
+    """North is known to 0.0061, east to 8 deg alone: ``1 - cos h`` tells h, all but its sign.
+
+    Each of 2000 draws has its likeliest heading by a fine grid.
+    """
+    sigma, north = 8 * DEG, 0.0061
+    found = rival(np.diag([1 / north**2, 1 / sigma**2]))
+    h = np.linspace(-1, 1, 4001)
+    d = np.stack([np.cos(h) - 1, np.sin(h)], axis=1)
+    z = np.random.default_rng(3).normal(size=(2000, 2)) * [north, sigma]
+    costs = (((z[:, None] - d) / [north, sigma]) ** 2).sum(axis=2)
+    mean_square = float(np.mean(h[np.argmin(costs, axis=1)] ** 2))
+    # the grid of `rival` is an eighth of a sigma wide; 2000 squares are known to 4 %
+    assert found.ratio == pytest.approx(np.sqrt(mean_square) / sigma, rel=0.06)
+    assert found.ratio < 0.6
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("axis", "degrees", "least", "most"),

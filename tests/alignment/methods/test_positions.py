@@ -203,6 +203,65 @@ def test_the_likelier_of_two_attitudes_is_taken():
         assert fit.margin > 12
 
 
+@pytest.mark.parametrize(("latitude", "heading"), [(48.5, 30.0), (-20.0, 215.0)])
+def test_a_force_mirrored_in_the_plane_across_the_turn_fits_but_for_its_bias(latitude, heading):
+    """Half a turn about X1, which leans by 3 deg: of what lies along it no turn knows the sign.
+
+    A bias of -1.5 of g sin 3 deg and a lean up read as one of +0.5 and a lean down, which is the
+    likelier: by ``(1.5^2 - 0.5^2) (g sin 3 deg/sigma)^2``, and the rate along X1 changes likewise.
+    """
+    lean, sigma = radians(3), 0.8 * G * sin(radians(3))
+    C = Rotation.from_euler("ZYX", [heading, 3, 0], degrees=True).as_matrix() @ LEVEL
+    relative = about([1, 0, 0], 0, 180)
+    bias = np.array([0, 0, 0, -1.5 * G * sin(lean), 0.1, -0.2])
+    y = readings_of(C @ relative, radians(latitude)) + bias
+    variances = np.tile(np.repeat([1e-20, 1e-14], 3), (2, 1))
+    priors = Priors(1000 * DEG_H, sigma)
+    fit = fit_positions(y, variances, relative, radians(latitude), G, priors)
+    x1 = C[:, 0]
+    along = W * (cos(radians(latitude)) * x1[0] - sin(radians(latitude)) * x1[2])
+    assert fit.biases[[0, 3]] == pytest.approx([2 * along, 0.5 * G * sin(lean)], rel=1e-3)
+    assert fit.biases[[1, 2, 4, 5]] == pytest.approx([0, 0, 0.1, -0.2], abs=1e-4)
+    gyros = (2 * along / (1000 * DEG_H)) ** 2
+    margin = 2 * (G * sin(lean) / sigma) ** 2 - gyros
+    assert float(fit.margin) == pytest.approx(margin, rel=1e-3)  # first order leaves 1e-4
+    # the true tilt is 6 deg from this one, with the odds of that
+    odds = np.exp(-margin / 2) / (1 + np.exp(-margin / 2))
+    down = fit.C_nb[0] @ C.T @ D
+    off = np.array([-down[1], down[0]])
+    assert np.linalg.norm(off) == pytest.approx(sin(2 * lean), rel=1e-3)
+    tilts = fit.covariance[0, :2, :2]
+    assert tilts == pytest.approx(odds * np.outer(off, off), abs=1e-3 * odds * off @ off)
+    # where the sheet allows no such bias the true one is found
+    surer = fit_positions(
+        y - [0, 0, 0, bias[3], 0, 0], variances, relative, radians(latitude), G,
+        Priors(1000 * DEG_H, G * sin(lean) / 50),
+    )  # fmt: skip
+    assert np.abs(error(surer.C_nb[0], C)).max() < 1e-3
+    assert np.sqrt(surer.covariance[0].diagonal()[:2]).max() < 1e-3
+
+
+def test_axes_that_are_off_turn_a_tilt_that_nobody_knows_into_the_other_biases():
+    """Half a turn about a level X1: its bias b of 20 mg is a tilt b/g that nothing tells.
+
+    Accelerometers turned about Z1 by 10 mrad, which the turn shows as ``m g`` that changes sides on
+    X1, make ``m b`` of it along Y1: 0.2 mg, where first order has the noise.
+    """
+    relative = about([1, 0, 0], 0, 180)
+    y = readings_of(LEVEL @ relative, HERE.latitude)
+    y[:, 3] += 0.01 * y[:, 4]  # Z1 is level, and nothing lies along X1
+    # gyros as noisy as Earth rate is large tell no tilt
+    variances = np.tile(np.repeat([1e-8, 1e-10], 3), (2, 1))
+    b = 20 * MILLI_G
+    for misalignment, expected in ((0.01, 0.01 * b), (0.0, 1e-5 / sqrt(2))):
+        told = y if misalignment else readings_of(LEVEL @ relative, HERE.latitude)
+        priors = Priors(1000 * DEG_H, b, accel_misalignment=misalignment)
+        fit = fit_positions(told, variances, relative, HERE.latitude, G, priors, 5e-4)
+        sigmas = np.sqrt(fit.bias_covariance.diagonal()[3:])
+        assert sigmas[0] == pytest.approx(b, rel=0.01)
+        assert sigmas[1] == pytest.approx(expected, rel=0.02)
+
+
 def test_gravity_may_differ_from_its_normal_value():
     """100 mgal: unremarked where nobody measured gravity, a contradiction where one did."""
     relative = about([1, 0, 0], 0, 90, 180, 270)

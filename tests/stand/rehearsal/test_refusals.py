@@ -127,7 +127,8 @@ def test_half_of_the_units_is_not_most():
 
 
 def test_a_heading_elsewhere_forbids_a_number_from_ten_per_cent_on():
-    assert rivalled(Rival(1.1, 1.0, 2.0)) == ""
+    assert rivalled(Rival(1.1, 1.0, 2.0)) == rivalled(Rival(0.9, 1.0, 2.0)) == ""
+    assert rivalled(Rival(0.5, 1.0, 2.0)).startswith("by first order it would be 2 times too large")
     assert rivalled(Rival(1.101, radians(75), 2.04)).startswith(
         "a heading 75 deg off fits the readings nearly as well (chi-square 2.0 more)"
     )
