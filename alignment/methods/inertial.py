@@ -444,7 +444,9 @@ def quieter(noise: Noise, carried: Carried, matched: Match) -> Noise:
     return Noise(alike.gyro * np.sqrt(a), alike.accel * np.sqrt(b), float(np.sqrt(c)))
 
 
-def louder(noise: Noise, readings: ImuReadings, carried: Carried, matched: Match) -> Noise:
+def louder(
+    noise: Noise, readings: ImuReadings, carried: Carried, matched: Match, site: Site
+) -> Noise:
     """The noise as the velocity curve of a record at rest shows it, where that is more.
 
     Notes
@@ -453,10 +455,12 @@ def louder(noise: Noise, readings: ImuReadings, carried: Carried, matched: Match
     noise has below them; steps and flicker have more below. Where the velocities of `quieter` are
     beyond the noise, and what is counted of drifts and of what lies apart, by what one record of a
     hundred has, the variances of gyros and accelerometers grow by parts that are equally likely by
-    their logarithm, each by the mean of what fits.
+    their logarithm, each by the mean of what fits. What an instrument beside a turn's axis swings
+    is none of it.
     """
     values, by_gyro, by_accel = _told_of_the_base(noise, carried, matched)
     whole = by_gyro + by_accel + noise.jitter**2 * np.eye(len(values))
+    whole += _by_any_arm(carried, matched, site)
     if _within(values, whole):
         return noise
     weights = _weights_of_orders(carried)[:, _level_ones(3 * len(values) // 2)]
@@ -476,7 +480,7 @@ def louder(noise: Noise, readings: ImuReadings, carried: Carried, matched: Match
     return replace(noise, gyro=noise.gyro * np.sqrt(a), accel=noise.accel * np.sqrt(b))
 
 
-def plateaus_of(noise: Noise, carried: Carried, matched: Match) -> Array:
+def plateaus_of(noise: Noise, carried: Carried, matched: Match, site: Site) -> Array:
     """Plateaus (2,) of the Allan deviations of gyros and accelerometers, as the velocity curve of a
     record shows them beside white noise.
 
@@ -492,6 +496,7 @@ def plateaus_of(noise: Noise, carried: Carried, matched: Match) -> Array:
     alike = _alike(noise)
     values, by_gyro, by_accel = _told_of_the_base(alike, carried, matched)
     white = by_gyro + by_accel + noise.jitter**2 * np.eye(len(values))
+    arm = _by_any_arm(carried, matched, site)
     C_ni, level = matched.C_ni.as_matrix(), _level_ones(3 * len(values) // 2)
     felt = sensitivity(_weights_of_orders(carried)[:, level], C_ni, carried)
     units = [
@@ -504,6 +509,7 @@ def plateaus_of(noise: Noise, carried: Carried, matched: Match) -> Array:
     jitters = np.append(0.0, _JITTERS) * np.mean(values**2)
     P = (
         white
+        + arm
         + squares[0][:, None, None, None, None] * units[0]
         + squares[1][:, None, None, None] * units[1]
         + jitters[:, None, None] * np.eye(len(values))
@@ -516,6 +522,15 @@ def plateaus_of(noise: Noise, carried: Carried, matched: Match) -> Array:
     weight /= weight.sum()
     by_accel = weight[0].sum(axis=1) / weight[0].sum()  # had the gyros none
     return np.sqrt([weight.sum(axis=(1, 2)) @ squares[0], by_accel @ squares[1]])
+
+
+def _by_any_arm(carried: Carried, matched: Match, site: Site) -> Array:
+    """Covariance (12, 12) of the velocities of `_told_of_the_base` by a lever arm that nobody
+    states, a metre along each axis."""
+    felt = swings(carried, matched.C_ni.as_matrix(), site)
+    weights = _weights_of_orders(carried)
+    N = np.tensordot(weights, felt, ([0, 2], [0, 1]))[_level_ones(weights.shape[1])]
+    return np.asarray(N @ N.T)
 
 
 def _within(values: Array, covariance: Array) -> bool:
@@ -775,7 +790,7 @@ def laid(
     """The match of the curves, the noise and the arm that it is by."""
     known = "gyro" not in priors.noise_only
     matched = match(carried, site, unbiased=known)
-    noise = stated_noise(readings, carried, matched, priors)
+    noise = stated_noise(readings, carried, matched, priors, site)
     arm = arm_of(carried, matched, noise, priors, site)
     if priors.lever_arm > 0:
         matched = match(carried, site, arm.place, known)
@@ -974,16 +989,18 @@ def covariances(
     return whole_circle(attitude, heading), wander
 
 
-def stated_noise(readings: ImuReadings, carried: Carried, matched: Match, priors: Priors) -> Noise:
+def stated_noise(
+    readings: ImuReadings, carried: Carried, matched: Match, priors: Priors, site: Site
+) -> Noise:
     """White noise by the priors, or as the readings show it in the band that matters."""
     noise = noise_of(readings, priors)
     if not (priors.gyro_walk > 0 or priors.accel_walk > 0):
         noise = quieter(noise, carried, matched)
         if is_at_rest(readings):  # else what is beyond noise there is motion, or flicker
-            noise = louder(noise, readings, carried, matched)
+            noise = louder(noise, readings, carried, matched, site)
         else:
             unknown = np.array([sensor in priors.noise_only for sensor in SENSORS], float)
-            plateaus = unknown * plateaus_of(noise, carried, matched)
+            plateaus = unknown * plateaus_of(noise, carried, matched, site)
             noise = replace(noise, plateaus=plateaus)
     if not priors.jitter:
         return noise

@@ -645,6 +645,21 @@ def test_noise_is_told_from_the_readings_where_no_prior_gives_it():
     assert (np.abs(error) < 3.5 * np.sqrt(told.covariance.diagonal())).all()
 
 
+@pytest.mark.parametrize("method", [inertial, fine])
+def test_an_arm_that_nobody_states_is_not_taken_for_noise(method):
+    """Six turns about the vertical, 5 cm beside the axis, no data sheet: what swings was taken for
+    noise, and sigma was six times that on the axis."""
+    found = []
+    for lever in ((0.0, 0.0, 0.0), (0.04, 0.0, 0.03)):
+        spin = replace(STILL, yaw=Angle(0.3, rate=radians(10.0)), lever=lever)
+        rng = np.random.default_rng(3)
+        t, w, f, _ = spin.readings(216.0, 10.0)
+        w = w + 6e-7 * sqrt(10) * rng.normal(size=w.shape)
+        f = f + 6e-4 * sqrt(10) * rng.normal(size=f.shape)
+        found.append(sigma(method([dwell(t, w, f)], site(spin), Options())[0]))
+    assert found[1] == pytest.approx(found[0], rel=0.3)
+
+
 # --- refusals ---------------------------------------------------------------------------------
 
 
