@@ -173,4 +173,5 @@ def ripple_left(axis_b: Array, counted: BoolArray) -> float:
     round_ = np.cross(axis_b, across)
     along = axis_b[counted] @ across
     against = across.T @ across - round_.T @ round_
-    return float(np.hypot(*(np.linalg.norm(m, 2) for m in (along, against))) / np.sum(across**2))
+    errs = np.hypot(np.linalg.norm(along), np.linalg.norm(against, 2))
+    return float(errs / np.sum(across**2))

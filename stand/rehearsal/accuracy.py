@@ -256,5 +256,7 @@ def _of_stretch(
     told = angles(name, "", step.label, C_nb, turned_by_heading(parts), str, off)
     why_not = rivalled(other)
     told = withheld(told, ("heading", "yaw"), why_not)
-    told = withheld(told, by_gyros(parts, C_nb) if why_not else (), f"as heading: {why_not}")
+    told = withheld(
+        told, by_gyros(parts, C_nb, scene.site) if why_not else (), f"as heading: {why_not}"
+    )
     return list(withheld(told, ("pitch", "roll"), tilt_doubt(parts)))
