@@ -31,7 +31,8 @@ def test_intervals_hold_the_data_sheet_and_are_no_wider_than_they_must(imu):
     least, most = bounds(36, chance)
     assert (least, most) == (29, 36)
     assert least <= sum(f.holds for f in found) <= most
-    # mean of 36 values: four standard errors
-    assert values.mean() == pytest.approx(1, abs=4 * values.std(ddof=1) / 6)
+    # mean of 36 values: four standard errors, and 0.1 % of what a plateau takes of N, which of
+    # 72 values of adis16488's accelerometers is 0.25 % (docs/proof-allan.md: up to 0.3 %)
+    assert values.mean() == pytest.approx(1, abs=4 * values.std(ddof=1) / 6 + 1e-3)
     low, high = chi2.ppf([chance / 2, 1 - chance / 2], 36)
     assert low / 1.25**2 < np.maximum(worse, 0).sum() < high
