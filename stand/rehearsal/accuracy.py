@@ -249,7 +249,7 @@ def _of_stretch(
     if not method.tells_mean:
         parts |= late(run, scene)
     other = turning_round(run, unit, scene) if run.circle is None else rival(run.circle)
-    parts = rounder(parts, other)
+    parts = rounder(parts, other, scene.site)
     off = known(run, scene)
     # of an axis that turns, the attitude is told where it reads zero
     C_nb = run.C_nb if step.turning is None else step.C_nb
