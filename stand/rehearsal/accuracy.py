@@ -23,6 +23,7 @@ from stand.rehearsal.predictions import (
     angles,
     by_gyros,
     rounder,
+    unbent,
     uncrossed,
     unmistaken,
     withheld,
@@ -37,6 +38,7 @@ from stand.rehearsal.refusals import (
     rival_of,
     rivalled,
     second_order,
+    size_of_force,
 )
 from stand.rehearsal.response import ReadingErrors, Response, TableTurns
 from stand.rehearsal.result import Observability, Prediction
@@ -129,12 +131,15 @@ def _by_gains(
     errors: dict[int, ReadingErrors] = {}  # answers of one fit share their stretches
     rivals: dict[int, Rival] = {}
     leans: dict[int, str] = {}
+    sizes: dict[int, float] = {}
     anomaly = method.anomaly if scene.site.local_gravity is None else 0.0
     for answer in answers:
         if id(answer.stretches) not in errors:
             errors[id(answer.stretches)] = ReadingErrors(answer, table, scene, unit, anomaly)
             rivals[id(answer.stretches)] = rival_of(answer)
-            leans[id(answer.stretches)] = second_order(answer, errors[id(answer.stretches)], scene)
+            own = errors[id(answer.stretches)]
+            leans[id(answer.stretches)] = second_order(answer, own, scene)
+            sizes[id(answer.stretches)] = size_of_force(answer, own, anomaly, scene)
     responses = [Response(answer, errors[id(answer.stretches)]) for answer in answers]
     check_vertical([r for r in responses if r.answer.window_gain is not None])
     told_by = partial(_known, stretches=stretches, scene=scene)
@@ -154,13 +159,16 @@ def _by_gains(
         told = withheld(told, as_heading, f"as heading: {why_not}")
         later = answer.window == "fresh" and not method.carries_nominal
         told = withheld(told, ("pitch", "roll"), coarse_tilt(scene) if later else lean)
+        told = unbent(told, sizes[id(answer.stretches)], scene.site.gravity)
         found += unmistaken(told, answer.mirrors, C_nb)
         if answer is answers[0]:
             of_heading = withheld(
                 response.biases(name), *_with_heading(response, parts, why_not, scene.site)
             )
             by_accel = [b for b in answer.biases if b.startswith("accel")]
-            told = unmistaken(withheld(of_heading, by_accel, lean), answer.mirrors, C_nb)
+            told = withheld(of_heading, by_accel, lean)
+            told = unbent(told, sizes[id(answer.stretches)], scene.site.gravity)
+            told = unmistaken(told, answer.mirrors, C_nb)
             found += uncrossed(told, parts, answer.mirrors, axes_off(scene))
     return found, [_observed(name, told_by(answers[0]))] if observe else []
 

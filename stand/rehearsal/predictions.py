@@ -22,6 +22,7 @@ from stand.table.known_errors import KNOWN
 Parts = dict[str, Array]  # covariance (3, 3) about n [rad^2] by source
 
 BEYOND = "heading beyond first order"
+_HIDDEN = "accelerometer turn-on bias"
 _NO_TURN = np.zeros(3)
 _ANGLES = ("roll", "yaw", "pitch")
 # how sources of `alignment.information` and of this package are told
@@ -126,6 +127,28 @@ def unmistaken(
                 )
                 (p,) = withheld([p], (p.quantity,), told)
         yield p
+
+
+def unbent(found: Iterable[Prediction], size: float, gravity: float) -> Iterator[Prediction]:
+    """The predictions, without a number for a tilt, or a bias in it, that the force's size tells.
+
+    Where an accelerometer's bias hides in a tilt of t standard deviations s about a level axis,
+    the force across the turns' axis is less by ``(s t)^2 g/2``, and its `size` [m/s^2] is known so
+    well: of a sigma by first order ``1 - 3 k`` are left, ``k = (s^2 g/2 / size)^2``.
+    """
+    for p in found:
+        per = gravity if p.quantity.startswith("accelerometer") else 1.0
+        told = per > 1 or p.quantity in ("pitch", "roll")
+        hidden = [c.sigma for c in p.contributions if told and c.source == _HIDDEN]
+        tilt = max(hidden, default=0.0) / per
+        less = tilt**2 * gravity / 2
+        why = (
+            f"a bias that hides in a tilt of {tilt / DEG:.2g} deg makes the force {less:.2g} m/s^2 "
+            f"less, and its size is known to {size:.2g}: more than first order matters; see "
+            "--verify"
+        )
+        beyond = 1 - 3 * (less / size) ** 2 < AGREES[0]
+        yield from withheld([p], (p.quantity,), why if beyond else "")
 
 
 def uncrossed(

@@ -146,6 +146,27 @@ def rivalled(other: Rival) -> str:
     )
 
 
+def _mean_force(answer: Answer, errors: ReadingErrors) -> float:
+    """Standard deviation [m/s^2] of the mean force of all positions, by noise and drift."""
+    n = len(answer.stretches)
+    about = np.eye(n) - 1 / n
+    by_accel = [N for name, N in errors.noises.items() if name.startswith("accelerometer")]
+    noise = np.sum(by_accel, axis=0)
+    apart = [float(np.trace(about @ noise[k::6, k::6] @ about)) for k in (3, 4, 5)]
+    return sqrt(float(np.mean(apart)) / (n - 1) / n + ROUNDING[3] ** 2 / n)
+
+
+def size_of_force(answer: Answer, errors: ReadingErrors, anomaly: float, scene: Scene) -> float:
+    """How well [m/s^2] a fit of positions knows the force's size; infinite of other methods.
+
+    `anomaly` [m/s^2]: how far gravity may be off.
+    """
+    if not answer.biases or len(answer.stretches) < 2:
+        return np.inf
+    scale = in_one_attitude(scene.options.priors, scene.site.gravity).accel_scale
+    return float(np.linalg.norm([_mean_force(answer, errors), anomaly, scale * scene.site.gravity]))
+
+
 def axes_off(scene: Scene) -> float:
     """How much force [m/s^2] accelerometers feel across it of one that tilts by a radian."""
     told = scene.options.priors
@@ -174,11 +195,7 @@ def second_order(answer: Answer, errors: ReadingErrors, scene: Scene) -> str:
     round_ = sqrt(float(forces.var(axis=0).sum()) / 2)
     one = in_one_attitude(told, g)
     b = float(np.hypot(one.accel_bias, one.accel_scale * round_))
-    about = np.eye(n) - 1 / n
-    by_accel = [N for name, N in errors.noises.items() if name.startswith("accelerometer")]
-    noise = np.sum(by_accel, axis=0)
-    apart = [float(np.trace(about @ noise[k::6, k::6] @ about)) for k in (3, 4, 5)]
-    s2 = float(np.mean(apart)) / (n - 1) / n + ROUNDING[3] ** 2 / n
+    s2 = _mean_force(answer, errors) ** 2
     gain = (t * b) ** 2 / s2
     if gain <= FOLLOWS * (1 + gain):
         return ""

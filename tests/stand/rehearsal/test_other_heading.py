@@ -98,6 +98,20 @@ def test_a_bias_that_a_tilt_makes_through_axes_that_are_off_has_no_number():
     assert found["all", "accelerometer bias Z1"].determined  # along the axis it is the 60 mg
 
 
+def test_a_tilt_that_the_size_of_the_force_tells_has_no_number():
+    """20 mg along a level axis are 1.15 deg by first order; the force across is then 2e-3 m/s^2
+    less, and gravity is known to 5e-4: 40 runs had 0.34 deg."""
+    found = predicted(settings("six-position", "bmi088", rate_hz=5, methods=["two-position"]))
+    assert found["Y1 up", "pitch"].reason.startswith(
+        "not determined: a bias that hides in a tilt of 1.1 deg makes the force 0.002 m/s^2 less, "
+        "and its size is known to 0.0005"
+    )
+    assert found["Y1 up", "roll"].determined
+    # 2 mg are 0.11 deg, and 2e-5 m/s^2
+    better = predicted(settings("six-position", "stim300", rate_hz=5, methods=["two-position"]))
+    assert better["Y1 up", "pitch"].determined
+
+
 LEANING = """
 title = "half a turn about an X1 that leans by 3 deg"
 table = "precision"
