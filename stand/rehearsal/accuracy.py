@@ -257,6 +257,8 @@ def _of_stretch(
     if not method.tells_mean:
         parts |= late(run, scene)
     other = turning_round(run, unit, scene) if run.circle is None else rival(run.circle)
+    plumb = scene.site.plumb.as_matrix()  # which all of it is about
+    parts = {source: plumb @ P @ plumb.T for source, P in parts.items()}
     parts = rounder(parts, other, scene.site)
     off = known(run, scene)
     # of an axis that turns, the attitude is told where it reads zero
