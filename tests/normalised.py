@@ -32,7 +32,7 @@ from stand.simulation.settings import Settings, assembled
 from stand.simulation.work import Engine
 
 UNDETERMINED = radians(30.0)  # sigma above which a heading is no number
-ROUNDING = 1e-8  # rad: below it an error is of no reading
+ROUNDING = 1e-7  # rad, 0.02 arc seconds: below it an error is of no first order
 # A mean of 32 blocks knows its variance with 31 degrees of freedom, a mean over F(3, 31) is
 # 31/29; of five seconds at 5 Hz there are 24.
 FEW_BLOCKS = 24 / 22

@@ -379,12 +379,12 @@ ARW = radians(1.0) * W * cos(radians(48.5)) * sqrt(60)  # a degree of heading in
     ids=["white", "dithered", "wandering", "rocking", "rocking, dithered"],
 )
 def test_scatter_is_of_the_order_of_the_sigma(motion, methods, noise):
-    """Of 20 windows of 60 s, without a data sheet: 19 degrees of freedom are good to a third. Of a
-    base that rocks sigmas hold a flicker that it may hide."""
-    found = ratios(motion, 60.0, 20, 20, methods, noise, 7)
+    """Of 20 windows of 60 s of two logs, without a data sheet: 38 degrees of freedom are good to a
+    quarter."""
+    both = [ratios(motion, 60.0, 20, 20, methods, noise, seed) for seed in (7, 8)]
+    found = {key: (value + both[1][key]) / 2 for key, value in both[0].items()}
     assert len(found) >= 2 * len(methods)
-    least = 0.2 if motion is STILL else 0.1
-    assert all(least < value < 3 for value in found.values()), found
+    assert all(0.2 < value < 3 for value in found.values()), found
 
 
 @pytest.mark.parametrize(
@@ -414,8 +414,8 @@ def test_flicker_of_a_base_that_rocks_is_stated(noise):
     both = [ratios(ROCKING, 300.0, 12, 10, ("inertial", "fine"), noise, seed) for seed in (1, 2)]
     found = {key: float(np.mean([one[key] for one in both])) for key in both[0]}
     assert len(found) == 4
-    # means of 22 and 44 degrees of freedom; a plateau that may be there widens white noise's
-    assert all(0.1 < value < 2.5 for value in found.values()), found
+    # means of 22 and 44 degrees of freedom
+    assert all(0.2 < value < 2.5 for value in found.values()), found
 
 
 LN100 = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "real" / "ln100"
