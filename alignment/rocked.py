@@ -7,6 +7,8 @@ from alignment.noise import block_means, noise_of_blocks, rest_blocks
 from alignment.once import once
 from alignment.readings import ImuReadings
 
+_ROUNDING = 1e-10  # rad/s and rad: no mean is surer than this
+
 
 @once
 def rocked_covariance(readings: ImuReadings) -> Array:
@@ -33,7 +35,7 @@ def rocked_covariance(readings: ImuReadings) -> Array:
     blocks = rest_blocks(readings)
     w = block_means(readings.w_ib_b, blocks)
     w = w - w.mean(axis=0)
-    if np.linalg.norm(w, axis=1).max() <= noise_of_blocks(readings.w_ib_b, w):
+    if np.linalg.norm(w, axis=1).max() <= noise_of_blocks(readings.w_ib_b, w) + _ROUNDING:
         return np.zeros((3, 3))
     f = block_means(readings.f_b, blocks)
     mean = f.mean(axis=0)
@@ -43,7 +45,7 @@ def rocked_covariance(readings: ImuReadings) -> Array:
     turned = np.cumsum(w @ up) * span
     found = float(np.var(turned)) * np.outer(up, up)
     leaned = np.cross(up, f / size)
-    if np.linalg.norm(leaned, axis=1).max() > noise_of_blocks(readings.f_b, f) / size:
+    if np.linalg.norm(leaned, axis=1).max() > noise_of_blocks(readings.f_b, f) / size + _ROUNDING:
         found = found + np.sum(leaned**2) / 2 / blocks * (np.eye(3) - np.outer(up, up))
     return np.asarray(found)
 

@@ -738,7 +738,8 @@ def error_matrices(
     H[:, :, 6:9] = np.eye(3)
     spans, push = carried.spans[steps, None, None], cross_matrix(gravity)
     turned = drive(carried, C_ni, steps)
-    reaction = np.einsum("kij,ki->kj", C_nb[: len(gravity)], gravity)
+    half = Rotation.from_rotvec(-carried.dtheta[steps] / 2)  # as it is amid each interval
+    reaction = half.apply(np.einsum("kij,ki->kj", C_nb[: len(gravity)], gravity))
     errors = np.zeros((len(model.names), 3)) if found is None else found
     by = {s: turned @ np.linalg.inv(_made(model, errors, s).gain) for s in _SUMS}
     F[:, 3:6, :3] = -push

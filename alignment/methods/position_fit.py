@@ -396,6 +396,8 @@ def _angle(C: Array, other: Array) -> Array:
 def _another(C: Array, other: Array, P: Array) -> BoolArray:
     """Whether ends (r, 3, 3) are two attitudes, of which one has the covariance P (r, 3, 3)."""
     angle, off = _angle(C, other), _off(C @ np.swapaxes(other, -1, -2))[..., None]
+    # what nothing tells is no matter of rounding, either
+    P = P + _TOLD * np.trace(P, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
     far = (np.swapaxes(off, -1, -2) @ np.linalg.solve(P, off))[..., 0, 0] > 1.0
     return np.asarray((angle > _ANOTHER) | (far & (angle > _ONE)))
 
