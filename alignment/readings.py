@@ -98,6 +98,20 @@ class ImuReadings:
             return self.w_ib_b[rows], self.f_b[rows]
         return over_steps(self.w_ib_b, rows), over_steps(self.f_b, rows)
 
+    def untold(self) -> Array:
+        """By how much instants leave the last step's angle untold, (3,) [rad]; zeros of means.
+
+        Notes
+        -----
+        What stands beyond the end is as far off the next as the third difference of the last four
+        is from none, of which the mean over the step has 1/24; the cubic's own remainder sums to
+        11/720 of it. Before, what one step has too much the next has too little.
+        """
+        if not self.instants or len(self) <= _OF_A_PARABOLA:
+            return np.zeros(3)
+        third = np.diff(self.w_ib_b[-_OF_A_PARABOLA - 1 :], 3, axis=0)[0]
+        return np.asarray(self.interval * (1 / 24 + 11 / 720) * np.abs(third))
+
     def between(self, t_from: float, t_to: float) -> "ImuReadings":
         """The samples whose whole interval lies within [t_from, t_to] (seconds).
 

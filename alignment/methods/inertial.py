@@ -929,6 +929,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance = covariance + rest_covariance(carried, matched, rest)
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
     covariance += lag_covariance(carried, matched, priors, site)[-1]
+    covariance += untold_covariance(readings, matched.C_ni * Rotation.from_quat(carried.q[-1]))
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
@@ -1022,6 +1023,12 @@ def left_of_the_turn(carried: Carried, matched: Match, priors: Priors) -> float:
         shown = shown + matched.size * matched.larger
     found = expected + basis @ shown[:, :2]
     return float(np.linalg.norm(found) / np.linalg.norm(expected))
+
+
+def untold_covariance(readings: ImuReadings, C_nb: Rotation) -> Array:
+    """Covariance (3, 3) about n at the end by what instants leave of the last step."""
+    left = C_nb.as_matrix() * readings.untold()
+    return np.asarray(left @ left.T)
 
 
 def rest_covariance(carried: Carried, matched: Match, rest: Rest) -> Array:

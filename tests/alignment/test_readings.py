@@ -52,6 +52,19 @@ def test_interval_is_the_mean_of_the_stamps_differences():
         _ = numbered([3.0]).interval
 
 
+def test_what_instants_leave_of_the_last_step_by_hand():
+    """Of ``t^3`` the third difference is 6: the mean over the last step misses a quarter, for what
+    stands beyond the end is a parabola; 11/720 of 6 are for what is no cubic."""
+    t = np.arange(1.0, 8.0)
+    x = np.stack([t**3, t**2, np.full(7, 3.0)], axis=1)
+    of_instants = ImuReadings(t, x, x, instants=True)
+    np.testing.assert_allclose(of_instants.untold(), [0.25 + 66 / 720, 0, 0], atol=1e-12)
+    missed = (7.0**4 - 6.0**4) / 4 - of_instants.means(slice(6, 7))[0][0, 0]
+    assert missed == pytest.approx(0.25)
+    assert not ImuReadings(t, x, x).untold().any()
+    assert not of_instants.between(4.0, 7.0).untold().any()  # three: no third difference
+
+
 def test_means_of_instants_by_hand():
     """Of ``t^2`` at 1, 2, 3, ... ``t^2 - t + 1/3``; one alone is in four, by -1, 13, 13, -1 of 24;
     two samples, and means, are left as they are."""
