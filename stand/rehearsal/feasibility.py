@@ -226,7 +226,8 @@ def durations(plan: Plan, steps: list[StepFeasibility]) -> Duration:
         whole = planned.t_to - planned.t_from
         settling = dwell = 0.0
         if planned.kind == "dwell":
-            settling = min(step.settling_s or 0.0, whole)
+            settling = max(step.settling_s or 0.0, planned.steady_from - planned.t_from)
+            settling = min(settling, whole)
             dwell = whole - settling
         elif planned.kind == "move":
             settling = planned.t_to - planned.steady_from

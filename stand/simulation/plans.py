@@ -22,7 +22,7 @@ def plan_of(settings: Settings, model: StandModel, seed: int | None = None) -> P
     planned = plan(procedure, model, settings.table, settings.seed if seed is None else seed)
     late = late_of(settings.unit, settings.rate_hz)
     least = LEAST_SAMPLES / settings.rate_hz
-    found = planned.read_late(late)
+    found = planned.read_late(late, settings.rate_hz)
     for step in found.steps:
         waits = step.steady_from - step.t_from
         if step.kind == "dwell" and waits > 0 and step.steady_to - step.steady_from < least:

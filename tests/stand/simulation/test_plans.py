@@ -68,10 +68,12 @@ def settings_of(
     [
         (late(), 20, 9.0),
         (late(0.015), 20, 9.0),  # the latency is over by then
-        (late(0.09), 20, ARRIVAL + 0.09),
+        (late(0.09), 20, 9.1),  # the first sample from 9.07 s on
+        (late(0.09), 200, ARRIVAL + 0.09),
+        (late(0.0901), 200, ARRIVAL + 0.095),
         # 3.11 over the slower bandwidth: exp(-3.11 * 2 pi / sqrt 2) is 1.0e-6; and a sample
-        (late(0.0, 5.0), 20, ARRIVAL + 0.622 + 0.05),
-        (late(0.09, 10.0, 5.0), 20, ARRIVAL + 0.09 + 0.622 + 0.05),
+        (late(0.0, 5.0), 200, ARRIVAL + 0.625 + 0.005),
+        (late(0.09, 10.0, 5.0), 100, ARRIVAL + 0.09 + 0.63 + 0.01),
         (late(0.0, 300.0), 200, 9.0),  # over by then
     ],
 )
@@ -87,7 +89,7 @@ def test_a_rest_begins_when_its_move_is_no_longer_seen(unit, rate_hz, begins):
 def test_plans_of_units_that_are_not_late_are_the_planners_own():
     made = settings_of(late(), 20)
     own = plan(made.procedure, STAND, made.table, 0)
-    assert own.read_late(0.0) is own
+    assert own.read_late(0.0, 20) is own
 
 
 @pytest.mark.parametrize("sampling", Sampling)
@@ -114,19 +116,25 @@ def test_the_sample_that_a_move_ends_in_counts_whole():
     made = settings_of(late(0.0, 9.9), 2, angle=138.0)
     assert made.unit.filtered
     (_, second), _ = Trials(made).readings(0)
-    assert second.t_from == pytest.approx(8.55 + 3.11 / 9.9 + 0.5)
+    assert second.t_from == 9.5  # at the first sample from 8.55 + 3.11 / 9.9 + 0.5 s on
     w = second.window().w_ib_b
     assert len(w) == 9
     assert np.abs(w - w[-1]).max() < 0.03 * DEG_PER_HOUR
 
 
+def test_a_rehearsal_tells_how_long_a_rest_is_not_to_be_had():
+    *_, move, rest = rehearse(settings_of(late(0.09), 20)).duration.steps
+    assert move.settling == pytest.approx(9.0 - ARRIVAL)
+    assert (rest.settling, rest.dwell) == (pytest.approx(0.1), pytest.approx(4.9))
+
+
 def test_a_rest_that_is_over_before_is_refused():
-    """0.09 s late from 8.98 s and three samples at 2 Hz: 0.07 + 1.5 s."""
-    kept, short = (settings_of(late(0.09), 2, rest) for rest in (1.58, 1.56))
-    assert Simulation(kept).plan.steps[-1].steady_from == pytest.approx(9.07)
+    """0.09 s late from 8.98 s, the next sample from 9.5 s on and three of them: 0.5 + 1.5 s."""
+    kept, short = (settings_of(late(0.09), 2, rest) for rest in (2.0, 1.99))
+    assert Simulation(kept).plan.steps[-1].steady_from == 9.5
     with pytest.raises(StandError) as caught:
         Simulation(short)
-    told = "duration_s = 1.56: must be 1.57 or more at 2 Hz: latency and low-pass show the move"
+    told = "duration_s = 1.99: must be 2 or more at 2 Hz: latency and low-pass show the move"
     assert told in str(caught.value)
     (finding,) = rehearse(short).findings
     assert told in finding.text
