@@ -26,6 +26,7 @@ from alignment.sampling import step_of
 # three digits that IEEE Std 952 (annex C) prints
 FLICKER_FLOOR = 0.664
 BLOCKS = 32  # the variance of a mean from 32 blocks is itself known to 25 % (1 sigma)
+_TELL_NOTHING = 3  # samples: squares of errors over the variance that they show have no mean
 _FINE = 4096  # blocks from which waves are summed: fewer would fold jitter down to them
 _ORDERS = 20  # periods of a record below which noise counts for its mean
 _FAR_LESS = 0.35  # of the whole: chance makes that of the lower half of orders in 2 of 1000
@@ -173,6 +174,45 @@ def mean_and_unstated(readings: ImuReadings, stated: Array) -> tuple[Array, Arra
     means, variances = mean_and_variance(readings)
     squares = _means_and_shown(readings)[2] ** 2
     return means, variances - np.where(squares <= _STATED**2 * stated, squares, 0.0)
+
+
+def believed(variances: Array, readings: ImuReadings, *walks: float) -> Array:
+    """Variances of means as few `readings` show them of themselves: no less than the sheet's noise.
+
+    Parameters
+    ----------
+    variances : (3 k,)
+        Of means of all `readings`: of gyros, or of accelerometers after them.
+    walks : k floats
+        White noise that the sheets state of them [u/sqrt(Hz)]; 0 where none does.
+
+    Returns
+    -------
+    Array
+        The same of `BLOCKS` readings or more.
+
+    Raises
+    ------
+    TooShort
+        Of three readings or fewer that scatter, where no sheet states noise.
+
+    Notes
+    -----
+    The variance of a mean by n normal readings has n - 1 degrees of freedom, and the mean of
+    ``1/chi2`` of m is ``1/(m - 2)``: squares of errors over it come to (n - 1)/(n - 3), by which
+    it is more where nothing else is known, and of three they have no mean.
+    """
+    n, stated = len(readings), np.repeat(walks, 3)
+    if n >= BLOCKS:
+        return variances
+    scatter = np.ptp(np.hstack([readings.w_ib_b, readings.f_b])[:, : len(stated)], axis=0)
+    alone = (stated == 0) & (scatter > 0)
+    if n <= _TELL_NOTHING and alone.any():
+        at = f"{n} samples until {readings.t[-1]:.3f} s"
+        raise TooShort(f"{at} do not tell their noise: at least {_TELL_NOTHING + 1}, or a sheet's")
+    few = (n - 1) / max(n - _TELL_NOTHING, 1)
+    least = np.maximum(variances, stated**2 / (n * readings.interval))
+    return np.asarray(np.where(alone, few * variances, least))
 
 
 def dwell_mean_and_variance(dwell: Dwell, window: ImuReadings) -> tuple[Array, Array]:

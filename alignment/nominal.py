@@ -9,7 +9,7 @@ from alignment.angles import C_nb_from_angles, Sequence, SequenceRule
 from alignment.arrays import Array
 from alignment.earth import Site
 from alignment.errors import AlignmentError, TooShort
-from alignment.noise import mean_and_variance, wander_around
+from alignment.noise import believed, mean_and_variance, wander_around
 from alignment.options import Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.rocked import rocked_covariance
@@ -72,18 +72,25 @@ def nominal_readings(nominal: Rotation, site: Site) -> Array:
     return np.concatenate([C_bn.apply(site.w_ie_n), C_bn.apply(site.f_n)])
 
 
-def zero_offset(dwell: Dwell, nominal: Rotation, site: Site, window: float) -> ZeroOffset:
-    """Mean over the first `window` seconds minus the nominal readings ([S0] steps 2, 3)."""
+def zero_offset(
+    dwell: Dwell, nominal: Rotation, site: Site, window: float, priors: Priors
+) -> ZeroOffset:
+    """Mean over the first `window` seconds minus the nominal readings ([S0] steps 2, 3).
+
+    Of few samples the variances are as the noise of `priors` makes them, see `believed`.
+    """
     if dwell.t_to - dwell.t_from < window - 1e-6:
         raise TooShort(
             f"{dwell.label}: {dwell.t_to - dwell.t_from:.1f} s of rest, "
             f"the zero offsets need {window:g} s"
         )
-    means, variances = mean_and_variance(dwell.window(0.0, window))
+    first = dwell.window(0.0, window)
+    means, variances = mean_and_variance(first)
+    variances = believed(variances, first, priors.gyro_walk, priors.accel_walk)
     wanted = nominal_readings(nominal, site)
     _check_vertical(dwell.label, means[3:], wanted[3:])
-    first = replace(dwell, t_to=dwell.t_from + window, readings=dwell.window())
-    wander = wander_around(first)
+    part = replace(dwell, t_to=dwell.t_from + window, readings=dwell.window())
+    wander = wander_around(part)
     return ZeroOffset(means - wanted, variances + wander, wander)
 
 

@@ -19,7 +19,7 @@ from alignment.gains import Answer, after_offset
 from alignment.information import Stretch
 from alignment.information.drift import in_the_mean
 from alignment.misplaced import misplaced
-from alignment.noise import BLOCKS, check_at_rest, gap_doubt, mean_variance
+from alignment.noise import BLOCKS, believed, check_at_rest, gap_doubt, mean_variance
 from alignment.nominal import (
     nominal_attitude,
     placed_and_rocked,
@@ -122,12 +122,13 @@ def _track(
 ) -> tuple[AttitudeTrack, tuple[str, ...]]:
     priors = options.priors
     nominal = nominal_attitude(dwell)
-    offset = zero_offset(dwell, nominal, site, options.offset_window)
+    offset = zero_offset(dwell, nominal, site, options.offset_window, priors)
     readings = dwell.window()
     ends = np.array([len(readings)]) if last_only else track_ends(readings)
     C_nb = integrator(readings, nominal, site.w_ie_n, offset.values[:3], ends)
     t = readings.t[ends - 1]
-    variance_rate = mean_variance(readings.w_ib_b) * readings.interval * len(readings)
+    variance = believed(mean_variance(readings.w_ib_b), readings, priors.gyro_walk)
+    variance_rate = variance * readings.interval * len(readings)
     elapsed = t - dwell.t_from
     few = len(dwell.window(0.0, options.offset_window)) <= BLOCKS  # tell less than the record
     own = offset.variances[:3]

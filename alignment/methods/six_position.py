@@ -21,6 +21,7 @@ from alignment.information.drift import in_the_mean
 from alignment.levelling import attitude_covariance, attitude_from_means
 from alignment.misplaced import misplaced
 from alignment.noise import (
+    believed,
     check_at_rest,
     faint_doubt,
     gap_doubt,
@@ -107,7 +108,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     flags = gap_doubt(dwell.window()) + saturation_doubt(dwell.label, dwell.window())
     flags += () if dwell.nominal is not None else assumed
     sequence = sequence_of(nominal, options.rule)
-    offset = zero_offset(dwell, nominal, site, options.offset_window)
+    offset = zero_offset(dwell, nominal, site, options.offset_window, options.priors)
     G = compass_gain(site)
     t_offset = dwell.t_from + options.offset_window
 
@@ -124,6 +125,7 @@ def _one_position(dwell: Dwell, site: Site, options: Options) -> list[AttitudeEs
     fresh = dwell.window(options.offset_window)
     C_nb = _corrected_attitude(fresh, offset, sequence, site)
     _, variances = mean_and_variance(fresh)
+    variances = believed(variances, fresh, options.priors.gyro_walk, options.priors.accel_walk)
     later = dwell.t_to - t_offset
     drifts = _drift_variances(options.priors, options.offset_window, later)
     variances = variances + offset.variances + drifts
@@ -183,7 +185,7 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
     end of the offset window and 'fresh' starts anew there.
     """
     nominal = nominal_attitude(dwell)
-    offset = zero_offset(dwell, nominal, site, options.offset_window)
+    offset = zero_offset(dwell, nominal, site, options.offset_window, options.priors)
     G = compass_gain(site)
     sequence = sequence_of(nominal, options.rule)
     same = dwell.window(0.0, options.offset_window)
@@ -200,6 +202,7 @@ def six_position_tracks(dwell: Dwell, site: Site, options: Options) -> list[Atti
         w = _means_up_to(readings.w_ib_b, ends) - offset.values[:3]
         f = _means_up_to(readings.f_b, ends) - offset.values[3:]
         whole = np.concatenate([mean_variance(readings.w_ib_b), mean_variance(readings.f_b)])
+        whole = believed(whole, readings, options.priors.gyro_walk, options.priors.accel_walk)
         part = ends / len(readings)
         growth = 1 / part - 1 if window == "same" else 1 / part  # "same" ends at its own offset
         placed = placed_and_rocked(dwell, nominal, options.priors) + beyond

@@ -8,6 +8,11 @@ from stand.imu.preset import ImuSpec, TriadSpec
 from stand.imu.processes import plateau
 from stand.samples import Sampling
 
+# times 1 / bandwidth [Hz]: fourteen time constants of the low-pass, ln(1e6) sqrt 2 / (2 pi). A
+# table that comes to rest by 240 deg/s^3 leaves a filter of 1 Hz 6 deg/s behind, of which a part
+# in a million is 1 % of Earth rate in the first sample, and soon nothing
+FORGOTTEN = 3.11
+
 
 def slow_noise(imu: ImuSpec, rate_hz: float, sampling: Sampling) -> tuple[float, float]:
     """Density of what many samples of gyros and of accelerometers have of white noise
@@ -16,6 +21,14 @@ def slow_noise(imu: ImuSpec, rate_hz: float, sampling: Sampling) -> tuple[float,
         t.noise * sqrt(slow_variance(t.bandwidth, rate_hz, sampling)) for t in (imu.gyro, imu.accel)
     )
     return gyro, accel
+
+
+def late_of(imu: ImuSpec, rate_hz: float) -> float:
+    """How long after a motion has ended its last is in the readings still [s]: the latency, and
+    what the slower low-pass needs to forget it. To that the motion goes on, as a parabola, to the
+    end of the sample that it ends in."""
+    settling = FORGOTTEN / min(imu.gyro.bandwidth, imu.accel.bandwidth)
+    return float(imu.clock.latency + settling + imu.filtered / rate_hz)
 
 
 def unit_of(imu: ImuSpec, noise: tuple[float, float] | None = None) -> InstrumentErrors:

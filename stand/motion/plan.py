@@ -1,12 +1,14 @@
 """A plan: the steps as they will run, and the motion that joins them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import ceil
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array, set_owned
-from stand.motion.polynomial import Motion
+from alignment.readings import EDGE
+from stand.motion.polynomial import SAME_KNOT, Motion
 from stand.table.joints import JOINTS
 
 
@@ -60,6 +62,26 @@ class Plan:
     steps: tuple[PlannedStep, ...]
     motion: Motion
     rests: np.ndarray
+
+    def read_late(self, late: float, rate_hz: float) -> "Plan":
+        """The same with rests that are steady no sooner than `late` [s] after what moved before
+        them, as long as a unit's readings show it: from the next sample on. Turns keep their whole
+        revolutions."""
+        if not late:
+            return self
+        moving = np.any(self.motion.coefficients[:-1], axis=0)
+        steps = []
+        for step, rests in zip(self.steps, self.rests, strict=True):
+            if step.kind == "dwell":
+                before = self.motion.knots[:-1] < step.steady_from - SAME_KNOT
+                moved = np.flatnonzero(before & moving[:, rests].any(axis=1))
+                if len(moved):
+                    over = float(self.motion.knots[moved[-1] + 1]) + late
+                    if over > step.steady_from:
+                        begin = ceil((over - EDGE) * rate_hz) / rate_hz
+                        step = replace(step, steady_from=min(begin, step.steady_to))
+            steps.append(step)
+        return replace(self, steps=tuple(steps))
 
     @property
     def stretches(self) -> list[PlannedStep]:

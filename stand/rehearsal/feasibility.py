@@ -15,11 +15,11 @@ from stand.physics.dynamics import gains_of
 from stand.rehearsal.result import Duration, Margin, StepDuration, StepFeasibility
 from stand.rehearsal.scene import Scene
 from stand.samples import AXES
+from stand.simulation.plans import LEAST_SAMPLES
 from stand.table.joints import JOINTS
 from stand.table.table import Motor
 
 FILTER_SETTLING = 1.13  # times 1 / bandwidth [Hz]: five time constants of the low-pass, to 0.7 %
-LEAST_SAMPLES = 3  # of a stretch: two whole ones, wherever it begins
 _TIMES = 2000  # most instants of a step at which the sensors are looked at
 _GRID = 4000  # times at which a first violation is sought
 _SETTLING_STEP = 1e-3  # s
@@ -226,7 +226,8 @@ def durations(plan: Plan, steps: list[StepFeasibility]) -> Duration:
         whole = planned.t_to - planned.t_from
         settling = dwell = 0.0
         if planned.kind == "dwell":
-            settling = min(step.settling_s or 0.0, whole)
+            settling = max(step.settling_s or 0.0, planned.steady_from - planned.t_from)
+            settling = min(settling, whole)
             dwell = whole - settling
         elif planned.kind == "move":
             settling = planned.t_to - planned.steady_from

@@ -10,7 +10,6 @@ from alignment.options import of_noise_alone
 from alignment.units import DEG
 from stand.errors import StandError
 from stand.imu.priors import noise_alone
-from stand.motion.planner import plan
 from stand.physics.dynamics import inertias, torque_of, weights_model
 from stand.physics.mjcf import describe, load_model
 from stand.physics.truth import Truth
@@ -28,6 +27,7 @@ from stand.rehearsal.traps import (
     from_sheet,
     procedure_doubts,
 )
+from stand.simulation.plans import plan_of
 from stand.simulation.settings import Settings, methods_of, payload_of, temperature_of
 from stand.versions import versions
 
@@ -105,7 +105,7 @@ def prepared(settings: Settings) -> Scene:
     procedure, table = settings.procedure, settings.table
     model = load_model(table.model)
     stand, load = describe(model), payload_of(procedure)
-    planned = plan(procedure, stand, table, settings.seed)
+    planned = plan_of(settings, stand)
     motors = None not in table.motors
     truth = Truth(model, settings.site, settings.unit.places)
     return Scene(

@@ -187,6 +187,7 @@ class DwellCollector:
             for array in columns:
                 array.flags.writeable = False  # so that the readings need no copies
             t_from = (begins or {}).get(step.label, step.steady_from)
+            t_from = None if t_from is None else max(t_from, step.steady_from)
             cut = last if t_from is None else int(np.ceil((t_from - EDGE) * self._rate)) - first
             if t_from is None or cut >= last - first - 1:
                 continue

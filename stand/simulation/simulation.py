@@ -21,7 +21,6 @@ from stand.errors import StandError
 from stand.imu import Imu
 from stand.motion.limits import Torque, check
 from stand.motion.plan import Plan, PlannedStep
-from stand.motion.planner import plan
 from stand.motion.polynomial import Motion, MotionKind
 from stand.physics.dynamics import Payload, torque_of
 from stand.physics.following import Followed, StepSpan
@@ -30,6 +29,7 @@ from stand.physics.mjcf import describe, load_model
 from stand.physics.servo import Servo
 from stand.physics.truth import Truth, sample_count
 from stand.samples import ImuBlock, Sensed, TruthBlock
+from stand.simulation.plans import LEAST_SAMPLES, plan_of
 from stand.simulation.settings import (
     Settings,
     methods_of,
@@ -78,7 +78,7 @@ class Simulation:
         procedure, table = settings.procedure, settings.table
         model = load_model(table.model)
         self.stand: StandModel = describe(model)
-        self.plan: Plan = plan(procedure, self.stand, table, settings.seed)
+        self.plan: Plan = plan_of(settings, self.stand)
         load = payload_of(procedure)
         self._torque = _torque(model, table, load)
         check(procedure, self.plan, table, self._torque)
@@ -120,7 +120,7 @@ class Simulation:
             This seed's motion is beyond the table.
         """
         procedure, table = self.settings.procedure, self.settings.table
-        planned = plan(procedure, self.stand, table, seed)
+        planned = plan_of(self.settings, self.stand, seed)
         check(procedure, planned, table, self._torque)
         return planned
 
@@ -252,7 +252,7 @@ def _torque(model: object, table: Table, payload: Payload) -> Torque | None:
 
 def _check_samples(settings: Settings, planned: Plan) -> None:
     """Every stretch and its offset window hold two whole samples at least."""
-    least = 3 / settings.rate_hz
+    least = LEAST_SAMPLES / settings.rate_hz
     window = settings.options.offset_window
     if window < least and any(ESTIMATORS[m].needs_offset for m in methods_of(settings)):
         raise StandError(

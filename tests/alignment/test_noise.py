@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from alignment.errors import NotAtRest, TooShort
 from alignment.noise import (
     BLOCKS,
+    believed,
     block_means,
     check_at_rest,
     drift_of,
@@ -46,6 +47,73 @@ def test_textbook_variance_of_few_samples():
     total = (n - 1) * np.sum(mean_variance(values) / (sigma**2 / n))
     low, high = chi2.ppf([0.0025, 0.9975], (n - 1) * columns)
     assert low < total < high
+
+
+def few(n, sigma=1.0, seed=0, hz=2.0):
+    """Readings that scatter by `sigma` a sample, and the variances of their means."""
+    w, f = sigma * np.random.default_rng([n, seed]).normal(size=(2, n, 3))
+    readings = ImuReadings(np.arange(1, n + 1) / hz, w, f)
+    return readings, mean_and_variance(readings)[1]
+
+
+def test_few_samples_are_believed_no_further_than_their_sheet():
+    """White noise N at 2 Hz: N^2/(n/2) of the mean, less than that no few samples show."""
+    readings, shown = few(5)
+    N = np.sqrt(np.array([np.median(shown[:3]), np.median(shown[3:])]) * 5 / 2)
+    found = believed(shown, readings, *N)
+    halves = shown[:3], shown[3:]
+    want = np.concatenate([np.maximum(half, np.median(half)) for half in halves])
+    np.testing.assert_allclose(found, want, rtol=1e-14)
+    assert (found > shown).sum() == 2  # the least of each triad
+    # of accelerometers nobody states any: (5 - 1)/(5 - 3)
+    found = believed(shown, readings, N[0], 0.0)
+    np.testing.assert_allclose(found, [*want[:3], *(2 * shown[3:])], rtol=1e-14)
+    np.testing.assert_allclose(believed(shown[:3], readings, 0.0), 2 * shown[:3], rtol=1e-14)
+
+
+def test_three_samples_need_a_sheet():
+    readings, shown = few(3)
+    least = believed(shown, readings, 1e3, 1e3)
+    np.testing.assert_allclose(least, 1e6 / 1.5, rtol=1e-14)
+    for walks in ((0.0, 0.0), (1e3, 0.0)):
+        with pytest.raises(
+            TooShort, match=r"3 samples until 1\.500 s .*: at least 4, or a sheet's"
+        ):
+            believed(shown, readings, *walks)
+    # where all are the same, what rounding leaves of a variance is no noise
+    still = ImuReadings(readings.t, np.full((3, 3), 0.1), np.full((3, 3), 9.81))
+    np.testing.assert_array_equal(believed(np.full(6, 1e-33), still, 0.0, 0.0), np.full(6, 1e-33))
+
+
+def test_many_samples_are_believed():
+    readings, shown = few(BLOCKS)
+    assert believed(shown, readings, 1e3, 0.0) is shown
+
+
+@pytest.mark.parametrize("n", [7, 10, 20])
+def test_squares_over_what_few_samples_show_come_to_one(n):
+    """F(1, n - 1) has the mean (n - 1)/(n - 3), which is taken out: where nothing is stated."""
+    found = []
+    for seed in range(700):
+        readings, shown = few(n, seed=seed)
+        means = np.concatenate([readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0)])
+        found += (means**2 / believed(shown, readings, 0.0, 0.0)).tolist()
+    # variance of F(1, m): 2 m^2 (m - 1)/((m - 2)^2 (m - 4)), of which the square is taken out
+    m = n - 1
+    spread = np.sqrt(2 * (m - 1) / (m - 4) / len(found))
+    assert np.mean(found) == pytest.approx(1.0, abs=4 * spread)
+
+
+def test_squares_over_the_sheets_noise_and_three_samples():
+    """x, their variance in units of the sheet's, is of the density exp(-x): of 1/max(1, x) the
+    mean is 1 - 1/e + E1(1) = 0.6321 + 0.2194."""
+    found = []
+    for seed in range(700):
+        readings, shown = few(3, seed=seed)
+        means = np.concatenate([readings.w_ib_b.mean(axis=0), readings.f_b.mean(axis=0)])
+        found += (means**2 / believed(shown, readings, *[np.sqrt(0.5)] * 2)).tolist()
+    spread = np.std(found) / np.sqrt(len(found))  # 0.018
+    assert np.mean(found) == pytest.approx(0.8515, abs=4 * spread)
 
 
 @pytest.mark.parametrize("n", [33, 48, 63, 100, 128, 960, 3001])

@@ -10,9 +10,9 @@ from math import atan, cos, degrees, pi, radians, sin, tan
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
-from alignment import Dwell, ImuReadings, Options, Site
+from alignment import Dwell, ImuReadings, Options, Priors, Site
 from alignment.angles import Sequence, SequenceRule
 from alignment.doubts import heading_doubt
 from alignment.errors import AlignmentError, NotAtRest, PoleError, TooShort
@@ -118,7 +118,7 @@ def test_published_angles_are_the_positions_of_the_picture(position):
 def test_zero_offset_recovers_planted_biases_with_their_signs():
     bias = np.array([1e-5, -2e-5, 3e-5, 0.01, -0.02, 0.03])
     dwell = rest(TILTED, -33, 20, bias=bias)
-    found = zero_offset(dwell, Rotation.from_matrix(TILTED), site(-33), 10.0)
+    found = zero_offset(dwell, Rotation.from_matrix(TILTED), site(-33), 10.0, Priors())
     np.testing.assert_allclose(found.values[:3], bias[:3], rtol=0, atol=1e-18)
     np.testing.assert_allclose(found.values[3:], bias[3:], rtol=0, atol=1e-13)  # sums of 100 G
     np.testing.assert_allclose(found.variances, 0, rtol=0, atol=1e-25)  # squares of rounding
@@ -126,9 +126,9 @@ def test_zero_offset_recovers_planted_biases_with_their_signs():
 
 def test_zero_offset_uses_the_window_alone():
     dwell = stepped(rest(LEVEL, 45, 20), 10.0, [1e-5, 0, 0], [0, 0, 1.0])
-    values = zero_offset(dwell, Rotation.from_matrix(LEVEL), site(45), 10.0).values
+    values = zero_offset(dwell, Rotation.from_matrix(LEVEL), site(45), 10.0, Priors()).values
     np.testing.assert_allclose(values, 0, rtol=0, atol=1e-13)
-    values = zero_offset(dwell, Rotation.from_matrix(LEVEL), site(45), 20.0).values
+    values = zero_offset(dwell, Rotation.from_matrix(LEVEL), site(45), 20.0, Priors()).values
     np.testing.assert_allclose(values[[0, 5]], [5e-6, 0.5], rtol=1e-9)
 
 
@@ -398,6 +398,39 @@ def test_fresh_window_covariance(regime, C, latitude):
     mean = np.mean(nees(found, C))
     spread = K * np.sqrt(3 * 2.246 / RUNS)
     assert 3.0 - spread < mean < 3.1 + spread
+
+
+def test_few_samples_keep_their_promise():
+    """Four samples in either window, at 2 Hz: their variances have three degrees of freedom each
+    and both together six, so that squares over them alone would come to 6/4 per freedom.
+
+    Neither counts for less than the sheet's. Where there is none, the factor (4 - 1)/(4 - 3) is
+    made for one variance alone: 6/4 / 3.
+    """
+    gyro, force, runs = 0.003 * ARW, 10e-6 * G, 200
+    noise = (np.random.default_rng(32), gyro * 2**0.5 * np.ones(3), force * 2**0.5 * np.ones(3))
+    dwells = [rest(LEVEL, 48.5, 4.0, rate=2.0, noise=noise) for _ in range(runs)]
+    chance = chi2.ppf((np.arange(1000) + 0.5) / 1000, 3) / 3
+    least = np.maximum(chance, 1.0)
+    for priors, want in (
+        (Priors(gyro_walk=gyro, accel_walk=force), np.mean(2 / (least[:, None] + least))),
+        (Priors(), 0.5),
+    ):
+        told = Options(offset_window=2.0, priors=priors)
+        found = six_position(dwells, site(48.5), told)[1::2]
+        # variance of a square 2 (want)^2 and somewhat more, three of a run: four times
+        assert np.mean(nees(found, LEVEL)) / 3 == pytest.approx(want, abs=4 * want * 0.07)
+
+
+def test_three_samples_of_unknown_noise_are_refused():
+    rng = np.random.default_rng(3)
+    noise = (rng, 1e-6 * np.ones(3), 1e-4 * np.ones(3))
+    dwell = rest(LEVEL, 48.5, 4.0, rate=2.0, noise=noise)
+    for method in (six_position, rk4):
+        with pytest.raises(TooShort, match=r"3 samples until 101\.500 s do not tell their noise"):
+            method([dwell], site(48.5), Options(offset_window=1.5))
+    known = Options(offset_window=1.5, priors=Priors(gyro_walk=1e-6, accel_walk=1e-4))
+    assert len(six_position([dwell], site(48.5), known)) == 2
 
 
 def test_fresh_window_covariance_with_unequal_windows():
