@@ -8,6 +8,7 @@ from alignment.methods.calibration import calibration, calibration_design
 from alignment.methods.carousel import carousel
 from alignment.methods.carousel_gains import carousel_gains
 from alignment.methods.fine import fine, fine_tracks, innovations
+from alignment.methods.harmonics import BLOCKS
 from alignment.methods.inertial import LEAST_SAMPLES, inertial, inertial_tracks
 from alignment.methods.integration import integration_gains, rk4, rk4_tracks
 from alignment.methods.position_gains import multi_position_gains, two_position_gains
@@ -115,6 +116,7 @@ ESTIMATORS = {
         note="± of noise and stated priors; attitude at encoder angle zero",
         estimate=carousel,
         takes="turning",
+        least_samples=BLOCKS,
         gains=carousel_gains,
         needs_latitude=True,
         turns_cancel_bias=True,

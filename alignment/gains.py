@@ -116,8 +116,11 @@ class Functional:
     changes : (m, 6) or None
         How fast rates and forces in b change in each block; None: not told.
     direction : Functional or None
-        What is found of the horizontal Earth rate along itself, across itself, and nothing, in
-        parts of it, where heading is its direction: what first order leaves out of it.
+        The same, and a fourth component: by how much the horizontal Earth rate is found larger, in
+        parts of it, where heading is its direction: what first order leaves out of both.
+    lever : (2,) or None
+        Tilts N, E per radian by which heading is off, of a method whose tilt turns on by the
+        Earth's level rate in the direction that is found; None: as heading has it.
     checked_by : Functional or None
         The match of velocity curves by which the method checks that the instrument does not
         travel; None: itself.
@@ -134,22 +137,25 @@ class Functional:
     changes: Array | None = None
     direction: "Functional | None" = None
     circle: Array | None = None
+    lever: Array | None = None
 
     def __post_init__(self) -> None:
         m = len(self.t) - 1
         set_owned(
             self,
             t=(self.t, (m + 1,), float),
-            gyro=(self.gyro, (m, 3, 3), float),
-            accel=(self.accel, (m, 3, 3), float),
+            gyro=(self.gyro, (m, None, 3), float),
+            accel=(self.accel, (m, None, 3), float),
             rate=(self.rate, (m, 3), float),
             force=(self.force, (m, 3), float),
-            motion=(self.motion, (3, 3), float),
+            motion=(self.motion, (None, None), float),
         )
         if self.changes is not None:
             set_owned(self, changes=(self.changes, (m, 6), float))
         if self.circle is not None:
             set_owned(self, circle=(self.circle, (2, 2), float))
+        if self.lever is not None:
+            set_owned(self, lever=(self.lever, (2,), float))
 
     @property
     def changing(self) -> Array:

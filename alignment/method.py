@@ -75,7 +75,7 @@ class Method:
         that may rock, those 'turning' at a constant rate, 'any' of these, or those with satellite
         'fixes'.
     least_samples : int
-        Of a stretch: of fewer it tells nothing.
+        Of a stretch, of its whole turns where only those are used: of fewer it tells nothing.
     gains : callable or None
         Predicts, for rests and steady turns: an `Answer` per estimate, from the planned stretches.
     functional : callable or None

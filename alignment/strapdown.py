@@ -151,7 +151,8 @@ def carry(
     AlignmentError
         A sample turns by more than 0.2 rad: too fast for this sampling rate.
     """
-    _check_steps(readings)
+    fastest = float(max(max(w.max(), -w.min()) for w in in_parts(readings.w_ib_b)))
+    check_steps(fastest, readings.interval)
     n = len(readings)
     per = 2 * max(1, round(block / (2 * readings.interval)))
     m = -(-n // per)
@@ -209,12 +210,12 @@ def _in_pairs(rows: Array) -> Array:
     return rows.reshape(-1, 2, 3)
 
 
-def _check_steps(readings: ImuReadings) -> None:
-    fastest = float(max(max(w.max(), -w.min()) for w in in_parts(readings.w_ib_b)))
-    if fastest * readings.interval > _LARGEST_STEP:
+def check_steps(fastest: float, interval: float) -> None:
+    """Raise where a rate [rad/s] turns by too much in a sample's `interval` [s]."""
+    if fastest * interval > _LARGEST_STEP:
         raise AlignmentError(
-            f"rate of {np.degrees(fastest):.0f} deg/s: {fastest * readings.interval:.2f} rad in a "
-            f"sample of {readings.interval:.4g} s, at most {_LARGEST_STEP} can be integrated"
+            f"rate of {np.degrees(fastest):.0f} deg/s: {fastest * interval:.2f} rad in a "
+            f"sample of {interval:.4g} s, at most {_LARGEST_STEP} can be integrated"
         )
 
 

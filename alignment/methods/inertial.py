@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
 from alignment.apart import Apart
-from alignment.around import by_direction, less_turned, whole_circle
+from alignment.around import by_direction, less_turned, whole_circle, with_level_rate
 from alignment.arrays import Array
 from alignment.constant_errors import constant_columns, constant_form
 from alignment.cross import cross_matrix
@@ -78,6 +78,7 @@ _CHUNK = 8192  # blocks at once
 _ALONG = np.array(
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
 )  # (N, E, D) @ it: (E, -N, 0)
+_WITH_ALONG = [0, 1, 2, 12]  # of what `covariances` finds: attitude, and the level rate's size
 _SIZES, _STEP = 3, 1e-3  # passes that find the level rate's size, and its step of differences
 _TRACK_POINTS = 200  # of a track: each is a match of the record so far
 
@@ -813,6 +814,14 @@ def _weights(spans: Array, matched: Match) -> Array:
     return np.asarray(np.linalg.inv(normal) @ weighted)
 
 
+def lever_of(spans: Array, matched: Match) -> Array:
+    """Tilts N, E (2,) per radian by which heading is held off the match: W cos lat over half of the
+    record."""
+    curves = cross_matrix(matched.reference)
+    normal = np.tensordot(spans[:, None, None] * curves, curves, ([0, 2], [0, 2]))
+    return np.asarray(-np.linalg.solve(normal[:2, :2], normal[:2, 2]))
+
+
 def along(across: Array) -> Array:
     """How the level rate is found larger, in parts of it, by weights (..., 3) that find heading."""
     return np.asarray(across @ _ALONG)
@@ -983,6 +992,9 @@ def covariances(
     attitude = P[:3, :3] + sum(e @ sway @ e.T for e in ends)
     both = np.ix_([12, 2], [12, 2])
     heading = by_direction(P[both])
+    if matched.larger is None:
+        tilted = P[np.ix_(_WITH_ALONG, _WITH_ALONG)]
+        attitude = with_level_rate(attitude, tilted, lever_of(spans, matched))
     if priors.clock:
         J = by_clock(gyro[:, :3] @ drive(carried, C_ni), carried, priors)
         ahead = ahead_by_clock(carried, matched, priors, site)[-1:]

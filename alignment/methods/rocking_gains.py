@@ -33,6 +33,7 @@ from alignment.methods.inertial import (
     gravity_velocity,
     laid,
     less_arm,
+    lever_of,
     match,
     noise_of,
     sensitivity,
@@ -62,10 +63,10 @@ def inertial_functional(readings: ImuReadings, site: Site, options: Options) -> 
     gyro, accel = gyro @ turned, accel @ turned
     sway, left = sway_covariance(carried, matched), left[:3]
     motion = np.asarray(sum((e @ sway @ e.T for e in ends), left @ left.T))
-    gyro_of, accel_of = (np.stack([x[:, 3], x[:, 2], 0 * x[:, 2]], axis=1) for x in (gyro, accel))
-    direction = functional(carried, matched.C_ni, gyro_of, accel_of, np.zeros((3, 3)))
+    direction = functional(carried, matched.C_ni, gyro, accel, np.zeros((4, 4)))
     run = functional(carried, matched.C_ni, gyro[:, :3], accel[:, :3], motion)
-    return replace(run, direction=direction)
+    lever = lever_of(carried.spans, matched) if matched.larger is None else None
+    return replace(run, direction=direction, lever=lever)
 
 
 def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Functional:

@@ -13,6 +13,7 @@ from alignment.information import Information, InstrumentErrors, Stretch
 from alignment.information.circle import Rival, rival
 from alignment.information.result import DETERMINED
 from alignment.methods.position_gains import known_to
+from alignment.strapdown import check_steps
 from alignment.units import DEG
 from stand.imu.by_value import warmed_by_value
 from stand.motion.plan import Plan, PlannedStep
@@ -46,11 +47,13 @@ from stand.rehearsal.rocking import (
     FOLLOWS,
     known,
     late,
+    of_the_level_rate,
     over_time,
     readings_of,
     tilt_doubt,
     turned_by_heading,
     turning_round,
+    with_level_rate_found,
 )
 from stand.rehearsal.scene import Scene
 
@@ -124,6 +127,8 @@ def _by_gains(
         raise AlignmentError(f"{rocked[0]}: the base rocks behind it, which this method refuses")
     check_quiet(steps, scene, unit, method.takes == "turning")
     stretches = [planned_stretch(step) for step in steps]
+    for s in stretches:
+        _check_count(s.label, s.span.length, method, scene)
     answers = gains(stretches, scene.site, scene.options)
     if not answers:
         raise AlignmentError("every dwell ends with its offset window: nothing is left to estimate")
@@ -241,32 +246,44 @@ def _over_time(
     return found, [_observed(name, told)]
 
 
+def _check_count(label: str, length: float, method: Method, scene: Scene) -> None:
+    """Raise where what is used of a stretch, so many seconds, has too few samples."""
+    samples, least = int(length * scene.rate_hz + ROUNDED), method.least_samples
+    if samples < least:
+        raise AlignmentError(f"{label}: {samples} samples, at least {least} are needed")
+
+
 def _of_stretch(
     name: str, method: Method, scene: Scene, unit: InstrumentErrors, step: PlannedStep
 ) -> list[Prediction]:
     """Of one stretch, whatever moves in it."""
     assert method.functional is not None
-    samples = int((step.steady_to - step.steady_from) * scene.rate_hz + ROUNDED)
-    if samples < method.least_samples:
-        least = method.least_samples
-        raise AlignmentError(f"{step.label}: {samples} samples, at least {least} are needed")
+    _check_count(step.label, step.steady_to - step.steady_from, method, scene)
     readings = readings_of(scene.truth(), scene.plan.motion, step.steady_from, step.steady_to)
+    try:
+        check_steps(float(np.abs(readings.w_ib_b).max()), 1 / scene.rate_hz)
+    except AlignmentError as error:
+        raise AlignmentError(f"{step.label}: {error}") from None
     run = method.functional(readings, scene.site, scene.options)
     check_carried(step.label, over_time(run.checked_by or run, unit, scene))
-    parts = over_time(run, unit, scene)
+    errors = of_the_level_rate(run, unit, scene)
+    parts = with_level_rate_found(over_time(run, unit, scene), errors, run.lever)
     if not method.tells_mean:
         parts |= late(run, scene)
-    other = turning_round(run, unit, scene) if run.circle is None else rival(run.circle)
+    other = turning_round(errors) if run.circle is None else rival(run.circle)
     plumb = scene.site.plumb.as_matrix()  # which all of it is about
     parts = {source: plumb @ P @ plumb.T for source, P in parts.items()}
     parts = rounder(parts, other, scene.site)
     off = known(run, scene)
     # of an axis that turns, the attitude is told where it reads zero
     C_nb = run.C_nb if step.turning is None else step.C_nb
-    told = angles(name, "", step.label, C_nb, turned_by_heading(parts), str, off)
+    first = run.lever is None
+    told = angles(
+        name, "", step.label, C_nb, turned_by_heading(parts) if first else parts, str, off
+    )
     why_not = rivalled(other)
     told = withheld(told, ("heading", "yaw"), why_not)
     told = withheld(
         told, by_gyros(parts, C_nb, scene.site) if why_not else (), f"as heading: {why_not}"
     )
-    return list(withheld(told, ("pitch", "roll"), tilt_doubt(parts)))
+    return list(withheld(told, ("pitch", "roll"), tilt_doubt(parts) if first else ""))

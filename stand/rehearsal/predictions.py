@@ -197,6 +197,8 @@ def rounder(parts: Parts, other: Rival, site: Site) -> Parts:
         less, leaning = site.leaning(np.asarray(variance + more))
         beyond += leaning
         parts = {name: less @ P @ less.T for name, P in parts.items()}
+    if BEYOND in parts:
+        beyond += parts[BEYOND]
     return parts | {BEYOND: beyond} if beyond.any() else parts
 
 

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 
 from alignment import ImuReadings
-from alignment.around import by_direction, by_length
+from alignment.around import by_direction, by_length, by_level_rate
 from alignment.arrays import Array
 from alignment.constant_errors import BY_AXIS
 from alignment.gains import Functional, by_increments
@@ -21,7 +21,7 @@ from stand.imu.by_value import values_of
 from stand.imu.instrument import lags_of
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
-from stand.rehearsal.predictions import Parts, name_of
+from stand.rehearsal.predictions import BEYOND, Parts, name_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.warmth import above_reference, triad_of
 
@@ -124,21 +124,40 @@ def by_clock(run: Functional, scene: Scene) -> Array:
     return -scene.imu.clock.offset * run.answer(slower)
 
 
-def turning_round(match: Functional, unit: InstrumentErrors, scene: Scene) -> Rival:
-    """What errors of the Earth's level rate along itself make of the heading of a match of curves.
+def of_the_level_rate(match: Functional, unit: InstrumentErrors, scene: Scene) -> Array | None:
+    """Covariance (4, 4) of tilts and heading by a match of curves, and of how much larger the
+    Earth's level rate is found, in parts of it; None of a method that finds no such rate."""
+    if match.direction is None:
+        return None
+    clock = by_clock(match.direction, scene)
+    parts = over_time(match.direction, unit, scene)
+    return np.asarray(sum(parts.values(), np.outer(clock, clock)))
+
+
+def turning_round(errors: Array | None) -> Rival:
+    """What `errors` (4, 4) of the Earth's level rate along itself make of the heading of a match.
 
     Heading is the direction of what is found: an error as large as the rate turns it round. Nothing
     of one that first order does not determine.
     """
-    if match.direction is None:
+    if errors is None:
         return NO_RIVAL
-    parts = over_time(match.direction, unit, scene)
-    clock = by_clock(match.direction, scene)
-    errors = sum(parts.values(), np.outer(clock, clock))[:2, :2]
-    across = float(np.sqrt(errors[1, 1]))
+    across = float(np.sqrt(errors[2, 2]))
     if not 0 < across < DETERMINED:
         return NO_RIVAL
-    return Rival(by_direction(errors) / across, np.pi, float(1 / errors[0, 0]))
+    of_rate = errors[np.ix_([3, 2], [3, 2])]
+    return Rival(by_direction(of_rate) / across, np.pi, float(1 / errors[3, 3]))
+
+
+def with_level_rate_found(parts: Parts, errors: Array | None, lever: Array | None) -> Parts:
+    """The same, whose tilts are as they are where the level rate turns by much: see
+    `alignment.around.with_level_rate`. Nothing of a method without `errors` or `lever`."""
+    if errors is None or lever is None:
+        return parts
+    total = np.asarray(sum(parts.values(), np.zeros((3, 3))))
+    less, more = by_level_rate(total, errors, lever, found=False)
+    kept = {name: P * np.outer(less, less) for name, P in parts.items()}
+    return kept | {BEYOND: np.diag(more)} if more.any() else kept
 
 
 def turned_by_heading(parts: Parts) -> Parts:

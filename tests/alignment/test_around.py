@@ -8,10 +8,12 @@ import pytest
 from alignment.around import (
     by_direction,
     by_length,
+    by_level_rate,
     by_one_gyro,
     by_size,
     less_turned,
     whole_circle,
+    with_level_rate,
 )
 
 
@@ -40,6 +42,63 @@ def test_length_of_an_error_that_is_all():
     assert by_length(0.05) == 1.0
     s = 50.0
     assert by_length(s) == pytest.approx(2 - 2 * sqrt(pi / 2) / s + 1 / s**2, rel=0.005)
+
+
+LEVER = 2e-3  # rad of tilt E per rad of heading
+MIDDLE = 1e-6  # rad^2: of the tilt in the middle of a record
+
+
+def by_accelerometers(sigma):
+    """Tilts N, E, heading and size of the level rate: the tilt to the end goes with heading."""
+    J = np.array([[0, 0], [LEVER, 0], [1, 0], [0, 1]]) * sigma
+    return J @ J.T + MIDDLE * np.diag([1.0, 1, 0, 0])
+
+
+def by_gyros(sigma):
+    """What gyros make of the level rate they did carry: what it is larger by tilts about north."""
+    J = np.array([[0, -LEVER], [0, 0], [1, 0], [0, 1]]) * sigma
+    return J @ J.T + MIDDLE * np.diag([1.0, 1, 0, 0])
+
+
+def test_tilts_beside_a_heading_that_is_known_are_first_order():
+    P = by_accelerometers(0.05)
+    assert np.array_equal(with_level_rate(P[:3, :3], P, np.array([0.0, LEVER])), P[:3, :3])
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_tilts_all_round_the_circle(found):
+    """Mean squares of ``1 - cos h`` and ``sin h``, 3/2 and 1/2 of any h, and the middle's."""
+    P = by_accelerometers(1e3)
+    less, more = by_level_rate(P[:3, :3], P, np.array([0.0, LEVER]), found)
+    squares = less**2 * P.diagonal()[:3] + more
+    # rows of the grid along both axes hold 5 % of the weight each
+    assert squares[0] == pytest.approx(MIDDLE + 1.5 * LEVER**2, rel=0.08)
+    assert squares[1] == pytest.approx(MIDDLE + 0.5 * LEVER**2, rel=0.08)
+    assert squares[2] == P[2, 2]
+
+
+@pytest.mark.parametrize("sigma", [0.2, 1.0, 5.0])
+def test_tilts_by_gyros_lie_along_the_north_that_is_found(sigma):
+    """What is left of the length of the level rate, none of it across."""
+    P = by_gyros(sigma)
+    own = with_level_rate(P[:3, :3], P, np.array([0.0, LEVER]))
+    length = by_length(sigma) * sigma**2
+    assert own[0, 0] == pytest.approx(MIDDLE + length * LEVER**2, rel=1e-6)
+    assert own[1, 1] == pytest.approx(MIDDLE, rel=1e-6)
+
+
+def test_tilts_by_both_are_those_of_draws():
+    """Gyros and accelerometers alike, about the true north: half a million draws."""
+    s = 0.7
+    P = by_gyros(s) + by_accelerometers(s)
+    less, more = by_level_rate(P[:3, :3], P, np.array([0.0, LEVER]), found=False)
+    gyro, accel = np.random.default_rng(4).standard_normal((2, 500_000, 2)) @ [1, 1j] * s
+    found = 1 + gyro + accel
+    left = (1 + gyro - found / abs(found)) * LEVER
+    squares = less**2 * P.diagonal()[:3] + more
+    # two middles; draws are known to 0.3 %
+    assert squares[0] == pytest.approx(2 * MIDDLE + np.mean(left.real**2), rel=0.01)
+    assert squares[1] == pytest.approx(2 * MIDDLE + np.mean(left.imag**2), rel=0.01)
 
 
 @pytest.mark.parametrize("azimuth", [90.0, -60.0])

@@ -657,6 +657,38 @@ def test_no_tilt_is_predicted_where_heading_follows_the_gyros(heading, accelerom
     assert bool(tilt_doubt(made)) is doubt
 
 
+def spun_at(rate_deg_s, rate_hz):
+    """Predictions by method, of a table that spins about the vertical one turn and a half."""
+    text = f"""
+title = "Spun"
+table = "laboratory"
+site = {{ latitude_deg = -20.0 }}
+estimate = {{ methods = ["carousel", "inertial", "fine"] }}
+[[step]]
+kind = "rate"
+label = "spin"
+axis = "outer"
+rate_deg_s = {rate_deg_s}
+turns = 1.5
+"""
+    procedure = procedure_from(catalogue.Source("case", "case.toml", text))
+    asked = assembled(procedure, load_imu("stim300"), table_of(procedure), rate_hz=rate_hz)
+    return {p.method: p for p in rehearse(asked).predictions}
+
+
+def test_a_spin_too_fast_for_its_sampling_is_not_predicted():
+    """30 deg/s at 2 Hz are 0.26 rad, and at 3 Hz 0.17."""
+    fast, slower = spun_at(30.0, 2), spun_at(30.0, 3)
+    for method in ("inertial", "fine"):
+        assert not fast[method].determined
+        assert "0.26 rad in a sample of 0.5 s" in fast[method].reason
+        assert fast[method].reason.startswith("spin: ")
+        assert slower[method].determined
+    assert fast["carousel"].determined is False
+    assert "24 samples, at least 32 are needed" in fast["carousel"].reason
+    assert slower["carousel"].determined
+
+
 def test_ten_degrees_are_of_first_order():
     """Fits of positions whose heading is known to 3 and to 9.5 deg, by gyros of 1800 deg/h."""
     C_nb = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
