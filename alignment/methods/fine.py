@@ -321,8 +321,9 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
         run = _round(run, _by_size(model, reference, run, variance))
     added = rest_covariance(carried, matched, rest) + _in_the_mean(rest, carried, matched, site)
     added = added + _beside_white(noise, carried, matched)
-    added = added + untold_covariance(readings, matched.C_ni * Rotation.from_quat(carried.q[-1]))
     as_found = replace(matched, C_ni=reference.C_ni)  # whose axes it turns about
+    at_end = as_found.C_ni * Rotation.from_quat(carried.q[-1])
+    added = added + untold_covariance(readings, at_end)
     late = lag_covariance(carried, as_found, priors, site)
     if options.priors.clock:
         ahead = ahead_by_clock(reference.carried, as_found, options.priors, site)

@@ -19,7 +19,7 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))  # cases by number are the tests' own
 
-from generated_units import COUNT, unit_case  # noqa: E402
+from generated_units import COUNT, SPREAD, unit_case  # noqa: E402
 from normalised import UNDETERMINED, Promise, promises  # noqa: E402
 
 from stand.rehearsal.rehearse import rehearse  # noqa: E402
@@ -77,8 +77,6 @@ def main() -> None:
     compared, stated = numbers(every)
     print(summary(every))
     if not asked.only:
-        from generated_units import SPREAD
-
         text = HEAD.format(
             spread=SPREAD,
             runs=min(one.runs for one in every),
