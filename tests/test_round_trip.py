@@ -66,9 +66,10 @@ def test_every_preset_comes_back():
     nobody stated is not found (p = 0.001 each).
     """
     hits, shown, needs, invented = Counter(), Counter(), Counter(), Counter()
-    for name in PRESETS:
+    for k, name in enumerate(PRESETS):
         spec = load_imu(name)
-        for (sensor, _), found in analysed(name, 12.0, 1).items():
+        seed = 1000 + k  # alike seeds are alike noise: one miss would count 15 times
+        for (sensor, _), found in analysed(name, 12.0, seed).items():
             stated: TriadSpec = getattr(spec, sensor)
             for term in found.found:
                 truth = getattr(stated, FIELDS.get(term.term, "ramp"))

@@ -26,19 +26,18 @@ is quantisation. The fit starts at `MEMORY` / bandwidth where a bandwidth is kno
 `FORGOTTEN` c, as it is seen, where none is.
 
 A plateau is never flat: sums of Gauss-Markov processes ripple by 2 % of the deviation, so that B^2
-is allowed `PLATEAU` at each tau. Nor does it go on to the shortest tau: it is fitted without a
-beginning and with some (`terms.plateau`); intervals are those of the likeliest and of the outermost
-that are nearly as likely. Where the terms do not describe the curve (p < 0.001), the plateau may
-begin so late that hardly any of it is seen, which elsewhere is left to a walk. Where they still do
-not, up to `MOST_DROPPED` of the shortest taus are left out, where a filter's memory shows; if that
-does not help, the least relative model error common to all taus that explains the misfit is added
-(Paule and Mandel, 1982).
+is allowed `PLATEAU` at each tau, before its beginning too: nobody knows how it rises. Nor does it
+go on to the shortest tau: it is fitted without a beginning and with some (`terms.plateau`);
+intervals are those of the likeliest and of the outermost that are nearly as likely. Where the terms
+do not describe the curve (p < 0.001), the plateau may begin so late that hardly any of it is seen,
+which elsewhere is left to a walk. Where they still do not, up to `MOST_DROPPED` of the shortest
+taus are left out, where a filter's memory shows; if that does not help, the least relative model
+error common to all taus that explains the misfit is added (Paule and Mandel, 1982).
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -253,9 +252,8 @@ def problem(curve: Deviation, first: int = 0, onset: float = 0.0) -> Problem:
     m = tuple(int(k) for k in curve.m)
     lowpass = m[first] / SHORTEST
     columns, mixing = design(curve.m[first:], onset), _mixing(-lowpass)
-    T = _covariances(curve.lengths, m, first)
-    if onset > 0:
-        T = _risen(T, columns[:, _B])
+    T = _risen(pooled(curve.lengths, m)[:, :, first:, first:], columns[:, _B])
+    _on_diagonal(T[_B, _B])[:] += PLATEAU**2
     return Problem(columns @ mixing, curve.variance[first:], _mixed(T, mixing), lowpass=lowpass)
 
 
@@ -265,15 +263,6 @@ def _risen(T: Array, heights: Array) -> Array:
     T = T.copy()
     T[_B] *= both
     T[:, _B] *= both
-    return T
-
-
-@lru_cache(maxsize=64)
-def _covariances(lengths: tuple[int, ...], m: tuple[int, ...], first: int) -> Array:
-    """Of every curve with these taus, by the terms' own weights and a flat plateau."""
-    T = pooled(lengths, m)[:, :, first:, first:].copy()
-    T[_B, _B] += PLATEAU**2 * np.eye(len(m) - first)
-    T.flags.writeable = False
     return T
 
 

@@ -415,8 +415,8 @@ def lag_of(vectors: Ordered[TurningVector], rates: Ordered[float], axis_b: Array
 
 
 def without_lag(
-    seen: Ordered[TurningVector],
-    felt: Ordered[TurningVector],
+    turns: Ordered[TurningVector],
+    forces: Ordered[TurningVector],
     rates: Ordered[float],
     axis_b: Array,
 ) -> tuple[TurningVector, TurningVector]:
@@ -425,12 +425,12 @@ def without_lag(
     Each triad by the lag that it shows itself; accelerometers to which the axis hardly leans, so
     that nothing goes round but noise, by that of the gyros.
     """
-    by_gyros = lag_of(seen, rates, axis_b)
-    leans = all(v.across @ v.across > _CLEAR**2 * v.variance for v in felt)
+    by_gyros = lag_of(turns, rates, axis_b)
+    leans = all(v.across @ v.across > _CLEAR**2 * v.variance for v in forces)
     found = []
     for vectors, (lag, added) in (
-        (seen, by_gyros),
-        (felt, lag_of(felt, rates, axis_b) if leans else by_gyros),
+        (turns, by_gyros),
+        (forces, lag_of(forces, rates, axis_b) if leans else by_gyros),
     ):
         both = combined(vectors, rates, axis_b, lag)
         more = added * float(both.across @ both.across)

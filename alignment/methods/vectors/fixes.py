@@ -186,7 +186,9 @@ def _felt(readings: ImuReadings, fixes: Fixes, options: VectorOptions) -> _Felt:
     known = with_rounding(options.priors, readings)
     priors, gyro, accel = without_drifts(known, blocks, readings.interval)
     found = effects(blocks, priors, gyro, accel)
-    return _Felt(t, at_fix, sensed.at(shown), found.at(shown), priors)
+    return _Felt(
+        t=t, at_fix=at_fix, sensed=sensed.at(shown), effects=found.at(shown), priors=priors
+    )
 
 
 def check(fixes: Fixes) -> None:
