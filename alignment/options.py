@@ -42,6 +42,9 @@ class Priors:
         about down: where its base stands.
     lever_arm : float
         Uncertainty of the instrument's place from the point that stays [m].
+    places : float
+        How far the accelerometers lie from where b has its origin [m], along each axis: what turns
+        pulls each of them outward by its own place.
     lag : float
         By how much readings come later than their stamps [s], as a low-pass and a bus make them: an
         attitude at the end of a motion is that of as long before.
@@ -83,6 +86,7 @@ class Priors:
     nominal: float = 0.0
     azimuth: float = 0.0
     lever_arm: float = 0.0
+    places: float = 0.0
     lag: float = 0.0
     clock: float = 0.0
     jitter: float = 0.0

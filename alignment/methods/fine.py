@@ -50,6 +50,7 @@ from alignment.methods.inertial import (
     untold_covariance,
     wander_doubt,
     with_clock,
+    with_places,
 )
 from alignment.methods.updates import (
     BLOCK,
@@ -87,6 +88,7 @@ _SHOWN = 0.5  # rad: a track begins when heading is known to this
 
 _SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multiply
 _SIZE, _NORTH, _FOREVER = "size", np.diag([1.0, 0.0, 0.0]), 1e12  # s
+_PULLS = "X pulls", "Y pulls", "Z pulls"  # gyros, each by a coefficient of its own
 _OF_SIZE = -3  # of the state: north's, of the last three
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
@@ -158,9 +160,9 @@ class Model:
     """What does not change from pass to pass.
 
     `names`: the constants that are states, whose walks are `walks` (k,) [per root second];
-    `drifts`: the processes that are, after them, each of a sensor, along three axes; `_SIZE`, the
-    last, is one of no sensor: what the Earth's level rate is found to be larger by. `whole`: what
-    every update found is told, else of the last alone.
+    `drifts`: the processes that are, after them, each of a sensor, along three axes; `_PULLS` are
+    what a force along one axis adds to gyros, and `_SIZE`, the last, is what the Earth's level rate
+    is found to be larger by. `whole`: what every update found is told, else of the last alone.
     """
 
     readings: ImuReadings
@@ -423,6 +425,8 @@ def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) ->
         for sensor, level in (("gyro", noise.gyro), ("accel", noise.accel))
     )
     names = tuple(name for name in CONSTANTS if getattr(priors, name) > 0)
+    pulled = GaussMarkov(priors.gyro_g_sensitivity, _FOREVER)
+    pulls = tuple((axis, pulled) for axis in _PULLS) * (pulled.sigma > 0)
     free = (_any_size(site),) * (priors.gyro_bias == 0)
     walks = {"gyro_bias": gyro.walk, "accel_bias": accel.walk}
     return Model(
@@ -436,7 +440,12 @@ def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) ->
         priors=replace(priors, gyro_bias=gyro.bias, accel_bias=accel.bias),
         names=names,
         walks=tuple(walks.get(name, 0.0) for name in names),
-        drifts=(*(("gyro", p) for p in gyro.states), *(("accel", p) for p in accel.states), *free),
+        drifts=(
+            *(("gyro", p) for p in gyro.states),
+            *(("accel", p) for p in accel.states),
+            *pulls,
+            *free,
+        ),
     )
 
 
@@ -453,24 +462,30 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     a case that is turned as a whole, which is tilted in full. Of second order, by `with_products`,
     axes lean together: of coarse sensors' errors the record would else tell by their products. An
     asymmetry makes a constant of what goes to and fro, ``a (mean |x| - |mean x|)``; of what goes
-    round it is a scale error, as a cubic term of gyros is of both.
+    round it is a scale error, as a cubic term of gyros is of both. What gravity adds to g-sensitive
+    gyros is a bias but where gravity goes round in b: there a part of it stands still in n, as the
+    Earth's rate does. Accelerometers at places of their own are pulled outward, each by as much as
+    long as the turn goes on.
     """
     if not turns(carried):
         return in_one_attitude(priors, site.gravity)
+    priors = with_places(priors, carried)
     astray = with_products(priors)
     own = {name: getattr(astray, name) for name in _ASTRAY}
     for sensor in _SUMS:  # and a turn has its square
         lean, turned = f"{sensor}_non_orthogonality", own[f"{sensor}_misalignment"]
         own[lean] = float(np.hypot(own[lean], turned**2))
-    folded = in_one_attitude(replace(priors, **dict.fromkeys(_ASTRAY, 0.0)), site.gravity)
+    rocks, spans = _angle(carried) < _ROUND, carried.spans[:, None]
+    if not rocks:
+        own["gyro_g_sensitivity"] = priors.gyro_g_sensitivity
+    folded = in_one_attitude(replace(priors, **dict.fromkeys(own, 0.0)), site.gravity)
     if priors.gyro_cubic:
         own["gyro_scale"] = float(np.hypot(folded.gyro_scale, _scale_of_cubic(priors, carried)))
-    rocks = _angle(carried) < _ROUND
     for sensor, sums in _SUMS.items() if rocks else ():
         size = getattr(priors, f"{sensor}_asymmetry")
         if not size:
             continue
-        means = getattr(carried, sums) / carried.spans[:, None]
+        means = getattr(carried, sums) / spans
         rectified = size * float(np.max(np.abs(means).mean(axis=0) - np.abs(means.mean(axis=0))))
         bias = float(np.hypot(getattr(folded, f"{sensor}_bias"), rectified))
         own[f"{sensor}_bias"] = bias
@@ -696,7 +711,7 @@ def _filter(model: Model, reference: _Reference, variance: float) -> Pass:
     out = Pass(*map(np.empty, shapes), scaled=np.empty((m, 3)), scale=_states_of_scale(model))
     careful = min(_CAREFUL, m)
     # an update or more after whole blocks; as fast one by one where more than errors move
-    drifting = any(sensor != _SIZE for sensor, _ in model.drifts)
+    drifting = any(sensor in _SUMS for sensor, _ in model.drifts)
     singly = model.whole or any(model.walks) or drifting
     blocks = careful
     if m > careful and not singly:
@@ -767,6 +782,10 @@ def error_matrices(
             ago = (carried.t[-1] - carried.t[steps])[:, None] - spans[:, 0] / 2
             north = Rotation.from_rotvec(-ago * model.site.w_ie_n).as_matrix() @ _NORTH
             _drive(F[:, :9, columns_of(k)], "gyro", spans * north, push, spans)
+            continue
+        if sensor in _PULLS:
+            force = reaction[:, _PULLS.index(sensor), None, None] / spans
+            _drive(F[:, :9, columns_of(k)], "gyro", by["gyro"] * force, push, spans)
             continue
         _drive(F[:, :9, columns_of(k)], sensor, by[sensor], push, spans)
     Q = _walks(model, turned, push, spans)

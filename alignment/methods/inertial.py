@@ -884,6 +884,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     readings = checked_readings(dwell)
     priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
+    priors = with_places(priors, carried)
     whole, noise, _ = laid(readings, carried, site, priors)
     rest = rest_of(dwell, readings, priors, (carried, whole, noise), site)
     m = len(carried.spans)
@@ -922,6 +923,15 @@ def checked_readings(dwell: Dwell) -> ImuReadings:
     return readings
 
 
+def with_places(priors: Priors, carried: Carried) -> Priors:
+    """The priors, with what a turn makes of the accelerometers' places for a bias: ``w^2 r``."""
+    if not priors.places:
+        return priors
+    means = carried.dtheta / carried.spans[:, None]
+    outward = priors.places * float(np.mean(np.sum(means**2, axis=1)))
+    return replace(priors, accel_bias=float(np.hypot(priors.accel_bias, outward)))
+
+
 def block_of(readings: ImuReadings) -> float:
     """Seconds of a block: half a second, less in a short record and more in one beyond 34 min."""
     span = readings.interval * len(readings)
@@ -932,6 +942,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     readings = checked_readings(dwell)
     priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
+    priors = with_places(priors, carried)
     matched, noise, arm = laid(readings, carried, site, priors)
     covariance, wander = covariances(carried, matched, noise, priors, arm, site)
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)

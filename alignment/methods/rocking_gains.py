@@ -12,6 +12,7 @@ from alignment.arrays import Array
 from alignment.cross import cross_matrix
 from alignment.earth import Site
 from alignment.gains import Functional, functional
+from alignment.information.drift import at_the_start
 from alignment.methods.fine import (
     STILL,
     UPDATE,
@@ -76,7 +77,9 @@ def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Func
     matched = match(carried, site)
     priors = states_of(options.priors, carried, site)
     noise = noise_of(readings, priors)
-    model = model_of(readings, site, noise, priors)
+    span = readings.interval * len(readings)
+    found = at_the_start(priors, float(readings.t[-1]) - span, span)
+    model = model_of(readings, site, noise, found)
     C_ni = matched.C_ni.as_matrix()
     push = np.diff(gravity_velocity(carried.t, site)[0], axis=0)
     steps, H = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))

@@ -66,6 +66,7 @@ def priors_of(
         nominal=nominal,
         azimuth=azimuth,
         lever_arm=arm,
+        places=float(np.sqrt(np.mean(imu.places**2))),
         lag=lag,
         accel_later=accel_later,
         clock=imu.clock.offset,

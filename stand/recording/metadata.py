@@ -45,6 +45,7 @@ PRIOR_UNITS = {
     "nominal": "rad",
     "azimuth": "rad",
     "lever_arm": "m",
+    "places": "m",
     "lag": "s",
     "clock": "ratio",
     "jitter": "s",

@@ -40,6 +40,7 @@ from stand.rehearsal.refusals import (
     rivalled,
     second_order,
     size_of_force,
+    unsettled,
 )
 from stand.rehearsal.response import ReadingErrors, Response, TableTurns
 from stand.rehearsal.result import Observability, Prediction
@@ -47,6 +48,7 @@ from stand.rehearsal.rocking import (
     FOLLOWS,
     known,
     late,
+    of_instants,
     of_the_level_rate,
     over_time,
     readings_of,
@@ -265,11 +267,12 @@ def _of_stretch(
     except AlignmentError as error:
         raise AlignmentError(f"{step.label}: {error}") from None
     run = method.functional(readings, scene.site, scene.options)
-    check_carried(step.label, over_time(run.checked_by or run, unit, scene))
+    matched = over_time(run.checked_by or run, unit, scene)
+    check_carried(step.label, matched)
     errors = of_the_level_rate(run, unit, scene)
     parts = with_level_rate_found(over_time(run, unit, scene), errors, run.lever)
     if not method.tells_mean:
-        parts |= late(run, scene)
+        parts |= late(run, scene) | of_instants(run, step, scene)
     other = turning_round(errors) if run.circle is None else rival(run.circle)
     plumb = scene.site.plumb.as_matrix()  # which all of it is about
     parts = {source: plumb @ P @ plumb.T for source, P in parts.items()}
@@ -282,7 +285,8 @@ def _of_stretch(
         name, "", step.label, C_nb, turned_by_heading(parts) if first else parts, str, off
     )
     why_not = rivalled(other)
-    told = withheld(told, ("heading", "yaw"), why_not)
+    astray = "" if run.checked_by is None else unsettled(matched)
+    told = withheld(told, ("heading", "yaw"), why_not or astray)
     told = withheld(
         told, by_gyros(parts, C_nb, scene.site) if why_not else (), f"as heading: {why_not}"
     )

@@ -27,6 +27,7 @@ from stand.rehearsal.verification import AGREES, MOSTLY
 # know the size of Earth rate are 20 % worse at 0.18 (and it goes with the square)
 STEEPEST = 0.07
 MILLI_G = 1e-3 * STANDARD_GRAVITY
+ANY_HEADING = float(np.pi / np.sqrt(3))  # rad: of one that may be any
 UNITS = 1000  # of which a method must answer for the half
 
 
@@ -91,6 +92,21 @@ def check_carried(label: str, match: Parts) -> None:
             f"{label}: such gyros carry the attitude so far off that gravity seems to tilt by "
             f"{tilt / DEG:.2g} deg (1 sigma): the velocity wanders as if the instrument travelled"
         )
+
+
+def unsettled(match: Parts) -> str:
+    """Why a heading that is looked for from a match's has no number; '' where it has.
+
+    `match`: covariances about n of the match by source. Where its heading may be any, the search
+    ends at another one now and then, however sure it is of either.
+    """
+    heading = sqrt(float(sum(P[2, 2] for P in match.values())))
+    if heading < ANY_HEADING:
+        return ""
+    return (
+        f"it is looked for from that of inertial, which is off by {heading / DEG:.2g} deg by first "
+        "order: the search may end at another; see --verify"
+    )
 
 
 def coarse(scene: Scene) -> str:

@@ -17,15 +17,20 @@ from alignment.information import InstrumentErrors
 from alignment.information.circle import NO_RIVAL, Rival
 from alignment.information.drift import sum_covariance
 from alignment.information.result import DETERMINED
+from alignment.readings import EDGE, over_steps
 from stand.imu.by_value import values_of
 from stand.imu.instrument import lags_of
+from stand.motion.plan import PlannedStep
 from stand.motion.polynomial import Motion
 from stand.physics.truth import Truth
 from stand.rehearsal.predictions import BEYOND, Parts, name_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.warmth import above_reference, triad_of
+from stand.samples import Sampling
 
+_LAST = 8  # steps whose instants the last mean is of
 RATE_HZ = 20  # of the truth that is carried
+CLOCK = "gyro clock"
 FOLLOWS = 0.19  # part of a variance: without it the sigma is 10 % smaller
 
 
@@ -115,7 +120,22 @@ def late(run: Functional, scene: Scene) -> Parts:
     felt = run.changing * np.repeat([0.0, 1.0], 3)
     late = lag * turn + later * run.answer(felt)
     ahead = scene.imu.clock.offset * run.t[-1] * turn + by_clock(run, scene)
-    return {"lag": np.outer(late, late), "gyro clock": np.outer(ahead, ahead)}
+    return {"lag": np.outer(late, late), CLOCK: np.outer(ahead, ahead)}
+
+
+def of_instants(run: Functional, step: PlannedStep, scene: Scene) -> Parts:
+    """Covariance about n by what instants leave untold of the angle of a stretch's last step."""
+    if scene.settings.sampling is not Sampling.INSTANT:
+        return {}
+    last = int((step.steady_to + EDGE) * scene.rate_hz)
+    least = int(step.steady_from * scene.rate_hz)
+    edges = np.arange(max(least, last - _LAST), last + 1) / scene.rate_hz
+    truth, motion = scene.truth(), scene.plan.motion
+    instants = truth.over(motion, edges, Sampling.INSTANT).w_ib_b
+    told = over_steps(instants, slice(len(instants) - 1, len(instants)))[0]
+    true = truth.over(motion, edges, Sampling.MEAN).w_ib_b[-1]
+    left = run.C_nb.as_matrix() @ (told - true) / scene.rate_hz
+    return {"instants": np.outer(left, left)}
 
 
 def by_clock(run: Functional, scene: Scene) -> Array:
@@ -165,7 +185,8 @@ def turned_by_heading(parts: Parts) -> Parts:
 
     To first order the gyros' errors tilt the carried attitude by t about n. Found together with an
     error h of heading, that tilt is one about axes turned by h: ``cos(h) t + sin(h) (0,0,1) x t``.
-    What accelerometers make of tilt stays in b, whatever the heading. Of a normal h that is not
+    What accelerometers make of tilt stays in b, whatever the heading, and so
+    does the angle that a clock is ahead by, about the axis of the turn. Of a normal h that is not
     correlated with t the squares of cosine and sine are ``(1 +- exp(-2 h^2)) / 2`` on average, and
     their product is nothing.
     """
@@ -178,7 +199,8 @@ def turned_by_heading(parts: Parts) -> Parts:
         both[:2, 2] = both[2, :2] = np.exp(-variance / 2) * P[:2, 2]
         return both
 
-    return {n: about_north(P) if n.startswith("gyro") else P for n, P in parts.items()}
+    turning = {n for n in parts if n.startswith("gyro") and n != CLOCK}
+    return {n: about_north(P) if n in turning else P for n, P in parts.items()}
 
 
 def tilt_doubt(parts: Parts) -> str:

@@ -2,7 +2,7 @@
 
 import sys
 from dataclasses import replace
-from math import cos, pi, radians, sqrt
+from math import cos, pi, radians, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -753,6 +753,69 @@ def test_errors_times_errors_tell_no_tilt_on_a_level_spin():
     axis = e.C_nb.as_matrix()[:2, 2] / np.linalg.norm(e.C_nb.as_matrix()[:2, 2])  # Z1, level
     # the lever arm adds a little, products of errors at the edge of their priors tell a little
     assert sqrt(axis @ P @ axis) == pytest.approx(priors.accel_misalignment, rel=0.1)
+
+
+def leaning_spin(lean_deg, rate_deg_s, seconds, rate_hz):
+    """Turns about an axis that leans north: of down turned about east, then about itself."""
+    east, down, north = np.eye(3)[1], np.eye(3)[2], np.eye(3)[0]
+    motion = Motion(
+        yaw=Angle(radians(lean_deg)),
+        pitch=Angle(0.7, rate=radians(rate_deg_s)),
+        axes=(east, down, north),
+    )
+    return motion.readings(seconds, rate_hz, 100.0)
+
+
+def test_g_sensitive_gyros_beside_gravity_that_goes_round():
+    """Gravity's part across a leaning axis goes round in b, and what each gyro makes of each of its
+    components goes round with it: ``G f`` has a part that stands in n beside the Earth's rate, of
+    variance ``(s g sin(lean))^2 / 2`` across the axis. Heading: 0.5 deg/h/g by 20 deg of lean over
+    10.0 deg/h of Earth rate, 0.69 deg; taken for a bias it was 0.02. Forty such units come to it.
+    """
+    size, lean = radians(0.5) / 3600 / G, 20.0
+    priors = Priors(1e-7, 1e-4, gyro_walk=3e-7, accel_walk=1e-5, gyro_g_sensitivity=size)
+    t, w, f, C = leaning_spin(lean, 10.0, 216.0, 10.0)
+    hand = size * G * sin(radians(lean)) / sqrt(2) / (W * cos(LAT))
+    rng, off = np.random.default_rng(20), []
+    for _ in range(40):
+        rates = w + f @ (size * rng.normal(size=(3, 3))).T
+        rates = rates + priors.gyro_walk * sqrt(10) * rng.normal(size=w.shape)
+        forces = f + priors.accel_walk * sqrt(10) * rng.normal(size=f.shape)
+        (e,) = fine([dwell(t, rates, forces)], site(STILL), Options(priors=priors))
+        assert sigma(e) == pytest.approx(hand, rel=0.03)  # noise is 0.04 of it
+        off.append(errors(e.C_nb.as_matrix()[None], C)[0][2] / sigma(e))
+    low, high = chi2.ppf([0.001, 0.999], len(off)) / len(off)
+    assert low < np.mean(np.square(off)) < high
+
+
+@pytest.mark.parametrize("method", [inertial, fine])
+def test_accelerometers_at_places_of_their_own_in_a_turn(method):
+    """``f_i = (w x (w x r_i))_i`` stays in b as long as the turn goes on: about an axis that all
+    three sensors feel alike a part of it lies along the axis, of variance ``2/3 (w^2 r)^2``. It is
+    taken for a bias of w^2 r: 5 mm and 30 deg/s are 140 ug, 29 arc seconds of tilt where a bias of
+    10 uG allowed 2.
+    """
+    arm, rate = 0.005, radians(30.0)
+    priors = Priors(1e-7, 1e-4, gyro_walk=1e-7, accel_walk=1e-4, places=arm)
+    oblique = Rotation.align_vectors([np.ones(3) / sqrt(3)], [[0.0, 0.0, 1.0]])[0].as_matrix()
+    t, w, f, C = Motion(yaw=Angle(0.7), pitch=Angle(rate=rate)).readings(120.0, 20.0, 100.0)
+    w, f, C = w @ oblique.T, f @ oblique.T, C @ oblique.T
+    spin = rate * np.ones(3) / sqrt(3)
+    rng, off = np.random.default_rng(21), []
+    for _ in range(20):
+        places = arm * rng.normal(size=(3, 3))
+        outward = np.cross(spin, np.cross(spin, places)).diagonal()
+        rates = w + priors.gyro_walk * sqrt(20) * rng.normal(size=w.shape)
+        forces = f + outward + priors.accel_walk * sqrt(20) * rng.normal(size=f.shape)
+        (e,) = method([dwell(t, rates, forces)], site(STILL), Options(priors=priors))
+        axis = (e.C_nb.as_matrix() @ np.ones(3) / sqrt(3))[:2]
+        across = np.array([-axis[1], axis[0]]) / np.linalg.norm(axis)  # what tilts the axis
+        told = sqrt(across @ e.covariance[:2, :2] @ across)
+        assert told == pytest.approx(rate**2 * arm / G, rel=0.05)
+        down = e.C_nb.as_matrix() @ C.T @ [0, 0, 1]
+        off.append(across @ [-down[1], down[0]] / (told * sqrt(2 / 3)))
+    low, high = chi2.ppf([0.001, 0.999], len(off)) / len(off)
+    assert low < np.mean(np.square(off)) < high
 
 
 def test_coarse_and_fine_agree_on_the_same_readings():

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import hypot, sqrt
 
+import numpy as np
 import pytest
 
 from stand.imu import TriadSpec, load_imu
@@ -91,3 +92,11 @@ def test_each_error_goes_by_its_own_name():
     assert made.accel_quadratic == 4e-5
     assert made.accel_cubic == pytest.approx(8e-7)
     assert made.gyro_cubic == pytest.approx(3e-5)
+
+
+def test_how_far_accelerometers_lie_apart():
+    """Root mean square of the nine: 3 and 4 mm of nine are 5/3."""
+    ideal, places = load_imu("ideal"), np.zeros((3, 3))
+    places[0, 0], places[1, 2] = 3e-3, -4e-3
+    assert priors_of(replace(ideal, places=places), None).places == pytest.approx(5e-3 / 3)
+    assert priors_of(ideal, None).places == 0.0

@@ -32,7 +32,7 @@ PRIORS = (
     "prior_gyro_bias_rad_s", "prior_accel_bias_m_s2", "prior_gyro_scale_ratio",
     "prior_accel_scale_ratio", "prior_gyro_instability_rad_s", "prior_accel_instability_m_s2",
     "prior_gyro_walk_rad_rt_s", "prior_accel_walk_m_s_rt_s", "prior_turn_rad", "prior_seat_rad",
-    "prior_nominal_rad", "prior_azimuth_rad", "prior_lever_arm_m", "prior_lag_s",
+    "prior_nominal_rad", "prior_azimuth_rad", "prior_lever_arm_m", "prior_places_m", "prior_lag_s",
     "prior_clock_ratio", "prior_jitter_s",
     "prior_gyro_random_walk_rad_s_rt_s", "prior_accel_random_walk_m_s2_rt_s",
     "prior_gyro_ramp_rad_s2", "prior_accel_ramp_m_s3", "prior_gyro_misalignment_rad",

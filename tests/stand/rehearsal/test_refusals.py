@@ -22,6 +22,7 @@ from stand.rehearsal.refusals import (
     coarse,
     coarse_tilt,
     rivalled,
+    unsettled,
 )
 from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.traps import allan_lengths, averaging_time, from_margins
@@ -132,6 +133,16 @@ def test_a_heading_elsewhere_forbids_a_number_from_ten_per_cent_on():
     assert rivalled(Rival(1.101, radians(75), 2.04)).startswith(
         "a heading 75 deg off fits the readings nearly as well (chi-square 2.0 more)"
     )
+
+
+@pytest.mark.parametrize(("each_deg", "told"), [(73.4, True), (73.6, False)])
+def test_a_search_from_any_heading_has_no_number(each_deg, told):
+    """Of a heading that may be any the root mean square is pi/sqrt(3), 103.9 deg: two of 73.5."""
+    one = np.diag([0.0, 0.0, radians(each_deg) ** 2])
+    found = unsettled({"gyro noise": one, "motion": one})
+    assert (found == "") is told
+    if not told:
+        assert found.startswith("it is looked for from that of inertial, which is off by 1e+02 deg")
 
 
 # --- attitudes carried too far, and rounding that nothing blurs
