@@ -35,7 +35,6 @@ from alignment.methods.inertial import (
     laid,
     less_arm,
     lever_of,
-    match,
     noise_of,
     sensitivity,
     sway_covariance,
@@ -74,7 +73,7 @@ def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Func
     """The Kalman filter with its gains frozen, run backward from its last attitude."""
     checked_by = inertial_functional(readings, site, options)
     carried = carry(readings, STEP)
-    matched = match(carried, site)
+    matched, _, _ = laid(readings, carried, site, options.priors)
     priors = states_of(options.priors, carried, site)
     noise = noise_of(readings, priors)
     span = readings.interval * len(readings)
