@@ -100,7 +100,8 @@ def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
 
 
 def known(run: Functional, scene: Scene) -> Array:
-    """Rotation about n (3,) by constants of the unit that are known by value."""
+    """Rotation about n (3,) by constants of the unit that are known by value, its accelerometers'
+    places among them: ``(w x (w x r))_i`` of each, w as it stays in a turn."""
     off = np.zeros((len(run.rate), 6))
     for own, spec, x in (
         (slice(3), scene.imu.gyro, run.rate),
@@ -108,6 +109,8 @@ def known(run: Functional, scene: Scene) -> Array:
     ):
         for field, values in values_of(spec).items():
             off[:, own] += BY_AXIS[field](x, run.force) @ values
+    w = run.rate[:, None]
+    off[:, 3:] += np.cross(w, np.cross(w, scene.imu.places)).diagonal(axis1=1, axis2=2)
     return run.answer(off)
 
 

@@ -26,7 +26,7 @@ from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.accuracy import predict
 from stand.rehearsal.rehearse import prepared, rehearse
-from stand.rehearsal.rocking import of_instants, tilt_doubt, turned_by_heading
+from stand.rehearsal.rocking import known, of_instants, tilt_doubt, turned_by_heading
 from stand.rehearsal.rounding import Rounding, roundings_of
 from stand.rehearsal.verify import with_verification
 from stand.samples import Sampling
@@ -647,6 +647,14 @@ def test_what_a_clock_is_ahead_by_stays_in_b():
     heading is not known half of it was predicted about east, 60 times what runs came to."""
     made = {"gyro clock": np.diag([1e-4, 0.0, 0.0]), "gyro bias": np.diag([0.0, 0.0, 2.5])}
     assert turned_by_heading(made)["gyro clock"] is made["gyro clock"]
+
+
+def test_accelerometers_are_pulled_outward_by_hand():
+    """2 rad/s about Z1: X1's at (3, 4, 5) mm feels -12 mm/s^2, Y1's at (6, -7, 0) 28; Z1's none."""
+    places = np.array([[3.0, 4.0, 5.0], [6.0, -7.0, 0.0], [1.0, 2.0, 9.0]]) * 1e-3
+    scene = SimpleNamespace(imu=replace(load_imu("ideal"), places=places))
+    run = SimpleNamespace(rate=np.array([[0, 0, 2.0]]), force=np.zeros((1, 3)), answer=list)
+    np.testing.assert_allclose(known(run, scene)[0], [0, 0, 0, -0.012, 0.028, 0], atol=1e-15)
 
 
 def test_instants_leave_a_part_of_the_last_step_by_hand():
