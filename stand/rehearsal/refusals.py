@@ -104,7 +104,7 @@ def unsettled(match: Parts) -> str:
     if heading < ANY_HEADING:
         return ""
     return (
-        f"it is looked for from that of inertial, which is off by {heading / DEG:.2g} deg by first "
+        f"it is looked for from that of inertial, which is off by {heading / DEG:.0f} deg by first "
         "order: the search may end at another; see --verify"
     )
 

@@ -142,7 +142,7 @@ def test_a_search_from_any_heading_has_no_number(each_deg, told):
     found = unsettled({"gyro noise": one, "motion": one})
     assert (found == "") is told
     if not told:
-        assert found.startswith("it is looked for from that of inertial, which is off by 1e+02 deg")
+        assert found.startswith("it is looked for from that of inertial, which is off by 104 deg")
 
 
 # --- attitudes carried too far, and rounding that nothing blurs
