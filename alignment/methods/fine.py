@@ -458,14 +458,14 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     """The priors, with what passes for a bias taken for one.
 
     Of a stretch that turns or rocks, axes that are off are no bias, and remain errors of their own.
-    Rocking tells how the triads lie to one another, and how gravity's share changes in b; but not
-    a case that is turned as a whole, which is tilted in full. Of second order, by `with_products`,
+    Rocking tells how the triads lie to one another, and how gravity's share changes in b; but not a
+    case that is turned as a whole, which is tilted in full. Of second order, by `with_products`,
     axes lean together: of coarse sensors' errors the record would else tell by their products. An
     asymmetry makes a constant of what goes to and fro, ``a (mean |x| - |mean x|)``; of what goes
     round it is a scale error, as a cubic term of gyros is of both. What gravity adds to g-sensitive
     gyros is a bias but where gravity goes round in b: there a part of it stands still in n, as the
-    Earth's rate does. Accelerometers at places of their own are pulled outward, each by as much as
-    long as the turn goes on.
+    Earth's rate does; of its square ``2 F`` times what goes round beside a steady F. Accelerometers
+    at places of their own are pulled outward, each by as much as long as the turn goes on.
     """
     if not turns(carried):
         return in_one_attitude(priors, site.gravity)
@@ -477,7 +477,10 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
         own[lean] = float(np.hypot(own[lean], turned**2))
     rocks, spans = _angle(carried) < _ROUND, carried.spans[:, None]
     if not rocks:
-        own["gyro_g_sensitivity"] = priors.gyro_g_sensitivity
+        steady = float(np.abs(carried.dv.sum(axis=0)).max() / spans.sum())
+        own["gyro_g_sensitivity"] = float(
+            np.hypot(priors.gyro_g_sensitivity, 2 * steady * priors.gyro_g2_sensitivity)
+        )
     folded = in_one_attitude(replace(priors, **dict.fromkeys(own, 0.0)), site.gravity)
     if priors.gyro_cubic:
         own["gyro_scale"] = float(np.hypot(folded.gyro_scale, _scale_of_cubic(priors, carried)))

@@ -766,19 +766,26 @@ def leaning_spin(lean_deg, rate_deg_s, seconds, rate_hz):
     return motion.readings(seconds, rate_hz, 100.0)
 
 
-def test_g_sensitive_gyros_beside_gravity_that_goes_round():
+@pytest.mark.parametrize("power", [1, 2])
+def test_g_sensitive_gyros_beside_gravity_that_goes_round(power):
     """Gravity's part across a leaning axis goes round in b, and what each gyro makes of each of its
     components goes round with it: ``G f`` has a part that stands in n beside the Earth's rate, of
     variance ``(s g sin(lean))^2 / 2`` across the axis. Heading: 0.5 deg/h/g by 20 deg of lean over
     10.0 deg/h of Earth rate, 0.69 deg; taken for a bias it was 0.02. Forty such units come to it.
+    Of squares of forces it is ``2 F`` of that, F the steady part of each: ``g cos(lean)/sqrt 3``
+    where the axis is oblique in b.
     """
     size, lean = radians(0.5) / 3600 / G, 20.0
-    priors = Priors(1e-7, 1e-4, gyro_walk=3e-7, accel_walk=1e-5, gyro_g_sensitivity=size)
     t, w, f, C = leaning_spin(lean, 10.0, 216.0, 10.0)
+    oblique = Rotation.align_vectors([np.ones(3) / sqrt(3)], [[0.0, 1.0, 0.0]])[0].as_matrix()
+    w, f, C = w @ oblique.T, f @ oblique.T, C @ oblique.T
+    own = size if power == 1 else size / (2 * G * cos(radians(lean)) / sqrt(3))
+    told = {"gyro_g_sensitivity" if power == 1 else "gyro_g2_sensitivity": own}
+    priors = Priors(1e-7, 1e-4, gyro_walk=3e-7, accel_walk=1e-5, **told)
     hand = size * G * sin(radians(lean)) / sqrt(2) / (W * cos(LAT))
     rng, off = np.random.default_rng(20), []
     for _ in range(40):
-        rates = w + f @ (size * rng.normal(size=(3, 3))).T
+        rates = w + f**power @ (own * rng.normal(size=(3, 3))).T
         rates = rates + priors.gyro_walk * sqrt(10) * rng.normal(size=w.shape)
         forces = f + priors.accel_walk * sqrt(10) * rng.normal(size=f.shape)
         (e,) = fine([dwell(t, rates, forces)], site(STILL), Options(priors=priors))
