@@ -11,6 +11,7 @@ updates, so that nothing is used twice. Source: methods.md section 3; P. D. Grov
 GNSS, Inertial, and Multisensor Integrated Navigation Systems (2013), 14.2, 15.2.
 """
 
+from collections.abc import Callable
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass, replace
 
@@ -92,6 +93,11 @@ _PULLS = "X pulls", "Y pulls", "Z pulls"  # gyros, each by a coefficient of its 
 _OF_SIZE = -3  # of the state: north's, of the last three
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
+_ORDERS: dict[str, Callable[[Array], Array]] = {
+    "accel_asymmetry": np.abs,
+    "accel_quadratic": np.square,
+    "accel_cubic": lambda f: f**3,
+}
 _ROUND = 1.0  # rad: what turns by more goes round
 _ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
 
@@ -481,7 +487,12 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
         own["gyro_g_sensitivity"] = float(
             np.hypot(priors.gyro_g_sensitivity, 2 * steady * priors.gyro_g2_sensitivity)
         )
+        own |= dict.fromkeys(_ORDERS, 0.0)
     folded = in_one_attitude(replace(priors, **dict.fromkeys(own, 0.0)), site.gravity)
+    if not rocks:
+        by_orders = _lines_of_orders(priors, carried.dv / spans)
+        for name, size in zip(("accel_bias", "accel_scale"), by_orders, strict=True):
+            own[name] = float(np.hypot(getattr(folded, name), size))
     if priors.gyro_cubic:
         own["gyro_scale"] = float(np.hypot(folded.gyro_scale, _scale_of_cubic(priors, carried)))
     for sensor, sums in _SUMS.items() if rocks else ():
@@ -495,6 +506,25 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     if priors.clock:  # of one scale for all axes: what it is at the end, `filtered` adds
         own["gyro_scale"] = float(np.hypot(own.get("gyro_scale", folded.gyro_scale), priors.clock))
     return replace(folded, **own, clock=0.0)
+
+
+def _lines_of_orders(priors: Priors, f: Array) -> Array:
+    """The bias and the scale error (2,) that accelerometers' asymmetry and higher orders are most
+    like where forces (m, 3) change, each of the axis that has most of it.
+
+    Least squares of ``f^2`` by ``a + s f``, and of the others: of a force that goes round by r
+    beside a steady F it is ``s = 2 F`` and ``a = r^2/2 - F^2``, no part of which is the scale's.
+    """
+    found = np.zeros(2)
+    off = f - f.mean(axis=0)
+    varied = np.sum(off**2, axis=0)
+    for name, power in _ORDERS.items():
+        y = power(f)
+        slope = np.sum(off * y, axis=0) / np.maximum(varied, 1e-12 * np.sum(f**2))
+        line = y.mean(axis=0) - slope * f.mean(axis=0), slope
+        size = getattr(priors, name)
+        found = np.hypot(found, size * np.array([np.abs(part).max() for part in line]))
+    return found
 
 
 def _scale_of_cubic(priors: Priors, carried: Carried) -> float:

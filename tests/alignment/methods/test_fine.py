@@ -32,6 +32,7 @@ from alignment.information.drift import GaussMarkov
 from alignment.methods.fine import (
     METHOD,
     Model,
+    _lines_of_orders,
     columns_of,
     error_matrices,
     filtered,
@@ -793,6 +794,20 @@ def test_g_sensitive_gyros_beside_gravity_that_goes_round(power):
         off.append(errors(e.C_nb.as_matrix()[None], C)[0][2] / sigma(e))
     low, high = chi2.ppf([0.001, 0.999], len(off)) / len(off)
     assert low < np.mean(np.square(off)) < high
+
+
+def test_lines_that_orders_of_forces_are_like_by_hand():
+    """``F + r cos``, F 2 and r 3: squares are ``0.5 + 4 f``, cubes ``-2.5 + 18.75 f`` and
+    waves; of one that goes round about nothing the size is ``r 2/pi`` and no scale."""
+    phase = 2 * pi * (np.arange(720) + 0.5) / 720
+    f = np.stack([2 + 3 * np.cos(phase), np.full(720, 1e-9), np.full(720, 1e-9)], axis=1)
+    squares = _lines_of_orders(Priors(accel_quadratic=0.1), f)
+    np.testing.assert_allclose(squares, [0.05, 0.4], rtol=1e-9)
+    # F^3 + 3/2 F r^2 = 35 at the mean of 2, slope 3 F^2 + 3/4 r^2 = 18.75
+    cubes = _lines_of_orders(Priors(accel_cubic=0.1), f)
+    np.testing.assert_allclose(cubes, [0.25, 1.875], rtol=1e-9)
+    level = _lines_of_orders(Priors(accel_asymmetry=0.1), f - [2.0, 0.0, 0.0])
+    np.testing.assert_allclose(level, [0.1 * 3 * 2 / pi, 0.0], rtol=1e-4, atol=1e-12)
 
 
 @pytest.mark.parametrize("method", [inertial, fine])

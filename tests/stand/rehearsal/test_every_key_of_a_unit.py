@@ -67,6 +67,14 @@ BASES: dict[str, dict[str, Any]] = {
             {"kind": "rate", "label": "turn", "axis": "outer", "rate_deg_s": 18.0, "turns": 2.1},
         ],
     },
+    # the same of a unit that stands aslant on it, beside which what goes round stands in n
+    "aslant": {
+        "estimate": {"methods": ["inertial", "fine"]},
+        "step": [
+            move("lean", base_roll=10.0, base_pitch=5.0, outer=20.0, middle=35.0, inner=40.0),
+            {"kind": "rate", "label": "turn", "axis": "outer", "rate_deg_s": 18.0, "turns": 3.2},
+        ],
+    },
 }
 WARM = {"time_s": [0.0, 60.0], "temperature_C": [25.0, 35.0]}
 KNOWN = [
@@ -91,7 +99,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
     "turn-on": (
         {"turn_on_bias_deg_h": stated(0.2)},
         {"turn_on_bias_mg": stated(0.3, "maximum")},
-        {}, ("rests", "spun"), False,
+        {}, ("rests", "spun", "aslant"), False,
     ),
     "drift": (
         {"turn_on_bias_deg_h": stated(0.1), "bias_instability_deg_h": stated(0.05)},
@@ -101,7 +109,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
     "walks": (
         {"rate_random_walk_deg_h_rt_h": stated(1.0)},
         {"acceleration_random_walk_ug_rt_h": stated(500.0)},
-        {}, ("rests",), False,
+        {}, ("rests", "aslant"), False,
     ),
     "ramps": (
         {"rate_ramp_deg_h_h": stated(5.0)},
@@ -111,12 +119,12 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
     "scales": (
         {"scale_factor_ppm": stated(2000.0), "scale_asymmetry_ppm": stated(2000.0)},
         {"scale_factor_ppm": stated(500.0), "scale_asymmetry_ppm": stated(500.0)},
-        {}, ("rests",), False,
+        {}, ("rests", "aslant"), False,
     ),
     "axes": (
         {"misalignment_mrad": stated(3.0, "maximum"), "non_orthogonality_mrad": stated(1.0)},
         {"misalignment_mrad": stated(1.0), "non_orthogonality_mrad": stated(1.0, "maximum")},
-        {}, ("rests",), False,
+        {}, ("rests", "aslant"), False,
     ),
     "orders": (
         {"scale_nonlinearity_ppm": stated(3000.0), "range_deg_s": stated(400.0)},
@@ -126,7 +134,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
     ),
     "by force": (
         {"g_sensitivity_deg_h_g": stated(0.1), "g2_sensitivity_deg_h_g2": stated(0.05)},
-        {}, {}, ("rests", "spun"), False,
+        {}, {}, ("rests", "spun", "aslant"), False,
     ),
     # "warmth" has a gyro that drifts by 3.2 sigma: beyond 3 a fit takes that for no stated drift
     "warm": (
@@ -138,7 +146,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
     ),
     "filters": (
         {"bandwidth_hz": stated(40.0)}, {"bandwidth_hz": stated(20.0)},
-        {"output_rate_hz": stated(200.0)}, ("rests", "spun", "leaning"), False,
+        {"output_rate_hz": stated(200.0)}, ("rests", "spun", "leaning", "aslant"), False,
     ),
     "instants": (
         {"bandwidth_hz": stated(150.0), "angle_random_walk_deg_rt_h": stated(0.003)},
@@ -155,7 +163,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
     "clock": (
         {}, {"places_mm": stated([[8.0, -9.0, 5.0], [-9.0, 5.0, 8.0], [5.0, 9.0, -9.0]])},
         {"clock_offset_ppm": stated(1.0), "jitter_us": stated(500.0), "latency_ms": stated(2.0)},
-        ("spun", "leaning"), False,
+        ("spun", "leaning", "aslant"), False,
     ),
     "known": (
         {"turn_on_bias_deg_h": stated(0.05)},
@@ -211,6 +219,13 @@ def test_runs_come_to_what_a_sheet_says_and_keep_their_sigmas(name, base, sampli
     assert made.refused == ()
     assert any(a.ratio is not None for a in made.achieved)
     assert broken(case) == []
+
+
+@pytest.mark.slow
+def test_orders_of_forces_that_go_round_are_in_the_sigmas():
+    """Of the filter: taken for a scale error alone they were 140 per freedom. Nothing of `inertial`
+    is predicted within 10 % here."""
+    assert broken(asked("orders", "aslant")) == []
 
 
 def broken(case) -> list[tuple[str, str, float]]:
