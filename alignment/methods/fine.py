@@ -98,6 +98,7 @@ _ORDERS: dict[str, Callable[[Array], Array]] = {
     "accel_quadratic": np.square,
     "accel_cubic": lambda f: f**3,
 }
+_STEADY = 0.01  # of the whole force: what varies by less is no slope's
 _ROUND = 1.0  # rad: what turns by more goes round
 _ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
 
@@ -487,12 +488,8 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
         own["gyro_g_sensitivity"] = float(
             np.hypot(priors.gyro_g_sensitivity, 2 * steady * priors.gyro_g2_sensitivity)
         )
-        own |= dict.fromkeys(_ORDERS, 0.0)
+        priors = _with_lines_of_orders(priors, carried.dv / spans)
     folded = in_one_attitude(replace(priors, **dict.fromkeys(own, 0.0)), site.gravity)
-    if not rocks:
-        by_orders = _lines_of_orders(priors, carried.dv / spans)
-        for name, size in zip(("accel_bias", "accel_scale"), by_orders, strict=True):
-            own[name] = float(np.hypot(getattr(folded, name), size))
     if priors.gyro_cubic:
         own["gyro_scale"] = float(np.hypot(folded.gyro_scale, _scale_of_cubic(priors, carried)))
     for sensor, sums in _SUMS.items() if rocks else ():
@@ -508,23 +505,27 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     return replace(folded, **own, clock=0.0)
 
 
-def _lines_of_orders(priors: Priors, f: Array) -> Array:
-    """The bias and the scale error (2,) that accelerometers' asymmetry and higher orders are most
-    like where forces (m, 3) change, each of the axis that has most of it.
+def _with_lines_of_orders(priors: Priors, f: Array) -> Priors:
+    """The priors, with accelerometers' asymmetry and higher orders taken for the bias and the scale
+    error that they are most like where forces (m, 3) change, of the axis that has most of each.
 
     Least squares of ``f^2`` by ``a + s f``, and of the others: of a force that goes round by r
     beside a steady F it is ``s = 2 F`` and ``a = r^2/2 - F^2``, no part of which is the scale's.
+    What is steady but for noise is a bias alone.
     """
-    found = np.zeros(2)
     off = f - f.mean(axis=0)
     varied = np.sum(off**2, axis=0)
+    varied[varied < _STEADY**2 * np.sum(f**2)] = np.inf
+    found = np.array([priors.accel_bias, priors.accel_scale])
     for name, power in _ORDERS.items():
+        if not (size := getattr(priors, name)):
+            continue
         y = power(f)
-        slope = np.sum(off * y, axis=0) / np.maximum(varied, 1e-12 * np.sum(f**2))
+        slope = np.sum(off * y, axis=0) / varied
         line = y.mean(axis=0) - slope * f.mean(axis=0), slope
-        size = getattr(priors, name)
-        found = np.hypot(found, size * np.array([np.abs(part).max() for part in line]))
-    return found
+        found = np.hypot(found, size * np.abs(line).max(axis=1))
+    bias, scale = map(float, found)
+    return replace(priors, **dict.fromkeys(_ORDERS, 0.0), accel_bias=bias, accel_scale=scale)
 
 
 def _scale_of_cubic(priors: Priors, carried: Carried) -> float:

@@ -24,7 +24,7 @@ from alignment.arrays import Array
 from alignment.constant_errors import constant_columns, constant_form
 from alignment.cross import cross_matrix
 from alignment.doubts import ALIKE_DOUBT, apart_doubt, drift_doubt, heading_doubt
-from alignment.earth import Site
+from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError, NotAtRest, TooShort
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gains import by_increments
@@ -70,6 +70,7 @@ _BENT = 0.5  # of a drift's straight part, the bend of one that settles
 _SEEN = 0.01  # of the Earth's level rate: a bias along north that is remarked
 _TURNED = 0.5  # of what bends there: the sensors' own part below which the base does
 _ARM_ORDERS = 4  # Legendre orders of velocity that attitude errors and biases make
+_FASTER = 10 * EARTH_RATE  # rad/s: a table's turn, not the Earth's
 _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
 _WANDER_DOUBT = 5.0  # sigmas (root of the mean square of nine) that are remarked
 _WANDER_LIMIT = 10.0  # sigmas that are refused, where the instrument also moves by this:
@@ -924,12 +925,15 @@ def checked_readings(dwell: Dwell) -> ImuReadings:
 
 
 def with_places(priors: Priors, carried: Carried) -> Priors:
-    """The priors, with what a turn makes of the accelerometers' places for a bias: ``w^2 r``."""
-    if not priors.places:
-        return priors
+    """The priors, with what a turn makes of the accelerometers' places for a bias: ``w^2 r``.
+
+    What the Earth turns by is none: nothing is known of a bias then, where no sheet states one.
+    """
     means = carried.dtheta / carried.spans[:, None]
-    outward = priors.places * float(np.mean(np.sum(means**2, axis=1)))
-    return replace(priors, accel_bias=float(np.hypot(priors.accel_bias, outward)))
+    square = float(np.mean(np.sum(means**2, axis=1)))
+    if not priors.places or square < _FASTER**2:
+        return priors
+    return replace(priors, accel_bias=float(np.hypot(priors.accel_bias, priors.places * square)))
 
 
 def block_of(readings: ImuReadings) -> float:

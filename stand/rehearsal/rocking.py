@@ -109,8 +109,9 @@ def known(run: Functional, scene: Scene) -> Array:
     ):
         for field, values in values_of(spec).items():
             off[:, own] += BY_AXIS[field](x, run.force) @ values
-    w = run.rate[:, None]
-    off[:, 3:] += np.cross(w, np.cross(w, scene.imu.places)).diagonal(axis1=1, axis2=2)
+    if scene.imu.places.any():
+        w = run.rate[:, None]
+        off[:, 3:] += np.cross(w, np.cross(w, scene.imu.places)).diagonal(axis1=1, axis2=2)
     return run.answer(off)
 
 
@@ -188,10 +189,10 @@ def turned_by_heading(parts: Parts) -> Parts:
 
     To first order the gyros' errors tilt the carried attitude by t about n. Found together with an
     error h of heading, that tilt is one about axes turned by h: ``cos(h) t + sin(h) (0,0,1) x t``.
-    What accelerometers make of tilt stays in b, whatever the heading, and so
-    does the angle that a clock is ahead by, about the axis of the turn. Of a normal h that is not
-    correlated with t the squares of cosine and sine are ``(1 +- exp(-2 h^2)) / 2`` on average, and
-    their product is nothing.
+    What accelerometers make of tilt stays in b, whatever the heading, and so does the angle that a
+    clock is ahead by, about the axis of the turn. Of a normal h that is not correlated with t the
+    squares of cosine and sine are ``(1 +- exp(-2 h^2)) / 2`` on average, and their product is
+    nothing.
     """
     variance = float(sum(parts.values(), np.zeros((3, 3)))[2, 2])
     half = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

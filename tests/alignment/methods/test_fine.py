@@ -32,7 +32,7 @@ from alignment.information.drift import GaussMarkov
 from alignment.methods.fine import (
     METHOD,
     Model,
-    _lines_of_orders,
+    _with_lines_of_orders,
     columns_of,
     error_matrices,
     filtered,
@@ -798,16 +798,25 @@ def test_g_sensitive_gyros_beside_gravity_that_goes_round(power):
 
 def test_lines_that_orders_of_forces_are_like_by_hand():
     """``F + r cos``, F 2 and r 3: squares are ``0.5 + 4 f``, cubes ``-2.5 + 18.75 f`` and
-    waves; of one that goes round about nothing the size is ``r 2/pi`` and no scale."""
+    waves; of one that goes round about nothing the size is ``r 2/pi`` and no scale. Of a steady
+    one squares are ``F^2`` and no scale, whatever its noise."""
+
+    def lines(f, **orders):
+        told = _with_lines_of_orders(Priors(**orders), f)
+        assert not any(getattr(told, name) for name in orders)
+        return [told.accel_bias, told.accel_scale]
+
     phase = 2 * pi * (np.arange(720) + 0.5) / 720
     f = np.stack([2 + 3 * np.cos(phase), np.full(720, 1e-9), np.full(720, 1e-9)], axis=1)
-    squares = _lines_of_orders(Priors(accel_quadratic=0.1), f)
+    squares = lines(f, accel_quadratic=0.1)
     np.testing.assert_allclose(squares, [0.05, 0.4], rtol=1e-9)
     # F^3 + 3/2 F r^2 = 35 at the mean of 2, slope 3 F^2 + 3/4 r^2 = 18.75
-    cubes = _lines_of_orders(Priors(accel_cubic=0.1), f)
+    cubes = lines(f, accel_cubic=0.1)
     np.testing.assert_allclose(cubes, [0.25, 1.875], rtol=1e-9)
-    level = _lines_of_orders(Priors(accel_asymmetry=0.1), f - [2.0, 0.0, 0.0])
+    level = lines(f - [2.0, 0.0, 0.0], accel_asymmetry=0.1)
     np.testing.assert_allclose(level, [0.1 * 3 * 2 / pi, 0.0], rtol=1e-4, atol=1e-12)
+    steady = np.array([3.0, 1.0, 9.0]) + 3e-3 * np.random.default_rng(6).normal(size=(720, 3))
+    np.testing.assert_allclose(lines(steady, accel_quadratic=0.1), [8.1, 0.0], rtol=1e-4)
 
 
 @pytest.mark.parametrize("method", [inertial, fine])
@@ -838,6 +847,22 @@ def test_accelerometers_at_places_of_their_own_in_a_turn(method):
         off.append(across @ [-down[1], down[0]] / (told * sqrt(2 / 3)))
     low, high = chi2.ppf([0.001, 0.999], len(off)) / len(off)
     assert low < np.mean(np.square(off)) < high
+
+
+@pytest.mark.parametrize("method", [inertial, fine])
+def test_accelerometers_places_are_no_bias_at_rest(method):
+    """The Earth pulls 5 mm by 3e-11 m/s^2. Taken for a stated bias it hid that no sheet states one,
+    and with it what is doubtful of accelerometers without a sheet."""
+    t, w, f, _ = STILL.readings(200.0, 5.0, 100.0)  # the Earth turns by more than 0.01 rad
+    f = f + 6e-4 * sqrt(5) * np.random.default_rng(7).normal(size=f.shape)
+    f[:, 0] += 1e-5 * (t - 100.0)  # a drift
+    priors = Priors(gyro_bias=1e-7, gyro_walk=1e-6)
+    found = [
+        method([dwell(t, w, f)], site(STILL), Options(priors=replace(priors, places=places)))[0]
+        for places in (0.0, 5e-3)
+    ]
+    np.testing.assert_array_equal(found[0].covariance, found[1].covariance)
+    assert found[0].flags == found[1].flags
 
 
 def test_coarse_and_fine_agree_on_the_same_readings():

@@ -104,7 +104,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
     "drift": (
         {"turn_on_bias_deg_h": stated(0.1), "bias_instability_deg_h": stated(0.05)},
         {"turn_on_bias_mg": stated(0.1), "bias_instability_ug": stated(50.0)},
-        {}, ("rests",), False,
+        {}, ("rests", "aslant"), False,
     ),
     "walks": (
         {"rate_random_walk_deg_h_rt_h": stated(1.0)},
@@ -114,7 +114,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
     "ramps": (
         {"rate_ramp_deg_h_h": stated(5.0)},
         {"acceleration_ramp_ug_h": stated(5000.0)},
-        {}, ("rests",), False,
+        {}, ("rests", "aslant"), False,
     ),
     "scales": (
         {"scale_factor_ppm": stated(2000.0), "scale_asymmetry_ppm": stated(2000.0)},
@@ -154,11 +154,12 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
         {}, (), False,
     ),
     "rounding": (
-        {"resolution_deg_s": stated(3e-5)}, {"resolution_mg": stated(0.005)}, {}, ("rests",), False,
+        {"resolution_deg_s": stated(3e-5)}, {"resolution_mg": stated(0.005)},
+        {}, ("rests", "aslant"), False,
     ),
     "increments": (
         {"increment_lsb_arc_s": stated(3e-3)}, {"increment_lsb_m_s": stated(1e-6)},
-        {"output": "increment"}, ("rests",), False,
+        {"output": "increment"}, ("rests", "aslant"), False,
     ),
     "clock": (
         {}, {"places_mm": stated([[8.0, -9.0, 5.0], [-9.0, 5.0, 8.0], [5.0, 9.0, -9.0]])},

@@ -903,8 +903,8 @@ def test_the_filter_is_predicted_as_it_runs():
     """A turn and a half each way, 5 cm beside the axis, by a unit whose sheet has a walk but no
     bias. The filter has the walk till then for a bias, and stands at a heading that is right: its
     prediction took the Earth's level rate for of any size, 0.85 and 2.84 deg, and stood 26 deg
-    off. Each of 24 runs states 0.32 and 0.33; they came to 0.40 and 0.37 (5 and 95 %: 0.73 to 1.26
-    of what is right)."""
+    off. Each of 24 runs states 0.32 and 0.33; they came to 0.40 and 0.37 (95 of 100 such: 0.72
+    to 1.28 of what is right)."""
     found = rehearse(unit_case(32)).predictions
     headings = [
         p.sigma / p.per
