@@ -13,6 +13,7 @@ _SMALL = 0.1  # rad: below, first order is good to 0.2 % of sigma
 _DRAWS = np.linspace(-6, 6, 97)  # of a normal number, and their weights
 _WEIGHTS = np.exp(-(_DRAWS**2) / 2) / np.sum(np.exp(-(_DRAWS**2) / 2))
 _BOTH = np.outer(_WEIGHTS, _WEIGHTS)
+_NEVER = np.finfo(float).tiny
 _LEAST_LEFT = 1e-3  # of the Earth's level rate
 _COMPLEX = np.array([1.0, 1j])
 _ANYWHERE = np.pi / np.sqrt(3)  # rad, of a direction of which nothing is known
@@ -42,18 +43,20 @@ def by_direction(errors: Array) -> float:
 def with_level_rate(covariance: Array, both: Array, lever: Array) -> Array:
     """`covariance` (3, 3) about n, as found, with its tilts as they are where the level rate turns
     by much: see `by_level_rate`, of which `both` (4, 4) and `lever` (2,) are.
+
+    Tilts that go with a heading go round with it, and so does their correlation.
     """
-    less, more = by_level_rate(covariance, both, lever, found=True)
-    return np.asarray(covariance * np.outer(less, less) + np.diag(more))
+    first, after = _about_the_north(both, lever, found=True)
+    return np.asarray(covariance - first + after)
 
 
-def by_level_rate(covariance: Array, both: Array, lever: Array, found: bool) -> tuple[Array, Array]:
+def by_level_rate(covariance: Array, both: Array, lever: Array) -> tuple[Array, Array]:
     """Parts (3,) that are left of sigmas about n, and variances (3,) that are added.
 
     A match knows the tilt in the middle of its record; to the end it turns on by the Earth's level
     rate, of the size it has and in the direction that is found. So tilt goes with heading's error
     h, by `lever` (2,) of tilts N, E per radian, and on the circle as h turns that rate. Tilts are
-    about the north that is `found`, else about the true one.
+    about the true north.
 
     Notes
     -----
@@ -62,20 +65,33 @@ def by_level_rate(covariance: Array, both: Array, lever: Array, found: bool) -> 
     turn makes ``l b``, and on the circle ``l (exp(i h) - 1)/i``, h that of ``1 + a + i b``.
     Where tilts come to less all causes count less; where they come to more, that is added.
     """
+    first, after = (P.diagonal()[:2] for P in _about_the_north(both, lever, found=False))
+    before = covariance.diagonal()[:2]
+    after = np.maximum(before - first, 0.0) + after
+    less = np.sqrt(np.minimum(after / before, 1.0))
+    return np.append(less, 1.0), np.append(np.maximum(after - before, 0.0), 0.0)
+
+
+def _about_the_north(both: Array, lever: Array, found: bool) -> tuple[Array, Array]:
+    """Covariances (3, 3) of what a and b make of tilts and heading, to first order and on the
+    circle, there about the north that is `found` or the true one; heading's variance is b's."""
     errors = both[np.ix_([3, 2], [3, 2])]
     if errors.trace() < _SMALL**2:
-        return np.ones(3), np.zeros(3)
+        return np.zeros((3, 3)), np.zeros((3, 3))
     a, b = _drawn(errors)
     h = np.arctan2(b, 1 + a)
     along, across = _COMPLEX @ both[:2, [3, 2]] @ np.linalg.pinv(errors, hermitian=True)
     goes, turned = along * a + across * b, lever @ _COMPLEX
     whole = goes + turned * ((np.exp(1j * h) - 1) / 1j - b)
-    tilts = goes, whole * np.exp(-1j * h) if found else whole
-    first, after = (np.array([_rms(t.real), _rms(t.imag)]) ** 2 for t in tilts)
-    before = covariance.diagonal()[:2]
-    after = np.maximum(before - first, 0.0) + after
-    less = np.sqrt(np.minimum(after / before, 1.0))
-    return np.append(less, 1.0), np.append(np.maximum(after - before, 0.0), 0.0)
+    if found:
+        whole = whole * np.exp(-1j * h)
+    return _squares(goes, b), _squares(whole, h * (_rms(b) / max(_rms(h), _NEVER)))
+
+
+def _squares(tilts: Array, heading: Array) -> Array:
+    """Mean squares and products (3, 3) of tilts ``N + i E`` and heading, over the grid."""
+    values = np.stack([tilts.real, tilts.imag, heading])
+    return np.asarray(np.einsum("ikl,jkl,kl->ij", values, values, _BOTH) / np.sum(_BOTH))
 
 
 def by_size(found: Array, errors: Array, about: float) -> float:

@@ -44,6 +44,7 @@ ESTIMATORS = {
         },
         published_deg=(0.009105, 0.006733, 0.017117),
         tracks=six_position_tracks,
+        tells_mean=True,
     ),
     "rk4": Method(
         title="Runge-Kutta integration of offset-corrected gyros from the nominal attitude",
@@ -78,6 +79,7 @@ ESTIMATORS = {
         estimate=triad,
         gains=triad_gains,
         windows={"pair": Window("opposed pairs", attitude=False)},
+        tells_mean=True,
     ),
     "single-gyro": Method(
         title="Analytic gyrocompassing with the one gyro nearest to east or west",
@@ -88,6 +90,7 @@ ESTIMATORS = {
         gains=single_gyro_gains,
         gyros=1,
         azimuth_matters=True,
+        tells_mean=True,
     ),
     "two-position": Method(
         title="Double gyrocompassing: two positions a turn apart, biases cancel",
@@ -98,6 +101,7 @@ ESTIMATORS = {
         gains=two_position_gains,
         turns_cancel_bias=True,
         anomaly=ANOMALY,
+        tells_mean=True,
     ),
     "multi-position": Method(
         title="All positions in one least squares fit with the biases",
@@ -109,6 +113,7 @@ ESTIMATORS = {
         turns_cancel_bias=True,
         anomaly=ANOMALY,
         fits_positions=True,
+        tells_mean=True,
     ),
     "carousel": Method(
         title="Dynamic gyrocompassing: Earth rate's harmonic over whole turns",

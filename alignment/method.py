@@ -102,7 +102,7 @@ class Method:
     azimuth_matters : bool
         Its sigma depends on where on the horizon the axes point.
     tells_mean : bool
-        Its attitude is the mean one of a stretch, where all others tell that at its end.
+        Its attitude is the mean one of a stretch, where others tell that at its end.
     follows_moves : bool
         It takes the readings between its stretches too.
     knows_skew : bool

@@ -578,8 +578,23 @@ def noise_of_blocks(values: Array, means: Array) -> float:
     if len(means) >= FEWEST_BLOCKS:
         jumps = np.abs(np.diff(means, axis=0))
         sigma = np.minimum(sigma, 1.4826 / np.sqrt(2) * np.median(jumps, axis=0))
+        sigma = np.minimum(sigma, _beside_lines(values, len(means)))
     coarse = max(step_of(values[:, k]) for k in range(values.shape[1]))
     return max(REST_SIGMAS * float(sigma.max()), STEPS * coarse)
+
+
+def _beside_lines(values: Array, blocks: int) -> Array:
+    """Sigma (k,) of 1 s means by the median density of `values` (n, k), to 2 Hz where they reach.
+
+    A motion of some period is a few lines of it, however few samples it has a period; of those that
+    look like noise from sample to sample this alone knows.
+    """
+    parts = min(len(values), 4 * blocks)
+    means = block_means(values, parts)
+    window = np.hanning(parts + 1)[:-1, None]
+    lines = np.abs(np.fft.rfft(window * (means - means.mean(axis=0)), axis=0)[1:]) ** 2
+    variance = np.median(lines, axis=0) / np.log(2) / np.sum(window**2)
+    return np.asarray(np.sqrt(variance * blocks / parts))
 
 
 def _is_drift(w: Array, up: Array, rate: float, span: float) -> bool:

@@ -50,7 +50,12 @@ def rocked_covariance(readings: ImuReadings) -> Array:
     return np.asarray(found)
 
 
-def rocked_doubt(readings: ImuReadings) -> tuple[str, ...]:
-    """A flag where it rocked."""
+def rocked_doubt(readings: ImuReadings, so: str = "counted") -> tuple[str, ...]:
+    """A flag where it rocked, and what is made `so` of that."""
     size = float(np.sqrt(np.trace(rocked_covariance(readings))))
-    return (f"rocks by {np.degrees(size):.2g} deg (rms): counted",) if size else ()
+    return (f"rocks by {np.degrees(size):.2g} deg (rms): {so}",) if size else ()
+
+
+def mean_doubt(readings: ImuReadings) -> tuple[str, ...]:
+    """A flag where it rocked, of methods that need no table and tell the attitude of the mean."""
+    return rocked_doubt(readings, "this is the mean attitude")

@@ -18,7 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignment.around import by_direction, by_size, less_turned, whole_circle
+from alignment.around import (
+    by_direction,
+    by_size,
+    less_turned,
+    whole_circle,
+    with_level_rate,
+)
 from alignment.arrays import Array, set_owned
 from alignment.constant_errors import BY_AXIS, in_one_attitude, with_products
 from alignment.cross import cross_matrix
@@ -43,6 +49,7 @@ from alignment.methods.inertial import (
     lag_covariance,
     laid,
     left_of_the_turn,
+    lever_of,
     rest_covariance,
     rest_of,
     sensitivity,
@@ -139,6 +146,8 @@ class Filtered:
     constants, sigmas : (m, k, 3)
         Their values in b and standard deviations, SI.
     innovations : Innovations
+    lever : (2,)
+        Tilts N, E at the end by which heading is held off, in parts of that.
     flags : tuple of str
     """
 
@@ -149,6 +158,7 @@ class Filtered:
     constants: Array
     sigmas: Array
     innovations: Innovations
+    lever: Array
     flags: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -159,6 +169,7 @@ class Filtered:
             covariance=(self.covariance, (m, 3, 3), float),
             constants=(self.constants, (m, k, 3), float),
             sigmas=(self.sigmas, (m, k, 3), float),
+            lever=(self.lever, (2,), float),
         )
 
 
@@ -339,7 +350,21 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
         heading = float(np.sqrt(run.attitude[-1, 2, 2]))
         late += with_clock(ahead, _clocked(model, run, options.priors.clock), heading)
     more = added, left_of_the_turn(carried, matched, priors), late
-    return _answer(model, reference, run, more, flags)
+    lever = _held_off(carried, as_found, run.attitude[-1], site)
+    return _answer(model, reference, run, more, lever, flags)
+
+
+def _held_off(carried: Carried, matched: Match, attitude: Array, site: Site) -> Array:
+    """Tilts N, E (2,) per radian by which heading is held off.
+
+    As of a match: what leans the plumb line goes round with heading, and the horizontal Earth rate
+    does over half of the record. But here a bias of the gyros may stand for that, the more the
+    less tilt E follows heading in the `attitude` (3, 3) of the filter.
+    """
+    leans = site.f_n[:2] / site.f_n[2]
+    level = lever_of(carried.spans, matched) - leans
+    shown = attitude[1, 2] / attitude[2, 2] - leans[1]
+    return np.asarray(leans + np.clip(shown / level[1], 0.0, 1.0) * level)
 
 
 def turns(carried: Carried) -> bool:
@@ -547,7 +572,10 @@ def _fine(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     run = filtered(dwell, site, options, whole=False)
     C_nb, covariance = told_at(dwell, run.C_nb[-1]), run.covariance[-1]
     # what is across the horizontal Earth rate, heading, is along it too: as much of it
+    both = np.zeros((4, 4))
+    both[:3, :3], both[3, 3] = covariance, covariance[2, 2]
     heading = by_direction(covariance[2, 2] * np.eye(2))
+    covariance = with_level_rate(covariance, both, run.lever)
     covariance = whole_circle(covariance, heading)
     return AttitudeEstimate(
         METHOD,
@@ -877,6 +905,7 @@ def _answer(
     reference: _Reference,
     run: Pass,
     more: tuple[Array, float, Array],
+    lever: Array,
     flags: tuple[str, ...],
 ) -> Filtered:
     """Attitudes and constants from the reference and its errors; `more` (3, 3): what the filter
@@ -900,5 +929,6 @@ def _answer(
         _found_by(model, reference, run.x),
         np.sqrt(run.variances[:, told]).reshape(m, count, 3),
         Innovations(t, run.values, np.sqrt(run.expected[told_from:])),
+        lever,
         flags,
     )

@@ -817,7 +817,7 @@ def _weights(spans: Array, matched: Match) -> Array:
 
 def lever_of(spans: Array, matched: Match) -> Array:
     """Tilts N, E (2,) per radian by which heading is held off the match: W cos lat over half of the
-    record."""
+    record, and what leans the plumb line."""
     curves = cross_matrix(matched.reference)
     normal = np.tensordot(spans[:, None, None] * curves, curves, ([0, 2], [0, 2]))
     return np.asarray(-np.linalg.solve(normal[:2, :2], normal[:2, 2]))

@@ -129,16 +129,17 @@ def _track(
     t = readings.t[ends - 1]
     variance = believed(mean_variance(readings.w_ib_b), readings, priors.gyro_walk)
     variance_rate = variance * readings.interval * len(readings)
-    elapsed = t - dwell.t_from
-    few = len(dwell.window(0.0, options.offset_window)) <= BLOCKS  # tell less than the record
+    elapsed = t - (readings.t[0] - readings.interval)
+    samples = len(dwell.window(0.0, options.offset_window))
+    window = samples * readings.interval  # of which the offset is the mean
     own = offset.variances[:3]
-    if few:
-        own = variance_rate / options.offset_window + offset.wander[:3]
-    about_b = integrated_drift_covariance(variance_rate, elapsed, options.offset_window, own)
+    if samples <= BLOCKS:  # which tell less than the record
+        own = variance_rate / window + offset.wander[:3]
+    about_b = integrated_drift_covariance(variance_rate, elapsed, window, own)
     # bias of later readings against that of the window: the two differ by the Allan deviation
-    late = np.maximum(elapsed - options.offset_window, 0.0)
+    late = np.maximum(elapsed - window, 0.0)
     about_b += 2 * (priors.gyro_instability * late[:, None]) ** 2
-    about_b += drifted_apart(late, options.offset_window, priors)[:, None]
+    about_b += drifted_apart(late, window, priors)[:, None]
     R = nominal.as_matrix()
     begun = in_the_mean(priors, dwell.t_from, options.offset_window)
     beyond, told = misplaced(offset, nominal, site, begun)

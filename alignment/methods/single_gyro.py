@@ -34,6 +34,7 @@ from alignment.noise import (
 )
 from alignment.options import Options
 from alignment.readings import Dwell
+from alignment.rocked import mean_doubt
 from alignment.saturation import saturation_doubt
 
 METHOD = "single-gyro"
@@ -222,6 +223,7 @@ def _single(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         + rest_doubt(dwell.window())
         + faint_doubt(dwell.window(), options.priors)
         + around_doubt(dwell)
+        + mean_doubt(dwell.window())
         + _rate_doubt(means[:3]),
     )
 

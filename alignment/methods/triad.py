@@ -28,6 +28,7 @@ from alignment.noise import (
 )
 from alignment.options import Options, Priors
 from alignment.readings import Dwell, ImuReadings
+from alignment.rocked import mean_doubt
 from alignment.saturation import saturation_doubt
 
 METHOD = "triad"
@@ -164,7 +165,7 @@ def _single(
     variance = attitude_covariance(C_nb, whole, to_latitude)[0, 0]
     flags = gap_doubt(window) + saturation_doubt(dwell.label, window)
     flags += heading_doubt(covariance) + rest_doubt(window) + around_doubt(dwell)
-    flags += faint_doubt(window, options.priors)
+    flags += faint_doubt(window, options.priors) + mean_doubt(window)
     if abs(rate / EARTH_RATE - 1) > _RATE_DOUBT:
         flags += ("mean rate is not Earth's 15.04 deg/h within 20 %: gyro bias, or not at rest",)
     return AttitudeEstimate(

@@ -179,7 +179,7 @@ def with_level_rate_found(parts: Parts, errors: Array | None, lever: Array | Non
     if errors is None or lever is None:
         return parts
     total = np.asarray(sum(parts.values(), np.zeros((3, 3))))
-    less, more = by_level_rate(total, errors, lever, found=False)
+    less, more = by_level_rate(total, errors, lever)
     kept = {name: P * np.outer(less, less) for name, P in parts.items()}
     return kept | {BEYOND: np.diag(more)} if more.any() else kept
 

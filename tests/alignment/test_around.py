@@ -69,12 +69,21 @@ def test_tilts_beside_a_heading_that_is_known_are_first_order():
 def test_tilts_all_round_the_circle(found):
     """Mean squares of ``1 - cos h`` and ``sin h``, 3/2 and 1/2 of any h, and the middle's."""
     P = by_accelerometers(1e3)
-    less, more = by_level_rate(P[:3, :3], P, np.array([0.0, LEVER]), found)
-    squares = less**2 * P.diagonal()[:3] + more
+    if found:
+        own = with_level_rate(P[:3, :3], P, np.array([0.0, LEVER]))
+        squares = own.diagonal()
+        correlations = own / np.sqrt(np.outer(squares, squares))
+        # odd in the heading: tilt N's 1 - cos h goes with none, E's sin h with it: sqrt(6)/pi of it
+        assert correlations[0, 1:] == pytest.approx([0, 0], abs=0.08)  # the grid, as below
+        share = np.sqrt(0.5) * LEVER / np.sqrt(MIDDLE + 0.5 * LEVER**2)
+        assert correlations[1, 2] == pytest.approx(share * np.sqrt(6) / pi, abs=0.05)
+    else:
+        less, more = by_level_rate(P[:3, :3], P, np.array([0.0, LEVER]))
+        squares = less**2 * P.diagonal()[:3] + more
     # rows of the grid along both axes hold 5 % of the weight each
     assert squares[0] == pytest.approx(MIDDLE + 1.5 * LEVER**2, rel=0.08)
     assert squares[1] == pytest.approx(MIDDLE + 0.5 * LEVER**2, rel=0.08)
-    assert squares[2] == P[2, 2]
+    assert squares[2] == pytest.approx(P[2, 2], rel=1e-12)
 
 
 @pytest.mark.parametrize("sigma", [0.2, 1.0, 5.0])
@@ -91,7 +100,7 @@ def test_tilts_by_both_are_those_of_draws():
     """Gyros and accelerometers alike, about the true north: half a million draws."""
     s = 0.7
     P = by_gyros(s) + by_accelerometers(s)
-    less, more = by_level_rate(P[:3, :3], P, np.array([0.0, LEVER]), found=False)
+    less, more = by_level_rate(P[:3, :3], P, np.array([0.0, LEVER]))
     gyro, accel = np.random.default_rng(4).standard_normal((2, 500_000, 2)) @ [1, 1j] * s
     found = 1 + gyro + accel
     left = (1 + gyro - found / abs(found)) * LEVER
