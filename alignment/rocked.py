@@ -3,7 +3,7 @@
 import numpy as np
 
 from alignment.arrays import Array
-from alignment.noise import block_means, noise_of_blocks, rest_blocks
+from alignment.noise import ALIKE, block_means, noise_of_blocks, rest_blocks
 from alignment.once import once
 from alignment.readings import ImuReadings
 
@@ -25,7 +25,7 @@ def rocked_covariance(readings: ImuReadings) -> Array:
         About the vertical by what the gyros turned, about level axes, alike since a heading may be
         off, by how the accelerometers leaned. Zeros where no 1 s mean of rates leaves the common
         one by more than noise, and of level axes where none of the forces does: what only drifts
-        did not move.
+        did not move, and neither did what turned about the vertical no faster than that drift.
 
     Notes
     -----
@@ -41,13 +41,19 @@ def rocked_covariance(readings: ImuReadings) -> Array:
     mean = f.mean(axis=0)
     size = float(np.linalg.norm(mean))
     up = mean / size
-    span = readings.interval * len(readings) / blocks
-    turned = np.cumsum(w @ up) * span
-    found = float(np.var(turned)) * np.outer(up, up)
+    level = np.eye(3) - np.outer(up, up)
+    found = np.zeros((3, 3))
     leaned = np.cross(up, f / size)
-    if np.linalg.norm(leaned, axis=1).max() > noise_of_blocks(readings.f_b, f) / size + _ROUNDING:
-        found = found + np.sum(leaned**2) / 2 / blocks * (np.eye(3) - np.outer(up, up))
-    return np.asarray(found)
+    leans = (
+        np.linalg.norm(leaned, axis=1).max() > noise_of_blocks(readings.f_b, f) / size + _ROUNDING
+    )
+    if leans:
+        found += np.sum(leaned**2) / 2 / blocks * level
+    # rates about level axes that did not lean are drifts, and gyros of one unit drift alike
+    if leans or np.abs(w @ up).max() > ALIKE * np.linalg.norm(w @ level, axis=1).max():
+        span = readings.interval * len(readings) / blocks
+        found += float(np.var(np.cumsum(w @ up) * span)) * np.outer(up, up)
+    return found
 
 
 def rocked_doubt(readings: ImuReadings, so: str = "counted") -> tuple[str, ...]:

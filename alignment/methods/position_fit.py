@@ -439,13 +439,13 @@ def _off(turned: Array) -> Array:
 
 
 def _tilted(fit: PositionFit, state: _State, problem: _Problem) -> PositionFit:
-    """The fit whose accelerometers' biases are as unsure as a tilt of some degrees makes them.
+    """The fit whose other tilt and accelerometers' biases are as unsure as a tilt makes them.
 
     Axes that are off turn a force that a tilt leaves along the turns' axis across it, and it is a
-    bias there: a product of two errors, which first order has not. By the law of total variance
-    over tilts t of a standard deviation either way about the axis known worst: what the covariance
-    there is more, by how much more than first order biases change with t, and of those that are
-    bent by ``q t^2`` the mean square ``3 q^2``.
+    bias there, or a tilt across it that positions tell finely: a product of two errors, which first
+    order has not. By the law of total variance over tilts t of a standard deviation either way
+    about the axis known worst: what the covariance there is more, by how much more than first order
+    biases change with t, and of what is bent by ``q t^2`` the mean square ``3 q^2``.
     """
     variances, axes = np.linalg.eigh(fit.covariance[:, 0, :2, :2])
     sigmas = np.sqrt(variances[:, -1])
@@ -453,30 +453,40 @@ def _tilted(fit: PositionFit, state: _State, problem: _Problem) -> PositionFit:
     if not len(runs):
         return fit
     own, (C, x, u) = problem.of(runs), _of(state, runs)
-    way = np.zeros((len(runs), 3))
+    way, across = np.zeros((2, len(runs), 3))
     way[:, :2] = sigmas[runs, None] * axes[runs, :, -1]
-    at = [_accel_biases((_turned(s * way, C), x, u), own) for s in (0.0, 1.0, -1.0)]
-    (b, P), (b_one, P_one), (b_two, P_two) = at
-    q = (b_one + b_two) / 2 - b
+    across[:, :2] = axes[runs, :, 0]
+    at = [_beside(across, (_turned(s * way, C), x, u), own) for s in (0.0, 1.0, -1.0)]
+    (there, P), (one, P_one), (two, P_two) = at
+    q = (one + two) / 2 - there
     slope = np.einsum("ri,rij->rj", way[:, :2], fit.cross[runs, 0, :2, 3:])
-    s = (b_one - b_two) / 2 - slope / variances[runs, -1, None]
-    more = s[:, :, None] * s[:, None] + 3 * q[:, :, None] * q[:, None]
-    found = fit.bias_covariance.copy()
-    found[runs, 3:, 3:] += (P_one + P_two) / 2 - P + more
-    return replace(fit, bias_covariance=found)
+    s = ((one - two) / 2)[:, 1:] - slope / variances[runs, -1, None]
+    bent = q[:, 1:]
+    more = s[:, :, None] * s[:, None] + 3 * bent[:, :, None] * bent[:, None]
+    found, covariance = fit.bias_covariance.copy(), fit.covariance.copy()
+    found[runs, 3:, 3:] += ((P_one + P_two) / 2 - P)[:, 1:, 1:] + more
+    tilt = 3 * q[:, 0, None, None] ** 2 * across[:, :, None] * across[:, None]
+    covariance[runs] += tilt[:, None]
+    return replace(fit, bias_covariance=found, covariance=covariance)
 
 
-def _accel_biases(state: _State, problem: _Problem) -> tuple[Array, Array]:
-    """Likeliest biases (r, 3) of the accelerometers at an attitude, and their covariances."""
+def _beside(across: Array, state: _State, problem: _Problem) -> tuple[Array, Array]:
+    """Likeliest turn about an axis `across` (r, 3) of n and biases of the accelerometers (r, 1 + 3)
+    at an attitude that else stays, and their covariances."""
     system, x = _linearised(state, problem), state[1]
-    prior = np.broadcast_to(np.eye(problem.count - 3), (len(x), *[problem.count - 3] * 2))
-    A = np.concatenate([system.J[..., 3:] * problem.units[3:], prior], axis=-2)
-    Q, R = np.linalg.qr(A)
+    told = problem.count - 3
+    prior = np.zeros((len(x), told, told + 1))
+    prior[:, :, 1:] = np.eye(told)
+    turned = system.J[..., :3] @ across[..., None]
+    A = np.concatenate([turned, system.J[..., 3:] * problem.units[3:]], axis=-1)
+    Q, R = np.linalg.qr(np.concatenate([A, prior], axis=-2))
     wanted = np.concatenate([system.innovation, -x[:, 3:] / problem.sigmas], axis=-1)
-    root = problem.units[3:, None] * np.linalg.inv(R)
+    root = np.append(1.0, problem.units[3:])[:, None] * np.linalg.inv(R)
     step = (root @ np.swapaxes(Q, -1, -2) @ wanted[..., None])[..., 0]
     P = root @ np.swapaxes(root, -1, -2)
-    return (x[:, 3:] + step)[:, 3:6], P[:, 3:6, 3:6]
+    found = np.concatenate([step[:, :1], x[:, 6:9] + step[:, 4:7]], axis=-1)
+    chosen = [0, 4, 5, 6]
+    return found, P[:, chosen][:, :, chosen]
 
 
 def _spread(fit: PositionFit, margin: Array, apart: Array, weights: Array) -> PositionFit:

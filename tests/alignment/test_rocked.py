@@ -48,6 +48,13 @@ def test_what_stands_still_or_drifts_has_not_rocked():
     drift = 0.05 * np.linspace(0, 1, len(still))[:, None]  # 5 mg in ten minutes, no gyro turns
     drifting = ImuReadings(still.t, still.w_ib_b, still.f_b + drift)
     assert not rocked_covariance(drifting).any()
+    # all three gyros by 60 deg/h: 0.8 deg about each axis, of which two would have leaned
+    alike = np.radians(60) / 3600 * np.sin(2 * np.pi * still.t[:, None] / 300)
+    assert not rocked_covariance(ImuReadings(still.t, still.w_ib_b + alike, still.f_b)).any()
+    one = np.outer(alike, [0.0, 1.0, 0.0])  # Y1 is up: by the gyro that no force can contradict
+    found = rocked_covariance(ImuReadings(still.t, still.w_ib_b + one, still.f_b))
+    turned = np.radians(60) / 3600 * 300 / (2 * np.pi)
+    assert found[1, 1] == pytest.approx(turned**2 / 2, rel=0.2)
 
 
 @pytest.mark.parametrize("method", ["triad", "single-gyro"])
