@@ -51,23 +51,23 @@ MISALIGNMENT = 1e-3  # rad: what rate ripple is weighed with
 
 
 def earth_rate_across(across: Array, up_b: Array, axis_b: Array, latitude: float) -> Array:
-    """Earth rate (..., 3) in b whose part across the axis points along `across`.
+    """Earth rate (..., 3) in b of which a part `across` the axis is felt.
 
-    Its size and its angle to the vertical are known, so neither the scale of `across` nor the
-    rate along the axis (bias, scale error times the table's rate) matters.
+    What the vertical rate, known, does not make of it is the part across of a horizontal one. That
+    is the Earth's in direction, and its size is known too: the rate along the axis (bias, scale
+    error times the table's rate) does not matter.
 
     Notes
     -----
-    ``s p + w_a a`` with ``s (p . u) + w_a (a . u) = W sin lat`` and ``s^2 + w_a^2 = W^2``.
+    ``W sin lat u + W cos lat h``, h along the level ``r - (r . u)/(a . u) a`` of ``r = across -
+    W sin lat (u - (a . u) a)``. Of an axis that leans by less than the Earth's does the direction
+    of `across` tells heading alone; of one that leans by more it is that of two headings.
     """
-    p = across / np.linalg.norm(across, axis=-1, keepdims=True)
-    c = np.einsum("...i,...i->...", p, up_b)
-    d = up_b @ axis_b
-    up_rate = EARTH_RATE * np.sin(latitude)
-    room = np.maximum(EARTH_RATE**2 * (c**2 + d**2) - up_rate**2, 0.0)
-    s = (up_rate * c + np.abs(d) * np.sqrt(room)) / (c**2 + d**2)
-    along = (up_rate - s * c) / d
-    w: Array = s[..., None] * p + along[..., None] * axis_b
+    d = np.einsum("...i,i->...", up_b, axis_b)[..., None]
+    left = across - EARTH_RATE * np.sin(latitude) * (up_b - d * axis_b)
+    level = left - np.einsum("...i,...i->...", left, up_b)[..., None] / d * axis_b
+    h = level / np.linalg.norm(level, axis=-1, keepdims=True)
+    w: Array = EARTH_RATE * (np.sin(latitude) * up_b + np.cos(latitude) * h)
     return w
 
 
@@ -104,8 +104,8 @@ def carousel_attitude(
     -----
     Vertical: the accelerometers' harmonic across the axis, their mean along it. To first order
     the tilt `eta` of the estimate about N, E and its azimuth follow
-    ``eta_D = (dp . t - eta_h . q_h) / q_D`` with t = a x p in n, q = t x w_ie: for a vertical axis
-    ``dp . t / (W cos lat) + tan(lat) df_E / g``.
+    ``eta_D = (dp . t - eta_h . q_h) / q_D`` with t = E - (a . E)/(a . D) D in n, q = t x w_ie: for
+    a vertical axis ``-dp . E / (W cos lat) + tan(lat) df_E / g``.
     """
     f_axis = accels.constant @ axis_b
     f = f_axis[..., None] * axis_b + accels.across
@@ -144,10 +144,12 @@ def _covariance(
     F = accels.variance[..., None, None] * (np.eye(3) - outer) + along[..., None, None] * outer
     tilt = np.zeros((*gravity.shape, 3, 3))
     tilt[..., 0, 1], tilt[..., 1, 0] = -1 / gravity, 1 / gravity
-    p = gyros.across / np.linalg.norm(gyros.across, axis=-1, keepdims=True)
-    t_b = np.cross(axis_b, p)
+    t_n = np.zeros_like(axis_n)
+    t_n[..., 1], t_n[..., 2] = 1.0, -axis_n[..., 1] / axis_n[..., 2]
+    t_n /= np.linalg.norm(t_n, axis=-1, keepdims=True)
+    t_b = np.einsum("...ji,...j->...i", C_nb, t_n)
     w_n = EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-    q = np.cross((C_nb @ t_b[..., None])[..., 0], w_n)
+    q = np.cross(t_n, w_n)
     tilt[..., 2, :] = -np.einsum("...i,...ij->...j", q[..., :2], tilt[..., :2, :]) / q[..., 2:]
     P = tilt @ F @ np.swapaxes(tilt, -1, -2)
     P[..., 2, 2] += gyros.variance / q[..., 2] ** 2

@@ -60,7 +60,7 @@ def test_what_stands_still_or_drifts_has_not_rocked():
 @pytest.mark.parametrize("method", ["triad", "single-gyro"])
 def test_means_have_the_mean_attitude(method):
     """Of a wave of 0.1 deg, two and a quarter long, a good unit: off the mean by seconds of arc,
-    off the end by 0.093 deg. A mean over t leaves ``(1 - cos(2 pi f t))/(2 pi f t)`` of the wave."""
+    off the end by 0.093 deg. A mean over t leaves ``(1 - cos(2 pi f t))/(2 pi f t)`` of it."""
     wave = Angle(amplitude=AMPLITUDE, frequency=0.1)
     motion = Motion(pitch=wave, latitude_deg=48.5)
     t, w, f, _ = motion.readings(22.5, RATE)

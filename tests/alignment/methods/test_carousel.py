@@ -260,11 +260,26 @@ def test_bias_and_scale_leave_heading_alone():
     found = only([dwell])
     # 100 deg/h is 7 times Earth rate: rounding only
     assert np.abs(error(found.C_nb.as_matrix(), NOSE_60)).max() < 1e-11
-    # tilted by 3 deg, too: the sizes of Earth rate and latitude are known
+    # tilted by 3 deg, the vertical rate is felt across the axis: 5 % of that is felt beyond it
     C = Rotation.from_rotvec([radians(2), radians(-3), 0]).as_matrix() @ NOSE_60
     found = only([turning(C, bias=bias, scale=(0.05, -0.05, 0.05, 0, 0, 0))])
+    off = error(found.C_nb.as_matrix(), C)
     # accelerometer bias of 3 mg along the axis: 0.003 of a tilt of 3.6 deg
-    assert np.abs(error(found.C_nb.as_matrix(), C)).max() < radians(3.6) * 0.0032 * 1.6
+    by_bias = radians(3.6) * 0.0032 * 1.6
+    assert np.abs(off[:2]).max() < by_bias
+    assert off[2] == pytest.approx(0.05 * np.tan(LAT) * np.sin(radians(2)), abs=by_bias)
+
+
+@pytest.mark.parametrize("latitude_deg", [84.0, -84.0])
+def test_an_axis_that_leans_by_more_than_the_earths_has_one_heading(latitude_deg):
+    """10 deg off the vertical, the Earth's axis 6: what is felt across points the same way at two
+    headings, and how large it is tells which."""
+    site = Site(radians(latitude_deg))
+    for azimuth in range(0, 360, 15):
+        lean = radians(10) * np.array([np.cos(radians(azimuth)), np.sin(radians(azimuth)), 0])
+        C = Rotation.from_rotvec(lean).as_matrix() @ NOSE_60
+        (found,) = carousel([turning(C, latitude=site.latitude)], site, Options())
+        assert np.abs(error(found.C_nb.as_matrix(), C)).max() < 1e-9, azimuth
 
 
 def test_amplitude_that_is_not_the_earths_is_flagged():

@@ -263,8 +263,8 @@ def test_axes_that_are_off_turn_a_tilt_that_nobody_knows_into_the_other_biases()
 
 
 def test_a_tilt_that_nobody_knows_bends_the_one_that_positions_tell_finely():
-    """Upside down about a level axis, leaning: axes off by 20 mrad are a tilt about the turn's axis,
-    and the tilt across it is told by how the lean makes forces differ, to minutes of arc.
+    """Upside down about a level axis, leaning: axes off by 20 mrad are a tilt about the turn's
+    axis, and the tilt across it is told by how the lean makes forces differ, to minutes of arc.
 
     The product of both errors over the lean, ``0.02^2/0.16``, is 2.5 mrad there; with the straight
     line alone squares over covariances were 80 per degree of freedom.

@@ -193,7 +193,7 @@ def test_what_a_prior_adds_is_what_its_error_does(method):
             continue
         found = grown(method, base, **{name: size})
         if name in LEFT_OUT.get(method, ()):
-            assert not found.any(), name
+            assert np.abs(found).max() < 1e-20, name  # rad^2, of rounding
             continue
         if method == "fine" and name in FOLDED:
             other, times = FOLDED[name]
