@@ -69,6 +69,7 @@ _BEYOND = 3.0  # sigmas from which a slow force is no noise
 _BENT = 0.5  # of a drift's straight part, the bend of one that settles
 _SEEN = 0.01  # of the Earth's level rate: a bias along north that is remarked
 _TURNED = 0.5  # of what bends there: the sensors' own part below which the base does
+_UNSWUNG = 1e-11  # of the greatest variance of a swing: below, it is rounding
 _ARM_ORDERS = 4  # Legendre orders of velocity that attitude errors and biases make
 _FASTER = 10 * EARTH_RATE  # rad/s: a table's turn, not the Earth's
 _FINEST = 1e-6  # m: displacement that perfect sensors still cannot tell from none
@@ -780,7 +781,9 @@ def arm_of(carried: Carried, matched: Match, noise: Noise, priors: Priors, site:
     gyro, accel = sensitivity(weights, C_ni, carried)
     P = functional_covariance(gyro, accel, C_ni, carried, noise, priors)
     N = np.tensordot(weights, felt, ([0, 2], [0, 1]))
-    gain = sigma**2 * N.T @ np.linalg.pinv(sigma**2 * N @ N.T + P, hermitian=True)
+    S = sigma**2 * N @ N.T + P
+    # along a steady axis nothing swings: what rounding leaves there is no arm
+    gain = sigma**2 * N.T @ np.linalg.pinv(S, rcond=_UNSWUNG, hermitian=True)
     weights = gain @ weights
     place = np.tensordot(weights, matched.residual, ([0, 2], [0, 1]))
     return Arm(place, felt, weights, sigma * (np.eye(3) - gain @ N))

@@ -45,7 +45,10 @@ from stand.rehearsal.refusals import (
 from stand.rehearsal.response import ReadingErrors, Response, TableTurns
 from stand.rehearsal.result import Observability, Prediction
 from stand.rehearsal.rocking import (
+    CLOCK,
     FOLLOWS,
+    at_zero,
+    by_clock,
     known,
     late,
     of_instants,
@@ -55,6 +58,7 @@ from stand.rehearsal.rocking import (
     tilt_doubt,
     turned_by_heading,
     turning_round,
+    with_ahead,
     with_level_rate_found,
 )
 from stand.rehearsal.scene import Scene
@@ -270,7 +274,11 @@ def _of_stretch(
     matched = over_time(run.checked_by or run, unit, scene)
     check_carried(step.label, matched)
     errors = of_the_level_rate(run, unit, scene)
-    parts = with_level_rate_found(over_time(run, unit, scene), errors, run.lever)
+    own = over_time(run, unit, scene)
+    clocked = by_clock(run, scene)
+    if clocked.any():
+        own |= {CLOCK: np.outer(clocked, clocked)}
+    parts = with_level_rate_found(own, errors, run.lever)
     if not method.tells_mean:
         parts |= late(run, scene) | of_instants(run, step, scene)
     other = turning_round(errors) if run.circle is None else rival(run.circle)
@@ -278,15 +286,18 @@ def _of_stretch(
     parts = {source: plumb @ P @ plumb.T for source, P in parts.items()}
     parts = rounder(parts, other, scene.site)
     off = known(run, scene)
-    # of an axis that turns, the attitude is told where it reads zero
-    C_nb = run.C_nb if step.turning is None else step.C_nb
+    C_nb = run.C_nb if step.turning is None else at_zero(run, step, scene)
     first = run.lever is None
-    told = angles(
-        name, "", step.label, C_nb, turned_by_heading(parts) if first else parts, str, off
-    )
+    turned = turned_by_heading(parts) if first else parts
+    if not method.tells_mean:
+        turned = with_ahead(turned, run, scene)
+    told = angles(name, "", step.label, C_nb, turned, str, off)
     why_not = rivalled(other)
-    astray = "" if run.checked_by is None else unsettled(matched)
+    turning = step.turning is not None
+    match = run.checked_by
+    astray = "" if match is None else unsettled(matched, known(match, scene)[2], turning)
     told = withheld(told, ("heading", "yaw"), why_not or astray)
+    told = withheld(told, ("pitch", "roll"), astray if turning else "")
     told = withheld(
         told, by_gyros(parts, C_nb, scene.site) if why_not else (), f"as heading: {why_not}"
     )

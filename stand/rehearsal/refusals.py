@@ -1,7 +1,7 @@
 """What forbids a prediction: methods that would refuse, and what first order does not say."""
 
 from collections.abc import Sequence
-from math import sqrt
+from math import hypot, sqrt
 
 import numpy as np
 from scipy.special import chdtrc
@@ -27,6 +27,7 @@ from stand.rehearsal.verification import AGREES, MOSTLY
 # know the size of Earth rate are 20 % worse at 0.18 (and it goes with the square)
 STEEPEST = 0.07
 MILLI_G = 1e-3 * STANDARD_GRAVITY
+FAR_HEADING = 1.0  # rad, of which a match of a turn may be off that a filter still settles from
 ANY_HEADING = float(np.pi / np.sqrt(3))  # rad: of one that may be any
 UNITS = 1000  # of which a method must answer for the half
 
@@ -94,18 +95,23 @@ def check_carried(label: str, match: Parts) -> None:
         )
 
 
-def unsettled(match: Parts) -> str:
-    """Why a heading that is looked for from a match's has no number; '' where it has.
+def unsettled(match: Parts, off: float, turning: bool) -> str:
+    """Why an answer that is looked for from a match's has no number; '' where it has.
 
-    `match`: covariances about n of the match by source. Where its heading may be any, the search
-    ends at another one now and then, however sure it is of either.
+    `match`: covariances about n of the match by source; `off` [rad]: its heading's error by what is
+    known by value. Where its heading may be any, the search
+    ends at another one now and then, however sure it is of either. Of an axis that is `turning` it
+    ends nowhere from much less off, and there is no answer: errors of scale turn with heading.
     """
-    heading = sqrt(float(sum(P[2, 2] for P in match.values())))
-    if heading < ANY_HEADING:
+    heading = hypot(off, sqrt(float(sum(P[2, 2] for P in match.values()))))
+    if heading < (FAR_HEADING if turning else ANY_HEADING):
         return ""
+    ends = "may end at another; see --verify"
+    if turning:
+        ends = "need not settle, and runs refuse then"
     return (
         f"it is looked for from that of inertial, which is off by {heading / DEG:.0f} deg by first "
-        "order: the search may end at another; see --verify"
+        f"order: the search {ends}"
     )
 
 

@@ -7,6 +7,7 @@ method is then a linear functional of the errors of its sensors over time: `Func
 from math import sqrt
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from alignment import ImuReadings
 from alignment.around import by_direction, by_length, by_level_rate
@@ -17,6 +18,7 @@ from alignment.information import InstrumentErrors
 from alignment.information.circle import NO_RIVAL, Rival
 from alignment.information.drift import sum_covariance
 from alignment.information.result import DETERMINED
+from alignment.methods.inertial import with_clock
 from alignment.readings import EDGE, over_steps
 from stand.imu.by_value import values_of
 from stand.imu.instrument import lags_of
@@ -27,6 +29,7 @@ from stand.rehearsal.predictions import BEYOND, Parts, name_of
 from stand.rehearsal.scene import Scene
 from stand.rehearsal.warmth import above_reference, triad_of
 from stand.samples import Sampling
+from stand.table.kinematics import C_NW
 
 _LAST = 8  # steps whose instants the last mean is of
 RATE_HZ = 20  # of the truth that is carried
@@ -99,6 +102,13 @@ def over_time(run: Functional, unit: InstrumentErrors, scene: Scene) -> Parts:
     return parts
 
 
+def at_zero(run: Functional, step: PlannedStep, scene: Scene) -> Rotation:
+    """The attitude of an axis that turns as it is told, where it reads zero, about the n of `run`:
+    an arm that no prior has may turn that off north, and all that is stated is about it."""
+    at_end = scene.truth().instants(*scene.plan.motion.joints(run.t[-1:]))
+    return run.C_nb * (C_NW * Rotation.from_quat(at_end.q_wb[0])).inv() * step.C_nb
+
+
 def known(run: Functional, scene: Scene) -> Array:
     """Rotation about n (3,) by constants of the unit that are known by value, its accelerometers'
     places among them: ``(w x (w x r))_i`` of each, w as it stays in a turn."""
@@ -116,15 +126,34 @@ def known(run: Functional, scene: Scene) -> Array:
 
 
 def late(run: Functional, scene: Scene) -> Parts:
-    """Covariances about n by a lag: the attitude is that of as long before the end, and by what
-    accelerometers that come later than gyros feel; by a clock that runs fast, as much at the end.
-    """
+    """Covariance about n by a lag: the attitude is that of as long before the end, and by what
+    accelerometers that come later than gyros feel."""
     lag, later = lags_of(scene.imu)
-    turn = run.C_nb.as_matrix() @ run.rate[-1] - scene.site.w_ie_n
     felt = run.changing * np.repeat([0.0, 1.0], 3)
-    late = lag * turn + later * run.answer(felt)
-    ahead = scene.imu.clock.offset * run.t[-1] * turn + by_clock(run, scene)
-    return {"lag": np.outer(late, late), CLOCK: np.outer(ahead, ahead)}
+    late = lag * _turning(run, scene) + later * run.answer(felt)
+    return {"lag": np.outer(late, late)}
+
+
+def with_ahead(parts: Parts, run: Functional, scene: Scene) -> Parts:
+    """The same with what a clock that runs fast is ahead by at the end.
+
+    That is about the axis of the turn in b, whatever the heading; what the clock makes of an
+    answer as an error of scale goes round with heading, and both add as far as that is sure: see
+    `alignment.methods.inertial.with_clock`.
+    """
+    if not scene.imu.clock.offset:
+        return parts
+    plumb = scene.site.plumb
+    ahead = plumb.apply(scene.imu.clock.offset * run.t[-1] * _turning(run, scene))
+    clocked = plumb.apply(by_clock(run, scene))
+    variance = float(sum(parts.values(), np.zeros((3, 3)))[2, 2])
+    by_scale = parts.get(CLOCK, np.zeros((3, 3)))
+    return parts | {CLOCK: by_scale + with_clock(ahead[None], clocked, sqrt(variance))[0]}
+
+
+def _turning(run: Functional, scene: Scene) -> Array:
+    """Rate about n (3,) at the end, against the Earth."""
+    return np.asarray(run.C_nb.as_matrix() @ run.rate[-1] - scene.site.w_ie_n)
 
 
 def of_instants(run: Functional, step: PlannedStep, scene: Scene) -> Parts:
@@ -189,10 +218,9 @@ def turned_by_heading(parts: Parts) -> Parts:
 
     To first order the gyros' errors tilt the carried attitude by t about n. Found together with an
     error h of heading, that tilt is one about axes turned by h: ``cos(h) t + sin(h) (0,0,1) x t``.
-    What accelerometers make of tilt stays in b, whatever the heading, and so does the angle that a
-    clock is ahead by, about the axis of the turn. Of a normal h that is not correlated with t the
-    squares of cosine and sine are ``(1 +- exp(-2 h^2)) / 2`` on average, and their product is
-    nothing.
+    What accelerometers make of tilt stays in b, whatever the heading. Of a normal h that is not
+    correlated with t the squares of cosine and sine are ``(1 +- exp(-2 h^2)) / 2`` on average, and
+    their product is nothing.
     """
     variance = float(sum(parts.values(), np.zeros((3, 3)))[2, 2])
     half = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -203,8 +231,7 @@ def turned_by_heading(parts: Parts) -> Parts:
         both[:2, 2] = both[2, :2] = np.exp(-variance / 2) * P[:2, 2]
         return both
 
-    turning = {n for n in parts if n.startswith("gyro") and n != CLOCK}
-    return {n: about_north(P) if n in turning else P for n, P in parts.items()}
+    return {n: about_north(P) if n.startswith("gyro") else P for n, P in parts.items()}
 
 
 def tilt_doubt(parts: Parts) -> str:

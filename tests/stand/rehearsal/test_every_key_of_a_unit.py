@@ -130,7 +130,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
         {"scale_nonlinearity_ppm": stated(3000.0), "range_deg_s": stated(400.0)},
         {"scale_nonlinearity_ppm": stated(20000.0), "second_order_ug_g2": stated(300.0),
          "range_g": stated(10.0)},
-        {}, ("rests", "spun"), False,
+        {}, ("rests", "spun", "aslant"), False,
     ),
     "by force": (
         {"g_sensitivity_deg_h_g": stated(0.1), "g2_sensitivity_deg_h_g2": stated(0.05)},
@@ -142,7 +142,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
          "turn_on_bias_deg_h": stated(0.2)},
         {"bias_temperature_ug_K": stated(30.0), "scale_temperature_ppm_K": stated(20.0),
          "turn_on_bias_mg": stated(0.3)},
-        {}, ("rests", "leaning"), True,
+        {}, ("rests", "leaning", "aslant"), True,
     ),
     "filters": (
         {"bandwidth_hz": stated(40.0)}, {"bandwidth_hz": stated(20.0)},
@@ -169,7 +169,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
     "known": (
         {"turn_on_bias_deg_h": stated(0.05)},
         {"turn_on_bias_mg": stated(0.02), "range_g": stated(10.0)},
-        {}, ("rests",), False,
+        {}, ("rests", "aslant"), False,
     ),
 }  # fmt: skip
 # that make no error which runs and predictions could differ by, or that nothing is predicted of

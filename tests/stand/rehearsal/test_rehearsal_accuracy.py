@@ -26,7 +26,13 @@ from stand.physics.truth import Truth
 from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.accuracy import predict
 from stand.rehearsal.rehearse import prepared, rehearse
-from stand.rehearsal.rocking import known, of_instants, tilt_doubt, turned_by_heading
+from stand.rehearsal.rocking import (
+    known,
+    of_instants,
+    tilt_doubt,
+    turned_by_heading,
+    with_ahead,
+)
 from stand.rehearsal.rounding import Rounding, roundings_of
 from stand.rehearsal.verify import with_verification
 from stand.samples import Sampling
@@ -644,9 +650,28 @@ def test_tilts_that_a_heading_turns_by_monte_carlo():
 
 def test_what_a_clock_is_ahead_by_stays_in_b():
     """It turns about the axis of the turn, whatever the heading: of a spin about north whose
-    heading is not known half of it was predicted about east, 60 times what runs came to."""
-    made = {"gyro clock": np.diag([1e-4, 0.0, 0.0]), "gyro bias": np.diag([0.0, 0.0, 2.5])}
-    assert turned_by_heading(made)["gyro clock"] is made["gyro clock"]
+    heading is not known half of it was predicted about east, 60 times what runs came to.
+
+    100 ppm after 1000 s at 0.1 rad/s about north is 10 mrad. As an error of scale the clock makes
+    -4 mrad of it, which are a tilt about any axis then; of a heading that is known 6 are left.
+    """
+    north = np.array([0.1, 0.0, 0.0])
+    run = SimpleNamespace(
+        C_nb=Rotation.identity(),
+        rate=np.array([north]),
+        t=np.array([1000.0]),
+        answer=lambda felt: 400.0 * felt[0, :3],
+    )
+    site = SimpleNamespace(w_ie_n=np.zeros(3), plumb=Rotation.identity())
+    scene = SimpleNamespace(imu=SimpleNamespace(clock=SimpleNamespace(offset=1e-4)), site=site)
+    by_scale = np.diag([16e-6, 0.0, 0.0])
+    sure = {"gyro clock": by_scale, "gyro bias": np.zeros((3, 3))}
+    found = with_ahead(turned_by_heading(sure), run, scene)["gyro clock"]
+    np.testing.assert_allclose(found, np.diag([36e-6, 0.0, 0.0]), atol=1e-12)
+    anywhere = {"gyro clock": by_scale, "gyro bias": np.diag([0.0, 0.0, 9.0])}
+    found = with_ahead(turned_by_heading(anywhere), run, scene)["gyro clock"]
+    # exp(-9/2) of twice their product is left: 0.9 of 80 mrad^2
+    np.testing.assert_allclose(np.diag(found), [108e-6, 8e-6, 0.0], atol=1e-6)
 
 
 def test_accelerometers_are_pulled_outward_by_hand():
