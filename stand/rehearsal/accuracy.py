@@ -41,6 +41,7 @@ from stand.rehearsal.refusals import (
     second_order,
     size_of_force,
     unsettled,
+    unturned,
 )
 from stand.rehearsal.response import ReadingErrors, Response, TableTurns
 from stand.rehearsal.result import Observability, Prediction
@@ -293,11 +294,12 @@ def _of_stretch(
         turned = with_ahead(turned, run, scene)
     told = angles(name, "", step.label, C_nb, turned, str, off)
     why_not = rivalled(other)
-    turning = step.turning is not None
     match = run.checked_by
-    astray = "" if match is None else unsettled(matched, known(match, scene)[2], turning)
+    astray = "" if match is None else unsettled(matched, float(known(match, scene)[2]))
     told = withheld(told, ("heading", "yaw"), why_not or astray)
-    told = withheld(told, ("pitch", "roll"), astray if turning else "")
+    if step.turning is not None:
+        begun = {} if match is None else matched
+        told = withheld(told, ("pitch", "roll"), unturned(turned, begun, float(off[2])))
     told = withheld(
         told, by_gyros(parts, C_nb, scene.site) if why_not else (), f"as heading: {why_not}"
     )

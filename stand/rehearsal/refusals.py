@@ -27,7 +27,9 @@ from stand.rehearsal.verification import AGREES, MOSTLY
 # know the size of Earth rate are 20 % worse at 0.18 (and it goes with the square)
 STEEPEST = 0.07
 MILLI_G = 1e-3 * STANDARD_GRAVITY
-FAR_HEADING = 1.0  # rad, of which a match of a turn may be off that a filter still settles from
+ASTRAY = 0.5  # rad, by which what is known by value turns every run's search astray
+UNDETERMINED = np.radians(30.0)  # a filter's heading, above which it need not settle
+FAR_HEADING = 1.0  # rad, by which a match may be off that such a filter still settles from
 ANY_HEADING = float(np.pi / np.sqrt(3))  # rad: of one that may be any
 UNITS = 1000  # of which a method must answer for the half
 
@@ -95,24 +97,45 @@ def check_carried(label: str, match: Parts) -> None:
         )
 
 
-def unsettled(match: Parts, off: float, turning: bool) -> str:
-    """Why an answer that is looked for from a match's has no number; '' where it has.
+def unsettled(match: Parts, off: float) -> str:
+    """Why a heading that is looked for from a match's has no number; '' where it has.
 
     `match`: covariances about n of the match by source; `off` [rad]: its heading's error by what is
-    known by value. Where its heading may be any, the search
-    ends at another one now and then, however sure it is of either. Of an axis that is `turning` it
-    ends nowhere from much less off, and there is no answer: errors of scale turn with heading.
+    known by value, in every run alike. Where its heading may be any, the search ends at another one
+    now and then, however sure it is of either.
     """
-    heading = hypot(off, sqrt(float(sum(P[2, 2] for P in match.values()))))
-    if heading < (FAR_HEADING if turning else ANY_HEADING):
+    heading = hypot(off, _heading(match))
+    if abs(off) < ASTRAY and heading < ANY_HEADING:
         return ""
-    ends = "may end at another; see --verify"
-    if turning:
-        ends = "need not settle, and runs refuse then"
     return (
         f"it is looked for from that of inertial, which is off by {heading / DEG:.0f} deg by first "
-        f"order: the search {ends}"
+        "order: the search may end at another; see --verify"
     )
+
+
+def unturned(parts: Parts, match: Parts, off: float) -> str:
+    """Why no tilt of an axis that turns is predicted; '' where it is.
+
+    `parts`, `match`: covariances about n by source, of a filter and of the match that it starts
+    from; `off` [rad]: the filter's heading error by what is known by value. Errors of scale and
+    axes turn with heading: the filter must settle about one, or has no answer.
+    """
+    heading, start = _heading(parts), _heading(match)
+    if heading > UNDETERMINED and start > FAR_HEADING:
+        return (
+            f"a filter in a turn must settle, and with a heading of {heading / DEG:.0f} deg, "
+            f"looked for from one that is off by {start / DEG:.0f} deg, most runs refuse"
+        )
+    if abs(off) < DETERMINED:
+        return ""
+    return (
+        f"what is known by value turns heading by {abs(off) / DEG:.0f} deg by first order, and "
+        "tilt with it: see --verify"
+    )
+
+
+def _heading(parts: Parts) -> float:
+    return sqrt(float(sum(P[2, 2] for P in parts.values())))
 
 
 def coarse(scene: Scene) -> str:

@@ -23,6 +23,7 @@ from stand.rehearsal.refusals import (
     coarse_tilt,
     rivalled,
     unsettled,
+    unturned,
 )
 from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.traps import allan_lengths, averaging_time, from_margins
@@ -139,10 +140,41 @@ def test_a_heading_elsewhere_forbids_a_number_from_ten_per_cent_on():
 def test_a_search_from_any_heading_has_no_number(each_deg, told):
     """Of a heading that may be any the root mean square is pi/sqrt(3), 103.9 deg: two of 73.5."""
     one = np.diag([0.0, 0.0, radians(each_deg) ** 2])
-    found = unsettled({"gyro noise": one, "motion": one})
+    found = unsettled({"gyro noise": one, "motion": one}, 0.0)
     assert (found == "") is told
     if not told:
         assert found.startswith("it is looked for from that of inertial, which is off by 104 deg")
+
+
+@pytest.mark.parametrize(("off_deg", "told"), [(28.6, True), (-28.7, False)])
+def test_a_search_that_every_run_begins_elsewhere_has_no_number(off_deg, told):
+    """Half a radian is 28.65 deg."""
+    sure = {"gyro noise": np.diag([0.0, 0.0, radians(5) ** 2])}
+    assert (unsettled(sure, radians(off_deg)) == "") is told
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "start_deg", "off_deg", "expected"),
+    [
+        (
+            31,
+            58,
+            0,
+            "a filter in a turn must settle, and with a heading of 31 deg, looked for from",
+        ),
+        (29, 58, 0, ""),
+        (31, 57, 9.9, ""),
+        (1, 1, -46.4, "what is known by value turns heading by 46 deg by first order"),
+    ],
+)
+def test_tilts_of_a_turn_need_a_heading_that_is_settled(heading_deg, start_deg, off_deg, expected):
+    """30 deg, and 57.3 of the match that it starts from; 10 of what is alike in every run."""
+    own, match = (
+        {"gyro noise": np.diag([0.0, 0.0, radians(a) ** 2])} for a in (heading_deg, start_deg)
+    )
+    found = unturned(own, match, radians(off_deg))
+    assert found.startswith(expected)
+    assert bool(found) == bool(expected)
 
 
 # --- attitudes carried too far, and rounding that nothing blurs

@@ -3,6 +3,7 @@
 import re
 from dataclasses import fields, replace
 from functools import cache
+from math import radians
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,6 +28,7 @@ from stand.procedure.procedure import load_procedure, procedure_from, table_of
 from stand.rehearsal.accuracy import predict
 from stand.rehearsal.rehearse import prepared, rehearse
 from stand.rehearsal.rocking import (
+    at_zero,
     known,
     of_instants,
     tilt_doubt,
@@ -672,6 +674,36 @@ def test_what_a_clock_is_ahead_by_stays_in_b():
     found = with_ahead(turned_by_heading(anywhere), run, scene)["gyro clock"]
     # exp(-9/2) of twice their product is left: 0.9 of 80 mrad^2
     np.testing.assert_allclose(np.diag(found), [108e-6, 8e-6, 0.0], atol=1e-6)
+
+
+def test_a_turn_is_told_where_its_axis_reads_zero_about_the_north_that_was_found():
+    """90 deg of an axis b2 before its end, turned back; and 26 deg about down off north."""
+    text = """
+title = "Spun"
+table = "laboratory"
+site = { latitude_deg = 45.0 }
+estimate = { methods = ["inertial"] }
+[[step]]
+kind = "move"
+label = "lean"
+joints_deg = { base_roll = 10.0, middle = 30.0 }
+[[step]]
+kind = "rate"
+label = "spin"
+axis = "outer"
+rate_deg_s = 10.0
+turns = 1.25
+"""
+    procedure = procedure_from(catalogue.Source("case", "case.toml", text))
+    scene = prepared(assembled(procedure, load_imu("ideal"), table_of(procedure)))
+    (step,) = (s for s in scene.plan.steps if s.turning is not None)
+    # the axis turns on from the angle where the rate is reached
+    end = step.turning.angle + step.turning.rate * (step.steady_to - step.steady_from)
+    at_end = step.C_nb * Rotation.from_rotvec(end * step.turning.axis_b)
+    off = Rotation.from_rotvec([0.0, 0.0, radians(26)])
+    run = SimpleNamespace(C_nb=off * at_end, t=np.array([step.steady_from, step.steady_to]))
+    found = at_zero(run, step, scene)
+    assert (found * (off * step.C_nb).inv()).magnitude() < 1e-9
 
 
 def test_accelerometers_are_pulled_outward_by_hand():
