@@ -14,6 +14,7 @@ _DRAWS = np.linspace(-6, 6, 97)  # of a normal number, and their weights
 _WEIGHTS = np.exp(-(_DRAWS**2) / 2) / np.sum(np.exp(-(_DRAWS**2) / 2))
 _BOTH = np.outer(_WEIGHTS, _WEIGHTS)
 _NEVER = np.finfo(float).tiny
+_FLAT = 1e-12  # of the larger variance of tilts: no direction is surer
 _LEAST_LEFT = 1e-3  # of the Earth's level rate
 _COMPLEX = np.array([1.0, 1j])
 _ANYWHERE = np.pi / np.sqrt(3)  # rad, of a direction of which nothing is known
@@ -51,7 +52,7 @@ def with_level_rate(covariance: Array, both: Array, lever: Array) -> Array:
 
 
 def by_level_rate(covariance: Array, both: Array, lever: Array) -> tuple[Array, Array]:
-    """Parts (3,) that are left of sigmas about n, and variances (3,) that are added.
+    """What of errors about n is left (3, 3) of each cause, and a covariance (3, 3) that is added.
 
     A match knows the tilt in the middle of its record; to the end it turns on by the Earth's level
     rate, of the size it has and in the direction that is found. So tilt goes with heading's error
@@ -63,13 +64,20 @@ def by_level_rate(covariance: Array, both: Array, lever: Array) -> tuple[Array, 
     `both` (4, 4): covariance to first order of tilts, heading b and a, by how much the level rate
     is found larger. Tilts ``N + i E`` are complex: what goes with a and b is M (a, b), of which the
     turn makes ``l b``, and on the circle ``l (exp(i h) - 1)/i``, h that of ``1 + a + i b``.
-    Where tilts come to less all causes count less; where they come to more, that is added.
+    In directions where tilts come to less all causes count less; where they come to more, that is
+    added: with ``S = L L^T`` before and ``L Q diag(m) Q^T L^T`` after, by m.
     """
-    first, after = (P.diagonal()[:2] for P in _about_the_north(both, lever, found=False))
-    before = covariance.diagonal()[:2]
-    after = np.maximum(before - first, 0.0) + after
-    less = np.sqrt(np.minimum(after / before, 1.0))
-    return np.append(less, 1.0), np.append(np.maximum(after - before, 0.0), 0.0)
+    first, after = (P[:2, :2] for P in _about_the_north(both, lever, found=False))
+    less, more = np.eye(3), np.zeros((3, 3))
+    if not first.any():
+        return less, more
+    values, axes = np.linalg.eigh(covariance[:2, :2])
+    values = np.maximum(values, values[-1] * _FLAT)
+    L, whitened = axes * np.sqrt(values), (axes / np.sqrt(values)).T
+    m, Q = np.linalg.eigh(whitened @ (covariance[:2, :2] - first + after) @ whitened.T)
+    less[:2, :2] = L @ (Q * np.sqrt(np.clip(m, 0.0, 1.0))) @ Q.T @ whitened
+    more[:2, :2] = L @ (Q * np.maximum(m - 1, 0.0)) @ Q.T @ L.T
+    return less, more
 
 
 def _about_the_north(both: Array, lever: Array, found: bool) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ from stand.toml_files import Source
 COUNT = 60
 GRADES = 1e4  # from navigation to consumer grade, of gyros; of accelerometers the root of it
 SPREAD = 3.0  # by which a key may be better or worse than its grade
+LEAST_SAMPLES = 3  # of a mean whose scatter is told
 OFTEN = 0.5  # that a sheet states a key
 RATES_HZ = (2, 5, 10, 20, 50)
 KINDS = ("typical", "1 sigma", "maximum", "unspecified")
@@ -68,6 +69,8 @@ def unit_case(number: int) -> Settings:
             "temperature_C": [25.0, round(float(rng.uniform(0, 50)), 1)],
         }
     rate = int(rng.choice(RATES_HZ))
+    window = data["estimate"]["offset_window_s"]
+    data["estimate"]["offset_window_s"] = max(window, LEAST_SAMPLES / rate)
     sampling = Sampling.INSTANT if rng.random() < 0.25 else Sampling.MEAN
 
     def settings() -> Settings:

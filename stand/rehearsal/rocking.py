@@ -209,8 +209,8 @@ def with_level_rate_found(parts: Parts, errors: Array | None, lever: Array | Non
         return parts
     total = np.asarray(sum(parts.values(), np.zeros((3, 3))))
     less, more = by_level_rate(total, errors, lever)
-    kept = {name: P * np.outer(less, less) for name, P in parts.items()}
-    return kept | {BEYOND: np.diag(more)} if more.any() else kept
+    kept = {name: less @ P @ less.T for name, P in parts.items()}
+    return kept | {BEYOND: more} if more.any() else kept
 
 
 def turned_by_heading(parts: Parts) -> Parts:

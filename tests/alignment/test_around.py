@@ -79,7 +79,7 @@ def test_tilts_all_round_the_circle(found):
         assert correlations[1, 2] == pytest.approx(share * np.sqrt(6) / pi, abs=0.05)
     else:
         less, more = by_level_rate(P[:3, :3], P, np.array([0.0, LEVER]))
-        squares = less**2 * P.diagonal()[:3] + more
+        squares = (less @ P[:3, :3] @ less.T + more).diagonal()
     # rows of the grid along both axes hold 5 % of the weight each
     assert squares[0] == pytest.approx(MIDDLE + 1.5 * LEVER**2, rel=0.08)
     assert squares[1] == pytest.approx(MIDDLE + 0.5 * LEVER**2, rel=0.08)
@@ -96,6 +96,21 @@ def test_tilts_by_gyros_lie_along_the_north_that_is_found(sigma):
     assert own[1, 1] == pytest.approx(MIDDLE, rel=1e-6)
 
 
+def test_tilts_that_go_together_still_do_all_round_the_circle():
+    """A scale error of gyros many times as large as the level rate, 40 deg off across: it tilts
+    along one line, of which the turn takes little: half a million draws."""
+    way = 8.0 * np.exp(1j * radians(50))
+    J = np.array([-LEVER * way.real, 0.0, way.imag, way.real])
+    P = np.outer(J, J) + MIDDLE * np.diag([1.0, 1, 0, 0])
+    less, more = by_level_rate(P[:3, :3], P, np.array([0.0, LEVER]))
+    g = way * np.random.default_rng(5).standard_normal(500_000)
+    left = -LEVER * (1 + g - (1 + g) / abs(1 + g))
+    tilts = np.stack([left.real, left.imag])
+    want = tilts @ tilts.T / g.size + MIDDLE * np.eye(2)
+    got = (less @ P[:3, :3] @ less.T + more)[:2, :2]
+    np.testing.assert_allclose(got, want, atol=0.03 * np.trace(want))
+
+
 def test_tilts_by_both_are_those_of_draws():
     """Gyros and accelerometers alike, about the true north: half a million draws."""
     s = 0.7
@@ -104,7 +119,7 @@ def test_tilts_by_both_are_those_of_draws():
     gyro, accel = np.random.default_rng(4).standard_normal((2, 500_000, 2)) @ [1, 1j] * s
     found = 1 + gyro + accel
     left = (1 + gyro - found / abs(found)) * LEVER
-    squares = less**2 * P.diagonal()[:3] + more
+    squares = (less @ P[:3, :3] @ less.T + more).diagonal()
     # two middles; draws are known to 0.3 %
     assert squares[0] == pytest.approx(2 * MIDDLE + np.mean(left.real**2), rel=0.01)
     assert squares[1] == pytest.approx(2 * MIDDLE + np.mean(left.imag**2), rel=0.01)
