@@ -49,6 +49,7 @@ REST_RATE = np.radians(0.1)  # rad/s, of a block's rate from the mean
 REST_SIGMAS = 6.0  # of a block's mean: of three axes in an hour the largest is near 5
 STEPS = 1.8  # of coarse numbers: one on each of three axes
 FEWEST_BLOCKS = 5  # from which their own scatter tells something
+_FEW_VALUES = 16  # of which a motion makes as many lines as it leaves free
 PROVEN = 4.0  # times the tilt allowed that a rate must have been for, to be a drift for certain
 ALIKE = 3.0  # gyros of one unit drift alike, within this factor
 
@@ -516,8 +517,8 @@ def _motion(readings: ImuReadings) -> str:
     rates = np.linalg.norm(w - w.mean(axis=0), axis=1)
     if tilts.max() <= REST_TILT and rates.max() <= REST_RATE:  # whatever the noise would excuse
         return ""
-    tilt = max(REST_TILT, noise_of_blocks(readings.f_b, f) / size)
-    rate = max(REST_RATE, noise_of_blocks(readings.w_ib_b, w))
+    tilt = max(REST_TILT, _excused(readings.f_b, f) / size)
+    rate = max(REST_RATE, _excused(readings.w_ib_b, w))
     span = readings.interval * len(readings) / blocks
     if tilts.max() <= tilt and _is_drift(w, mean_f / size, rate, span):
         rates = np.zeros(blocks)
@@ -579,8 +580,20 @@ def noise_of_blocks(values: Array, means: Array) -> float:
         jumps = np.abs(np.diff(means, axis=0))
         sigma = np.minimum(sigma, 1.4826 / np.sqrt(2) * np.median(jumps, axis=0))
         sigma = np.minimum(sigma, _beside_lines(values, len(means)))
-    coarse = max(step_of(values[:, k]) for k in range(values.shape[1]))
-    return max(REST_SIGMAS * float(sigma.max()), STEPS * coarse)
+    return max(REST_SIGMAS * float(sigma.max()), _by_steps(values))
+
+
+def _by_steps(values: Array) -> float:
+    """How far rounding alone may move means of values (n, k)."""
+    return STEPS * max(step_of(values[:, k]) for k in range(values.shape[1]))
+
+
+def _excused(values: Array, means: Array) -> float:
+    """How far noise and rounding may move means of what rests.
+
+    Of a few values rounding alone: noise looks like a motion of a period or two.
+    """
+    return _by_steps(values) if len(values) < _FEW_VALUES else noise_of_blocks(values, means)
 
 
 def _beside_lines(values: Array, blocks: int) -> Array:

@@ -135,6 +135,11 @@ def fitted(
                 f"{', '.join(one.stretch for one in left_out[-most:])}: another unit, table or "
                 "order of positions than told"
             )
+        if n == 0 and len(current[k].session.stations) == 1:
+            raise AlignmentError(
+                f"{gone.stretch} contradicts what the table and the unit are said to be, and no "
+                "other stretch is left: another unit, table or position than told"
+            )
         left_out.append(gone)
         current[k] = _without(current[k], n)
         dropped += 1

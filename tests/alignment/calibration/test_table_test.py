@@ -321,6 +321,16 @@ def test_a_rest_that_moves_is_left_out_where_enough_are_left():
         observed([knocked()], SITE)
 
 
+def test_a_single_rest_that_contradicts_its_table_is_refused():
+    """Leaning by a degree, 0.17 m/s^2, where the sheet has a bias of 1 mm/s^2."""
+    leaning = Rotation.from_rotvec([np.radians(1), 0, 0])
+    off = rest("F0", FACES[0], 0.0, change=lambda w, f: (w, leaning.apply(f)))
+    fine = TriadErrors(noise=1e-5, bias=1e-3)
+    bench = Bench(unit=InstrumentErrors(fine, fine), gravity_sigma=0.0)
+    with pytest.raises(AlignmentError, match="F0 contradicts .* and no other stretch is left"):
+        fitted([observed([off], SITE)], bench, SITE)
+
+
 def mirrored(w, f):
     return w * [1, -1, 1], f * [1, -1, 1]
 
