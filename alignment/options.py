@@ -9,7 +9,12 @@ from alignment.skew import Axes
 SENSORS = ("gyro", "accel")
 _NOISE = ("gyro_walk", "accel_walk")
 DRIFTS = ("instability", "random_walk", "ramp")
-_CHANGING = (*_NOISE, *(f"{s}_{d}" for s in ("gyro", "accel") for d in DRIFTS), "lever_arm")
+_CHANGING = (
+    *_NOISE,
+    *(f"{s}_{d}" for s in ("gyro", "accel") for d in DRIFTS),
+    "gyro_scale_ramp",
+    "lever_arm",
+)
 _DESIGN = ("gyro_axes", "accel_axes")
 
 
@@ -58,6 +63,8 @@ class Priors:
         Of the bias [rad/s/sqrt(s)], [m/s^2/sqrt(s)], since time 0 of the stamps.
     gyro_ramp, accel_ramp : float
         Steady change of the bias [rad/s^2], [m/s^3], since time 0 of the stamps.
+    gyro_scale_ramp : float
+        Steady change of the gyros' scale factor error [1/s], as warmth makes it.
     gyro_misalignment, accel_misalignment : float
         Small rotation of each triad's case from b [rad], about each axis.
     gyro_non_orthogonality, accel_non_orthogonality : float
@@ -94,6 +101,7 @@ class Priors:
     accel_random_walk: float = 0.0
     gyro_ramp: float = 0.0
     accel_ramp: float = 0.0
+    gyro_scale_ramp: float = 0.0
     gyro_misalignment: float = 0.0
     accel_misalignment: float = 0.0
     gyro_non_orthogonality: float = 0.0

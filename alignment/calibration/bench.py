@@ -189,6 +189,7 @@ def from_priors(priors: Priors) -> Bench:
         tilt=priors.nominal,
         azimuth=priors.azimuth,
         gravity_sigma=NORMAL_SIGMA,
+        arm_sigma=priors.lever_arm,
     )
 
 

@@ -6,6 +6,7 @@ multi-position and rate tests, solved as one fit with the table's errors beside 
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,8 @@ def calibration(dwells: Sequence[Dwell], site: Site, options: Options) -> list[A
     scale factor, bias instability in the biases, noise in all else.
     """
     bench = bench_from(options)
+    if options.bench is None:
+        bench = replace(bench, means=not any(dwell.readings.instants for dwell in dwells))
     seen = observed(dwells, site, bench.warmth)
     fit = fitted([seen], bench, site)
     found = assembled(fit)

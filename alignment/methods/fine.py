@@ -97,6 +97,7 @@ _SHOWN = 0.5  # rad: a track begins when heading is known to this
 _SUMS = {"gyro": "dtheta", "accel": "dv"}  # what errors of scale and axes multiply
 _SIZE, _NORTH, _FOREVER = "size", np.diag([1.0, 0.0, 0.0]), 1e12  # s
 _PULLS = "X pulls", "Y pulls", "Z pulls"  # gyros, each by a coefficient of its own
+_SLOPE = "slope"  # of scale errors of gyros, about the middle of the record
 _OF_SIZE = -3  # of the state: north's, of the last three
 _ASTRAY = tuple(f"{s}_{e}" for s in _SUMS for e in ("misalignment", "non_orthogonality"))
 CONSTANTS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale", *_ASTRAY, "lever_arm")
@@ -179,7 +180,8 @@ class Model:
 
     `names`: the constants that are states, whose walks are `walks` (k,) [per root second];
     `drifts`: the processes that are, after them, each of a sensor, along three axes; `_PULLS` are
-    what a force along one axis adds to gyros, and `_SIZE`, the last, is what the Earth's level rate
+    what a force along one axis adds to gyros, `_SLOPE` what changes in their scale, and `_SIZE`,
+    the last, is what the Earth's level rate
     is found to be larger by. `whole`: what every update found is told, else of the last alone.
     """
 
@@ -460,6 +462,8 @@ def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) ->
     pulled = GaussMarkov(priors.gyro_g_sensitivity, _FOREVER)
     pulls = tuple((axis, pulled) for axis in _PULLS) * (pulled.sigma > 0)
     free = (_any_size(site),) * (priors.gyro_bias == 0)
+    slope = GaussMarkov(priors.gyro_scale_ramp, _FOREVER)
+    slopes = ((_SLOPE, slope),) * (slope.sigma > 0)
     walks = {"gyro_bias": gyro.walk, "accel_bias": accel.walk}
     return Model(
         readings=readings,
@@ -476,6 +480,7 @@ def model_of(readings: ImuReadings, site: Site, noise: Noise, priors: Priors) ->
             *(("gyro", p) for p in gyro.states),
             *(("accel", p) for p in accel.states),
             *pulls,
+            *slopes,
             *free,
         ),
     )
@@ -500,7 +505,7 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     at places of their own are pulled outward, each by as much as long as the turn goes on.
     """
     if not turns(carried):
-        return in_one_attitude(priors, site.gravity)
+        return in_one_attitude(replace(priors, gyro_scale_ramp=0.0), site.gravity)
     priors = with_places(priors, carried)
     astray = with_products(priors)
     own = {name: getattr(astray, name) for name in _ASTRAY}
@@ -844,6 +849,12 @@ def error_matrices(
             ago = (carried.t[-1] - carried.t[steps])[:, None] - spans[:, 0] / 2
             north = Rotation.from_rotvec(-ago * model.site.w_ie_n).as_matrix() @ _NORTH
             _drive(F[:, :9, columns_of(k)], "gyro", spans * north, push, spans)
+            continue
+        if sensor == _SLOPE:
+            rate, ends = carried.dtheta[steps] / spans[:, 0], carried.t[[0, -1]]
+            since = carried.t[steps, None, None] + spans / 2 - ends.mean()
+            by_time = by["gyro"] @ BY_AXIS["scale"](rate, rate) * since
+            _drive(F[:, :9, columns_of(k)], "gyro", by_time, push, spans)
             continue
         if sensor in _PULLS:
             force = reaction[:, _PULLS.index(sensor), None, None] / spans

@@ -53,6 +53,7 @@ PRIOR_UNITS = {
     "accel_random_walk": "m_s2_rt_s",
     "gyro_ramp": "rad_s2",
     "accel_ramp": "m_s3",
+    "gyro_scale_ramp": "1_s",
     "gyro_misalignment": "rad",
     "accel_misalignment": "rad",
     "gyro_non_orthogonality": "rad",

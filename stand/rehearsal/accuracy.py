@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from math import hypot, sqrt
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from stand.rehearsal.predictions import (
     withheld,
 )
 from stand.rehearsal.refusals import (
+    adrift,
     axes_off,
     check_carried,
     check_quiet,
@@ -300,6 +302,9 @@ def _of_stretch(
     if step.turning is not None:
         begun = {} if match is None else matched
         told = withheld(told, ("pitch", "roll"), unturned(turned, begun, float(off[2])))
+    elif match is not None:
+        steady = hypot(float(off[2]), sqrt(parts["lag"][2, 2]))
+        told = withheld(told, ("pitch", "roll"), adrift(steady))
     told = withheld(
         told, by_gyros(parts, C_nb, scene.site) if why_not else (), f"as heading: {why_not}"
     )

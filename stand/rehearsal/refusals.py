@@ -134,6 +134,17 @@ def unturned(parts: Parts, match: Parts, off: float) -> str:
     )
 
 
+def adrift(steady: float) -> str:
+    """Why no tilt of a filter is predicted whose heading what is alike in every run turns by
+    `steady` [rad]: it need not settle; '' where it is."""
+    if steady < FAR_HEADING:
+        return ""
+    return (
+        f"what is alike in every run, a lag say, turns heading by {steady / DEG:.0f} deg by first "
+        "order: the filter need not settle, and runs refuse then"
+    )
+
+
 def _heading(parts: Parts) -> float:
     return sqrt(float(sum(P[2, 2] for P in parts.values())))
 

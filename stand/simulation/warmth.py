@@ -35,7 +35,8 @@ def warmed(priors: Priors, imu: ImuSpec, temperature: Temperature, seconds: floa
     where the temperature is farthest from the sheet's is constant. A scale factor that changes is
     an accelerometer's bias that drifts otherwise in each attitude, by gravity: no ramp, for
     positions would contradict one another by it, but an instability by all that it changes. That
-    states too much where what changes is along the vertical, or steady.
+    states too much where what changes is along the vertical, or steady. Of gyros, which feel what a
+    table turns, it has a ramp of the steepest slope.
     """
     imu = at_most(imu)
     t = np.linspace(0.0, max(seconds, 1.0), _TIMES)
@@ -58,4 +59,6 @@ def warmed(priors: Priors, imu: ImuSpec, temperature: Temperature, seconds: floa
         }
         for name, size in sizes.items():
             found[f"{sensor}_{name}"] = hypot(getattr(priors, f"{sensor}_{name}"), size)
+    steepest = float(np.max(np.abs(np.diff(above)))) * (_TIMES - 1) / max(seconds, 1.0)
+    found["gyro_scale_ramp"] = imu.gyro.scale_temperature * steepest
     return replace(priors, **found)

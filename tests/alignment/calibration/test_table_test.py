@@ -19,6 +19,8 @@ from alignment.calibration.session import Session, Station
 from alignment.errors import AlignmentError, NotAtRest, Saturated
 from alignment.information import InstrumentErrors, Stretch, TriadErrors
 from alignment.information.drift import flicker
+from alignment.methods.calibration import calibration
+from alignment.options import Options, Priors
 from alignment.units import DEG
 
 G = 9.81
@@ -195,6 +197,34 @@ def test_a_spin_about_the_horizontal_gives_the_accelerometers_lag():
         assert value(found, "accel", "lag", axis).value == pytest.approx(2e-3, abs=1e-6)
     assert value(found, "accel", "lag", 1).basis == "data"
     assert value(found, "gyro", "scale", 0).value == pytest.approx(0.0, abs=1e-9)
+
+
+def test_instants_of_a_spin_are_no_means_that_come_half_a_sample_early():
+    """At 100 deg/s and 50 Hz half a sample is a degree of gravity: 0.17 m/s^2 each way."""
+    dwells = faces()
+    for label, way in (("S", 1), ("back", -1)):
+        turn = spun(label, 1000.0 + 100 * way, way * 100 * DEG)
+        C_nb = Rotation.from_rotvec(turn.turn.angle[:, None] * [1.0, 0.0, 0.0])
+        w = np.tile([way * 100 * DEG, 0.0, 0.0], (len(turn.readings), 1)) + C_nb.inv().apply(W_N)
+        instants = replace(turn.readings, w_ib_b=w, f_b=C_nb.inv().apply(DOWN), instants=True)
+        dwells.append(replace(turn, readings=instants))
+    found = calibration(dwells, SITE, Options(priors=Priors(gyro_walk=1e-6, accel_walk=1e-4)))
+    assert not [flag for e in found for flag in e.flags if "left out" in flag]
+    told = found[0].calibration
+    for axis in (1, 2):
+        assert value(told, "accel", "lag", axis).value == pytest.approx(0.0, abs=1e-5)
+
+
+def test_an_arm_that_priors_have_is_sought():
+    """0.1 m from the axis, at 100 deg/s, are pulled by 0.305 m/s^2."""
+    arm = np.array([0.0, 0.1, 0.0])
+    pull = (100 * DEG) ** 2 * arm
+    # about X1: the pull is outward along Y1, against it in specific force
+    dwells = [*faces(), spun("S", 1000.0, change=lambda w, f: (w, f - pull))]
+    told = Options(priors=Priors(gyro_walk=1e-6, accel_walk=1e-4, lever_arm=0.1))
+    assert not [flag for e in calibration(dwells, SITE, told) for flag in e.flags]
+    blind = replace(told, priors=replace(told.priors, lever_arm=0.0))
+    assert [flag for e in calibration(dwells, SITE, blind) for flag in e.flags]
 
 
 # --- the machine

@@ -257,5 +257,5 @@ def test_every_method_and_every_prior_has_its_place():
     assert set(CASES) | OTHERWISE == set(ESTIMATORS)
     assert {f.name for f in fields(Priors)} == {
         *SIZES, *DRIFTS, *TABLE, "gyro_axes", "accel_axes", "lag", "accel_later", "clock", "jitter",
-        "places",
+        "places", "gyro_scale_ramp",
     }  # fmt: skip

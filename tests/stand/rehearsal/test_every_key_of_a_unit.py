@@ -142,7 +142,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], tuple[str
          "turn_on_bias_deg_h": stated(0.2)},
         {"bias_temperature_ug_K": stated(30.0), "scale_temperature_ppm_K": stated(20.0),
          "turn_on_bias_mg": stated(0.3)},
-        {}, ("rests", "leaning"), True,
+        {}, ("rests", "leaning", "aslant"), True,
     ),
     "filters": (
         {"bandwidth_hz": stated(40.0)}, {"bandwidth_hz": stated(20.0)},

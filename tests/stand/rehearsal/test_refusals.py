@@ -16,6 +16,7 @@ from stand.imu import load_imu
 from stand.procedure.procedure import load_procedure, table_of
 from stand.rehearsal.feasibility import feasibility
 from stand.rehearsal.refusals import (
+    adrift,
     check_carried,
     check_quiet,
     check_vertical,
@@ -175,6 +176,14 @@ def test_tilts_of_a_turn_need_a_heading_that_is_settled(heading_deg, start_deg, 
     found = unturned(own, match, radians(off_deg))
     assert found.startswith(expected)
     assert bool(found) == bool(expected)
+
+
+def test_a_filter_that_a_lag_turns_off_its_heading_need_not_settle():
+    """57.3 deg, by what is alike in every run."""
+    assert adrift(radians(57.2)) == ""
+    assert adrift(radians(301)).startswith(
+        "what is alike in every run, a lag say, turns heading by"
+    )
 
 
 # --- attitudes carried too far, and rounding that nothing blurs

@@ -29,6 +29,7 @@ def test_ten_kelvin_in_a_straight_line():
     assert made.gyro_ramp == pytest.approx(5e-9)
     assert made.gyro_instability == pytest.approx(0.0, abs=1e-20)
     assert made.gyro_scale == pytest.approx(3e-5)
+    assert made.gyro_scale_ramp == pytest.approx(3e-6 * 0.15)
     assert made.accel_bias == pytest.approx(2e-4)
     assert made.accel_ramp == pytest.approx(6e-6)
     assert made.accel_scale == pytest.approx(np.hypot(2e-5, 5e-5))
@@ -44,6 +45,7 @@ def test_what_is_off_the_line_is_an_instability():
     assert made.gyro_ramp == pytest.approx(0.0, abs=1e-15)
     assert made.gyro_instability == pytest.approx(2e-8 * 6 / np.sqrt(12), rel=5e-3)
     assert made.gyro_bias == pytest.approx(2e-8 * 6, rel=5e-3)
+    assert made.gyro_scale_ramp == pytest.approx(3e-6 * 6 / 50)
 
 
 @pytest.mark.parametrize("ends", [(25, 35), (45, 25), (20, 40), (60, 65)])
@@ -60,6 +62,7 @@ def test_steadily_warm_is_a_bias_that_stays():
     made = warmed(Priors(), UNIT, warm, 100.0)
     assert (made.gyro_instability, made.accel_instability, made.gyro_ramp) == (0.0, 0.0, 0.0)
     assert made.gyro_bias == pytest.approx(2e-7)
+    assert made.gyro_scale_ramp == 0.0
 
 
 def test_how_long_a_procedure_is_observed():
