@@ -22,8 +22,11 @@ def cross_matrix(v: ArrayLike) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross products of rows (n, 3), faster than the general one of numpy."""
-    product = np.empty(a.shape)
+    """Cross products of rows (n, 3), faster than the general one of numpy: in columns, as they are
+    returned."""
+    x, y = np.ascontiguousarray(a.T), np.ascontiguousarray(b.T)
+    product = np.empty(np.broadcast_shapes(x.shape, y.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        product[:, i] = a[:, j] * b[:, k] - a[:, k] * b[:, j]
-    return product
+        np.multiply(x[j], y[k], out=product[i])
+        product[i] -= x[k] * y[j]
+    return product.T

@@ -20,7 +20,7 @@ from alignment.readings import ImuReadings
 _OF_A_CUBIC = 4  # means that it goes through
 _NO_TURN = 1e-300  # rad: below any
 _LEAST_KEPT = 0.1  # of a vector that turns by most of a circle in a block
-_CHUNK = 65536  # samples integrated at once: bounds the memory of hour-long records
+_CHUNK = 32768  # samples integrated at once: they fit a cache, and bound memory
 _LARGEST_STEP = 0.2  # rad in one sample: beyond, two samples no longer describe the turn
 
 
@@ -87,16 +87,44 @@ def rotation_vectors(first: Array, second: Array) -> Array:
 def velocity_vectors(first: Array, second: Array, v_first: Array, v_second: Array) -> Array:
     """Velocity increment (m, 3) over two equal intervals, in b at their start.
 
+    Of a force that stands still in inertial space, as gravity does, while b turns steadily it is
+    exact, whatever the turn; else to third order in it.
+
     Notes
     -----
-    Rotation to second order and two-sample sculling, with ``t = a + b`` and ``s = u + v``:
-    ``s + 1/2 t x s + 1/6 t x (t x s) + 2/3 (a x v + u x b)``: P. G. Savage, Part 2 (1998).
+    The mean of a force that goes round in b by a is ``v = M(-a) u``, with ``M(a) x`` the integral
+    of the turned x, so ``u = v + a x v/2 + c a x (a x v)`` of each interval, less what a rate that
+    changes adds, and ``(a + b) x d/12`` of what the force changes by, d, from one to the other. To
+    second order that is two-sample sculling, ``s + 1/2 t x s + 2/3 (a x v + u x b)`` with
+    ``t = a + b`` and ``s = u + v``: P. G. Savage, Part 2 (1998).
     """
-    u, v = v_first, v_second
-    angle, total = first + second, u + v
-    turned = cross(angle, total)
-    sculling = cross(first, v) + cross(u, second)
-    return total + 0.5 * turned + cross(angle, turned) / 6 + 2 / 3 * sculling
+    first, second, v_first, v_second = map(np.asfortranarray, (first, second, v_first, v_second))
+    coned, changed = cross(first, second) / 12, (second - first) / 12
+    a, b = first + coned, second + coned
+    u, v = _stood(a, changed, v_first), turned_by(a, _stood(b, changed, v_second))
+    return u + v + cross(a + b, v - u) / 12
+
+
+def _stood(angle: Array, changed: Array, felt: Array) -> Array:
+    """What stands still (m, 3) while b turns by `angle`, by its integral in b: in b at the start.
+
+    ``felt + (angle/2 - changed) x felt + c angle x (angle x felt)``, `changed` a twelfth of what
+    the angle of an interval changes by, and ``c = (1 - x cot(x)) / (2 x)^2`` with
+    ``x = |angle|/2``, or ``1/12 + angle^2/720 + ...``.
+    """
+    square = np.einsum("mi,mi->m", angle, angle)[:, None]
+    turned = cross(angle / 2 - changed, felt)
+    c = 1 / 6 + square * (1 / 360 + square / 15120)
+    return felt + turned + c * cross(angle, turned)
+
+
+def turned_by(angle: Array, values: Array) -> Array:
+    """Vectors (m, 3) turned by small rotation vectors `angle` (m, 3), to its sixth power."""
+    square = np.einsum("mi,mi->m", angle, angle)[:, None]
+    turned = cross(angle, values)
+    sine = 1 - square / 6 * (1 - square / 20 * (1 - square / 42))
+    versine = 1 / 2 - square / 24 * (1 - square / 30 * (1 - square / 56))
+    return values + sine * turned + versine * cross(angle, turned)
 
 
 def quaternions(rotation_vector: Array) -> Array:
