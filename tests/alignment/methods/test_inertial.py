@@ -595,8 +595,8 @@ def test_what_rests_needs_no_arm():
 
 
 def test_a_turn_by_a_lag_bends_what_it_does_to_the_vertical():
-    """10 mrad about north and 20 about down: the vertical leans by 10 about north, and about east by
-    half of their product, 0.1 mrad, whose mean square is three times that of one sigma."""
+    """10 mrad about north and 20 about down: the vertical leans by 10 about north, and about east
+    by half of their product, 0.1 mrad, whose mean square is three times that of one sigma."""
     turn = np.array([0.01, 0.0, 0.02])
     covariance = of_a_turn(turn)
     sizes = np.random.default_rng(6).standard_normal(200_000)
