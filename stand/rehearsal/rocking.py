@@ -209,7 +209,7 @@ def with_level_rate_found(parts: Parts, errors: Array | None, lever: Array | Non
         return parts
     total = np.asarray(sum(parts.values(), np.zeros((3, 3))))
     less, more = by_level_rate(total, errors, lever)
-    kept = {name: less @ P @ less.T for name, P in parts.items()}
+    kept: Parts = {name: less @ P @ less.T for name, P in parts.items()}
     return kept | {BEYOND: more} if more.any() else kept
 
 
