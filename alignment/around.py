@@ -45,10 +45,15 @@ def with_level_rate(covariance: Array, both: Array, lever: Array) -> Array:
     """`covariance` (3, 3) about n, as found, with its tilts as they are where the level rate turns
     by much: see `by_level_rate`, of which `both` (4, 4) and `lever` (2,) are.
 
-    Tilts that go with a heading go round with it, and so does their correlation.
+    Tilts that go with a heading go round with it, and so does their correlation. Those that are not
+    small to first order have no direction: both axes are as unsure.
     """
     first, after = _about_the_north(both, lever, found=True)
-    return np.asarray(covariance - first + after)
+    found = np.asarray(covariance - first + after)
+    if first[:2, :2].trace() > _SMALL**2:
+        level = found[:2, :2].trace() / 2
+        return np.diag([level, level, found[2, 2]])
+    return found
 
 
 def by_level_rate(covariance: Array, both: Array, lever: Array) -> tuple[Array, Array]:

@@ -1121,20 +1121,7 @@ def lag_covariance(carried: Carried, matched: Match, priors: Priors, site: Site)
         _, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
         felt = (accel @ drive(carried, C_ni)) @ changes_in_b(carried)[:, 3:, None]
         late = late + priors.accel_later * felt.sum(axis=0)
-    return of_a_turn(late[:, :, 0])
-
-
-def of_a_turn(turn: Array) -> Array:
-    """Covariance (..., 3, 3) about n of a `turn` (..., 3) [rad] of one sigma.
-
-    Down is turned by ``a x d + a x (a x d)/2``, whose second part lies across the first, where
-    nothing else may be as unsure: of a normal size its mean square is three times that of one
-    sigma.
-    """
-    bent = np.sqrt(0.75) * turn[..., 2:] * turn @ np.array([[0, 1.0, 0], [-1.0, 0, 0], [0, 0, 0]])
-    return np.asarray(
-        turn[..., :, None] * turn[..., None, :] + bent[..., :, None] * bent[..., None, :]
-    )
+    return np.asarray(late @ late.transpose(0, 2, 1))
 
 
 def ahead_by_clock(carried: Carried, matched: Match, priors: Priors, site: Site) -> Array:

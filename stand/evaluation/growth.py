@@ -23,7 +23,6 @@ from stand.table.kinematics import C_NW
 
 POINTS = 90  # over all stretches, of a method that has no tracks of its own
 LEAST_POINTS = 6  # of each of them
-STILL = 1e-9  # rad: between the mean attitude of a stretch and that of its end
 
 Reference = Callable[[AttitudeTrack], Rotation]
 
@@ -140,18 +139,12 @@ def _reference(log: Log) -> Reference:
             return truth.mean
         if dwell is not None and dwell.turn is not None and truth.C_nb is not None:
             return truth.C_nb  # at encoder angle zero, as the estimate
-        if _still(truth):
+        if truth.still:
             assert truth.C_nb is not None
             return truth.C_nb
         return track.C_nb[-1] if true_at is None else true_at()(track.t)
 
     return reference
-
-
-def _still(truth: Truths) -> bool:
-    if truth.mean is None or truth.C_nb is None:
-        return False
-    return float((truth.mean.inv() * truth.C_nb).magnitude()) < STILL
 
 
 def _true_at(log: Log) -> Callable[[Array], Rotation]:

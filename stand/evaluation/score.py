@@ -16,6 +16,7 @@ from alignment.errors import AlignmentError
 from alignment.units import DEG, DEG_PER_HOUR, MILLI_G
 from stand.calibration.file import CalibrationRecord, record_to_json
 
+STILL = 1e-9  # rad: between the mean attitude of a stretch and that of its end
 ANGLES = ("roll", "yaw", "pitch")
 T = TypeVar("T")
 
@@ -35,7 +36,15 @@ class Truths:
 
     def of(self, method: str) -> Rotation | None:
         """The true attitude that a method's answer is to be set against."""
-        return self.mean or self.C_nb if ESTIMATORS[method].tells_mean else self.C_nb
+        moved = self.mean is not None and not self.still
+        return self.mean if moved and ESTIMATORS[method].tells_mean else self.C_nb
+
+    @property
+    def still(self) -> bool:
+        """Whether it stood where it was at the end, but for rounding."""
+        if self.mean is None or self.C_nb is None:
+            return False
+        return float((self.mean.inv() * self.C_nb).magnitude()) < STILL
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,7 @@ from alignment.information import InstrumentErrors
 from alignment.information.circle import NO_RIVAL, Rival
 from alignment.information.drift import sum_covariance
 from alignment.information.result import DETERMINED
-from alignment.methods.inertial import of_a_turn, with_clock
+from alignment.methods.inertial import with_clock
 from alignment.readings import EDGE, over_steps
 from stand.imu.by_value import values_of
 from stand.imu.instrument import lags_of
@@ -131,7 +131,7 @@ def late(run: Functional, scene: Scene) -> Parts:
     lag, later = lags_of(scene.imu)
     felt = run.changing * np.repeat([0.0, 1.0], 3)
     late = lag * _turning(run, scene) + later * run.answer(felt)
-    return {"lag": of_a_turn(late)}
+    return {"lag": np.outer(late, late)}
 
 
 def with_ahead(parts: Parts, run: Functional, scene: Scene) -> Parts:

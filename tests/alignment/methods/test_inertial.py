@@ -24,7 +24,6 @@ from alignment.methods.inertial import (
     laid,
     match,
     noise_of,
-    of_a_turn,
     white_levels,
 )
 from alignment.strapdown import carry
@@ -592,17 +591,3 @@ def test_what_rests_needs_no_arm():
     # it moves with the Earth, which gravity holds: W^2 r/g is 4e-10 rad
     assert np.abs((armed.C_nb * plain.C_nb.inv()).as_rotvec()).max() < 1e-9
     np.testing.assert_allclose(armed.covariance, plain.covariance, rtol=1e-6, atol=1e-20)
-
-
-def test_a_turn_by_a_lag_bends_what_it_does_to_the_vertical():
-    """10 mrad about north and 20 about down: the vertical leans by 10 about north, and about east
-    by half of their product, 0.1 mrad, whose mean square is three times that of one sigma."""
-    turn = np.array([0.01, 0.0, 0.02])
-    covariance = of_a_turn(turn)
-    sizes = np.random.default_rng(6).standard_normal(200_000)
-    down = Rotation.from_rotvec(sizes[:, None] * turn).apply([0.0, 0.0, 1.0])
-    tilts = np.stack([-down[:, 1], down[:, 0]])
-    assert covariance[0, 0] == pytest.approx(np.mean(tilts[0] ** 2), rel=0.02)
-    assert covariance[1, 1] == pytest.approx(np.mean(tilts[1] ** 2), rel=0.05)
-    assert covariance[1, 1] == pytest.approx(3 * 1e-4**2, rel=1e-9)
-    assert covariance[0, 2] == pytest.approx(0.01 * 0.02)
