@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from alignment.arrays import Array
 from alignment.doubts import heading_doubt
-from alignment.earth import Site
+from alignment.earth import EARTH_RATE, Site
 from alignment.errors import AlignmentError
 from alignment.estimate import AttitudeEstimate, AttitudeTrack
 from alignment.gains import Answer, after_offset
@@ -105,6 +105,19 @@ def integrated_drift_covariance(
     return growth[:, None] * variance_rate + late[:, None] ** 2 * offset
 
 
+def enclosed(variance_rate: Array, t: Array) -> Array:
+    """Variance (m, 3) [rad^2] of what turns about two axes make about the third after `t` (m,) [s].
+
+    Noise that comes back to where it began, as in the offset's own window, has no first order left,
+    but it goes round an area: of bridges of two axes ``N^2 N^2 t^2/12`` (Lévy's), and beside the
+    Earth's turn ``W^2 N^2 t^3/12``.
+    """
+    x, y, z = variance_rate
+    both, other = np.array([y * z, z * x, x * y]), np.array([y + z, z + x, x + y])
+    square = t[:, None] ** 2 / 12
+    return np.asarray(square * both + square * t[:, None] * EARTH_RATE**2 * other)
+
+
 def drifted_apart(late: Array, window: float, priors: Priors) -> Array:
     """Variance (m,) [rad^2] of what a walk and a ramp of the bias turn `late` (m,) [s] after the
     offset's `window` [s]: ``K^2 (late^3 + window late^2)/3``, ``(R late (window + late)/2)^2``."""
@@ -136,6 +149,7 @@ def _track(
     if samples <= BLOCKS:  # which tell less than the record
         own = variance_rate / window + offset.wander[:3]
     about_b = integrated_drift_covariance(variance_rate, elapsed, window, own)
+    about_b += enclosed(variance_rate, elapsed)
     # bias of later readings against that of the window: the two differ by the Allan deviation
     late = np.maximum(elapsed - window, 0.0)
     about_b += 2 * (priors.gyro_instability * late[:, None]) ** 2
