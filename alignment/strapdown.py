@@ -101,7 +101,7 @@ def velocity_vectors(first: Array, second: Array, v_first: Array, v_second: Arra
     first, second, v_first, v_second = map(np.asfortranarray, (first, second, v_first, v_second))
     coned, changed = cross(first, second) / 12, (second - first) / 12
     a, b = first + coned, second + coned
-    u, v = _stood(a, changed, v_first), turned_by(a, _stood(b, changed, v_second))
+    u, v = _stood(a, changed, v_first), _turned_by(a, _stood(b, changed, v_second))
     return u + v + cross(a + b, v - u) / 12
 
 
@@ -118,7 +118,7 @@ def _stood(angle: Array, changed: Array, felt: Array) -> Array:
     return felt + turned + c * cross(angle, turned)
 
 
-def turned_by(angle: Array, values: Array) -> Array:
+def _turned_by(angle: Array, values: Array) -> Array:
     """Vectors (m, 3) turned by small rotation vectors `angle` (m, 3), to its sixth power."""
     square = np.einsum("mi,mi->m", angle, angle)[:, None]
     turned = cross(angle, values)

@@ -181,8 +181,8 @@ class Model:
     `names`: the constants that are states, whose walks are `walks` (k,) [per root second];
     `drifts`: the processes that are, after them, each of a sensor, along three axes; `_PULLS` are
     what a force along one axis adds to gyros, `_SLOPE` what changes in their scale, and `_SIZE`,
-    the last, is what the Earth's level rate
-    is found to be larger by. `whole`: what every update found is told, else of the last alone.
+    the last, is what the Earth's level rate is found to be larger by. `whole`: what every update
+    found is told, else of the last alone.
     """
 
     readings: ImuReadings

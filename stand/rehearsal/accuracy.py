@@ -293,7 +293,7 @@ def _of_stretch(
     first = run.lever is None
     turned = turned_by_heading(parts) if first else parts
     if not method.tells_mean:
-        turned = with_ahead(turned, run, scene)
+        turned = with_ahead(turned, clocked, run, scene)
     told = angles(name, "", step.label, C_nb, turned, str, off)
     why_not = rivalled(other)
     match = run.checked_by

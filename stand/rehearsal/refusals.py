@@ -8,6 +8,7 @@ from scipy.special import chdtrc
 
 from alignment.constant_errors import in_one_attitude
 from alignment.errors import AlignmentError
+from alignment.estimate import ANGLE_LIMIT
 from alignment.gains import Answer
 from alignment.information import InstrumentErrors
 from alignment.information.circle import NO_RIVAL, Rival, rival
@@ -28,8 +29,7 @@ from stand.rehearsal.verification import AGREES, MOSTLY
 STEEPEST = 0.07
 MILLI_G = 1e-3 * STANDARD_GRAVITY
 ASTRAY = 0.5  # rad, by which what is known by value turns every run's search astray
-UNDETERMINED = np.radians(30.0)  # a filter's heading, above which it need not settle
-FAR_HEADING = 1.0  # rad, by which a match may be off that such a filter still settles from
+FAR_HEADING = 1.0  # rad, by which a match may be off that a filter without a heading settles from
 ANY_HEADING = float(np.pi / np.sqrt(3))  # rad: of one that may be any
 UNITS = 1000  # of which a method must answer for the half
 
@@ -121,7 +121,7 @@ def unturned(parts: Parts, match: Parts, off: float) -> str:
     axes turn with heading: the filter must settle about one, or has no answer.
     """
     heading, start = _heading(parts), _heading(match)
-    if heading > UNDETERMINED and start > FAR_HEADING:
+    if heading > ANGLE_LIMIT and start > FAR_HEADING:
         return (
             f"a filter in a turn must settle, and with a heading of {heading / DEG:.0f} deg, "
             f"looked for from one that is off by {start / DEG:.0f} deg, most runs refuse"

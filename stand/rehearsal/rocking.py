@@ -134,8 +134,8 @@ def late(run: Functional, scene: Scene) -> Parts:
     return {"lag": np.outer(late, late)}
 
 
-def with_ahead(parts: Parts, run: Functional, scene: Scene) -> Parts:
-    """The same with what a clock that runs fast is ahead by at the end.
+def with_ahead(parts: Parts, clocked: Array, run: Functional, scene: Scene) -> Parts:
+    """The same with what a clock that runs fast is ahead by at the end; `clocked` (3,) `by_clock`.
 
     That is about the axis of the turn in b, whatever the heading; what the clock makes of an
     answer as an error of scale goes round with heading, and both add as far as that is sure: see
@@ -145,10 +145,10 @@ def with_ahead(parts: Parts, run: Functional, scene: Scene) -> Parts:
         return parts
     plumb = scene.site.plumb
     ahead = plumb.apply(scene.imu.clock.offset * run.t[-1] * _turning(run, scene))
-    clocked = plumb.apply(by_clock(run, scene))
+    scaled = plumb.apply(clocked)
     variance = float(sum(parts.values(), np.zeros((3, 3)))[2, 2])
     by_scale = parts.get(CLOCK, np.zeros((3, 3)))
-    return parts | {CLOCK: by_scale + with_clock(ahead[None], clocked, sqrt(variance))[0]}
+    return parts | {CLOCK: by_scale + with_clock(ahead[None], scaled, sqrt(variance))[0]}
 
 
 def _turning(run: Functional, scene: Scene) -> Array:
