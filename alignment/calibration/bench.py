@@ -16,7 +16,7 @@ from alignment.options import SENSORS, Priors
 from alignment.units import DEG, DEG_PER_HOUR, MICRO_G, PPM, STANDARD_GRAVITY
 
 MEASURED_GRAVITY = 2e-6  # m/s^2 (0.2 mGal): of a measured value that comes without a sigma
-LAG = 1e-3  # s: of a delay that no sheet states
+LAG = 1e-2  # s: of a delay that no sheet states
 PLACE = 2e-3  # m: of an accelerometer's place from where the sheet, or the seat, has it
 
 # terms that may be freed where a sheet states none, and a usual size of gyros and accelerometers
@@ -182,14 +182,18 @@ def from_priors(priors: Priors) -> Bench:
             wide[term] = np.where(there, own, WIDE * USUAL[term][k])
         return replace(one, **wide)
 
+    lag = priors.lag + np.array([0.0, priors.accel_later])
     return Bench(
         unit=InstrumentErrors(triad(unit.gyro, 0), triad(unit.accel, 1)),
+        lag=lag,
+        lag_sigma=np.maximum(abs(lag), LAG),
         placement=priors.turn,
         seat=priors.seat,
         tilt=priors.nominal,
         azimuth=priors.azimuth,
         gravity_sigma=NORMAL_SIGMA,
         arm_sigma=priors.lever_arm,
+        place_sigma=max(priors.places, PLACE),
     )
 
 

@@ -5,7 +5,7 @@ the sigma each method predicts and against the floor that white noise puts under
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
@@ -22,7 +22,8 @@ from alignment.earth import EARTH_RATE
 from alignment.estimate import determined
 from alignment.units import DEG
 from stand.errors import StandError
-from stand.evaluation.score import answered, circular
+from stand.evaluation.runs import truths_by_label
+from stand.evaluation.score import Truths, answered, circular
 from stand.evaluation.statistics import EstimateErrors, Outcome, Tally, tally
 from stand.imu import ImuSpec, unstated
 from stand.imu.priors import noise_alone
@@ -143,17 +144,11 @@ class _Bench:
     def trial(self, seed: int) -> list[Outcome]:
         """All methods on the readings of one run."""
         dwells, attitudes = self.trials.readings(seed)
-        ends, means = (
-            {d.label: C for d, C in zip(dwells, own, strict=True)}
-            for own in (attitudes, attitudes.means)
-        )
-        return [
-            self._outcome(method, seed, dwells, means if ESTIMATORS[method].tells_mean else ends)
-            for method in self.methods
-        ]
+        truths = truths_by_label(dwells, attitudes)
+        return [self._outcome(method, seed, dwells, truths) for method in self.methods]
 
     def _outcome(
-        self, method: str, seed: int, dwells: Sequence[Dwell], truth: dict[str, Rotation]
+        self, method: str, seed: int, dwells: Sequence[Dwell], truths: Mapping[str, Truths]
     ) -> Outcome:
         site = self.settings.site
         begin = time.perf_counter()
@@ -164,9 +159,10 @@ class _Bench:
         silent = {r.stretch for r in refused}
         own = [d for d in dwells if ESTIMATORS[method].suited(d) and d.label not in silent]
         found = tuple(
-            against_truth(e, truth[e.label], floors(e, truth[e.label], own, site, self._imu))
+            against_truth(e, truth, floors(e, truth, own, site, self._imu))
             for e in estimates
-            if e.C_nb is not None and e.label in truth and not circular(e)
+            if e.C_nb is not None and e.label in truths and not circular(e)
+            if (truth := truths[e.label].of(method)) is not None
         )
         return Outcome(
             method=method,

@@ -134,14 +134,10 @@ def _reference(log: Log) -> Reference:
 
     def reference(track: AttitudeTrack) -> Rotation:
         dwell, truth = truths.get(track.label, (None, Truths()))
-        method = track.method if track.method in ESTIMATORS else ""
-        if method and ESTIMATORS[method].tells_mean and truth.mean is not None:
-            return truth.mean
-        if dwell is not None and dwell.turn is not None and truth.C_nb is not None:
-            return truth.C_nb  # at encoder angle zero, as the estimate
-        if truth.still:
-            assert truth.C_nb is not None
-            return truth.C_nb
+        own = truth.of(track.method)
+        turning = dwell is not None and dwell.turn is not None  # told at encoder angle zero
+        if own is not None and (own is truth.mean or turning or truth.still):
+            return own
         return track.C_nb[-1] if true_at is None else true_at()(track.t)
 
     return reference

@@ -7,6 +7,7 @@ from alignment import AttitudeEstimate, Dwell, Options, Site
 from alignment.arrays import Array
 from stand.errors import StandError
 from stand.evaluation.score import Refusal, Truths, answered_of_runs
+from stand.simulation.collector import TrueAttitudes
 from stand.simulation.monte_carlo import Trials
 
 Answers = list[tuple[str, list[AttitudeEstimate], list[Refusal]]]  # of each method
@@ -28,11 +29,15 @@ def made_by(trials: Trials, seed: int) -> Made | StandError:
         dwells, attitudes = trials.readings(seed)
     except StandError as error:
         return error
-    truths = {
+    return Made(seed, dwells, truths_by_label(dwells, attitudes), trials.biases(seed))
+
+
+def truths_by_label(dwells: Sequence[Dwell], attitudes: TrueAttitudes) -> dict[str, Truths]:
+    """Of each stretch where it stood at its end, and in the mean."""
+    return {
         d.label: Truths(C, mean=mean)
         for d, C, mean in zip(dwells, attitudes, attitudes.means, strict=True)
     }
-    return Made(seed, dwells, truths, trials.biases(seed))
 
 
 def answers_to(

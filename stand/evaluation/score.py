@@ -36,8 +36,9 @@ class Truths:
 
     def of(self, method: str) -> Rotation | None:
         """The true attitude that a method's answer is to be set against."""
+        known = ESTIMATORS.get(method)  # a track of a window has its name too: "rk4 same"
         moved = self.mean is not None and not self.still
-        return self.mean if moved and ESTIMATORS[method].tells_mean else self.C_nb
+        return self.mean if moved and known is not None and known.tells_mean else self.C_nb
 
     @property
     def still(self) -> bool:

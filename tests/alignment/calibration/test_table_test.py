@@ -227,6 +227,18 @@ def test_an_arm_that_priors_have_is_sought():
     assert [flag for e in calibration(dwells, SITE, blind) for flag in e.flags]
 
 
+@pytest.mark.parametrize("known", [12e-3, 0.0])
+def test_a_lag_that_priors_have_tilts_nothing(known):
+    """12 ms late at 100 deg/s are 1.2 deg of gravity; known, or of no sheet (10 ms, 1 sigma)."""
+    priors = Priors(gyro_walk=1e-6, accel_walk=1e-4, nominal=0.01, lag=known, accel_bias=0.01)
+    dwells = [rest("F", FACES[0], 0.0), spun("S", 100.0, late=12e-3)]
+    dwells.append(spun("back", 200.0, -100 * DEG, late=12e-3))
+    (found,) = calibration(dwells, SITE, Options(priors=priors))
+    assert not found.flags
+    assert np.degrees(found.C_nb.as_rotvec()) == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+    assert value(found.calibration, "accel", "lag", 1).value == pytest.approx(12e-3, abs=1e-5)
+
+
 # --- the machine
 
 
