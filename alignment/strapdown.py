@@ -37,7 +37,7 @@ class Carried:
     v : (m + 1, 3) m/s
         Integral of specific force in i up to the edges.
     p : (m, 3) m
-        Integral of that over each block, by trapezoids over the steps of two samples.
+        Integral of that over each block, by Simpson's rule over the steps of two samples.
     turned : (m, 3, 3) s
         Integral of ``C_ib`` over each block.
     dtheta, dv : (m, 3) rad, m/s
@@ -84,8 +84,10 @@ def rotation_vectors(first: Array, second: Array) -> Array:
     return first + second + 2 / 3 * cross(first, second)
 
 
-def velocity_vectors(first: Array, second: Array, v_first: Array, v_second: Array) -> Array:
-    """Velocity increment (m, 3) over two equal intervals, in b at their start.
+def velocity_vectors(
+    first: Array, second: Array, v_first: Array, v_second: Array
+) -> tuple[Array, Array]:
+    """Velocity increments (m, 3) of two equal intervals, both in b at the start of the first.
 
     Of a force that stands still in inertial space, as gravity does, while b turns steadily it is
     exact, whatever the turn; else to third order in it.
@@ -94,15 +96,16 @@ def velocity_vectors(first: Array, second: Array, v_first: Array, v_second: Arra
     -----
     The mean of a force that goes round in b by a is ``v = M(-a) u``, with ``M(a) x`` the integral
     of the turned x, so ``u = v + a x v/2 + c a x (a x v)`` of each interval, less what a rate that
-    changes adds, and ``(a + b) x d/12`` of what the force changes by, d, from one to the other. To
-    second order that is two-sample sculling, ``s + 1/2 t x s + 2/3 (a x v + u x b)`` with
+    changes adds, and ``a x d/12``, ``b x d/12`` of what the force changes by, d, from one to the
+    other. To second order that is two-sample sculling, ``s + 1/2 t x s + 2/3 (a x v + u x b)`` with
     ``t = a + b`` and ``s = u + v``: P. G. Savage, Part 2 (1998).
     """
     first, second, v_first, v_second = map(np.asfortranarray, (first, second, v_first, v_second))
     coned, changed = cross(first, second) / 12, (second - first) / 12
     a, b = first + coned, second + coned
     u, v = _stood(a, changed, v_first), _turned_by(a, _stood(b, changed, v_second))
-    return u + v + cross(a + b, v - u) / 12
+    change = (v - u) / 12
+    return u + cross(a, change), v + cross(b, change)
 
 
 def _stood(angle: Array, changed: Array, felt: Array) -> Array:
@@ -270,18 +273,31 @@ def _carry_blocks(
     start = out.q[blocks.start]
     q = np.concatenate([start[None], multiply(start, run)])
     C = matrices(q)
-    dv = np.einsum("nij,nj->ni", C[:-1], velocity_vectors(first, second, f[:, 0], f[:, 1]))
+    halves = velocity_vectors(first, second, f[:, 0], f[:, 1])
+    u, dv = (np.einsum("nij,nj->ni", C[:-1], x) for x in (halves[0], halves[0] + halves[1]))
     v = np.cumsum(dv, axis=0) + out.v[blocks.start]
     span = h.sum(axis=1)
     per = len(span) // count
     edge = slice(blocks.start + 1, blocks.stop + 1)
     out.q[edge] = normalised(q[per::per])
     out.v[edge] = v[per - 1 :: per]
-    out.p[blocks] = ((v - 0.5 * dv) * span).reshape(count, per, 3).sum(axis=1)
+    out.p[blocks] = _paths(v - dv, u, dv, h).reshape(count, per, 3).sum(axis=1)
     mean = 0.5 * (C[:-1] + C[1:]).reshape(-1, 9) * span
     out.turned[blocks] = mean.reshape(count, per, 3, 3).sum(axis=1)
     out.dtheta[blocks] = d.reshape(count, -1, 3).sum(axis=1)
     out.dv[blocks] = f.reshape(count, -1, 3).sum(axis=1)
+
+
+def _paths(v: Array, u: Array, dv: Array, h: Array) -> Array:
+    """Integrals (m, 3) of velocities over steps of two intervals `h` (m, 2, 1): from `v`, by `u`
+    in the first and `dv` in both, of the parabola through the three; a line where the first one
+    is empty."""
+    a, b = h[:, 0], h[:, 1]
+    whole = a + b
+    bent = np.zeros_like(dv)
+    np.divide(u * b - (dv - u) * a, a * b * whole, out=bent, where=a > 0)
+    line = v * whole + u * (whole / 2) + (dv * b) / 2
+    return np.asarray(line + bent * (a**3 + b**3) / 6)
 
 
 def _padded(rows: Array, count: int, blocks: slice, edges: np.ndarray) -> Array:
@@ -314,19 +330,27 @@ def changes_in_b(carried: Carried) -> Array:
     return np.concatenate([rate, middle.inv().apply(change_i)], axis=1)
 
 
-def _changes(means: Array, t: Array) -> Array:
-    """How fast means (m, k) over even blocks between `t` (m + 1,) [s] change within each.
+def rates_at_edges(carried: Carried) -> Array:
+    """Rates in b (m + 1, 3) at the edges of blocks; of fewer than four that of the block before."""
+    rates = carried.dtheta / carried.spans[:, None]
+    if len(rates) < _OF_A_CUBIC:
+        return np.concatenate([rates[:1], rates])
+    return _at_edges(rates)
 
-    By the values at the edges, of the cubic through the four means around each, and at the ends of
-    the parabola through three.
-    """
+
+def _changes(means: Array, t: Array) -> Array:
+    """How fast means (m, k) over even blocks between `t` (m + 1,) [s] change within each."""
     if len(means) < _OF_A_CUBIC:
         return np.zeros_like(means)
-    u = means
+    return np.asarray(np.diff(_at_edges(means), axis=0) / np.diff(t)[:, None])
+
+
+def _at_edges(u: Array) -> Array:
+    """Values (m + 1, k) at the edges of even blocks of these means (m, k): of the cubic through
+    the four means around each, and at the ends of the parabola through three."""
     inner = (7 * (u[1:-2] + u[2:-1]) - u[:-3] - u[3:]) / 12
     (first, second), (last, before) = (
         ((11 * v[0] - 7 * v[1] + 2 * v[2]) / 6, (2 * v[0] + 5 * v[1] - v[2]) / 6)
         for v in (u, u[::-1])
     )
-    edges = np.concatenate([[first, second], inner, [before, last]])
-    return np.asarray(np.diff(edges, axis=0) / np.diff(t)[:, None])
+    return np.concatenate([[first, second], inner, [before, last]])

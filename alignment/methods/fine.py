@@ -40,6 +40,7 @@ from alignment.methods.inertial import (
     Rest,
     ahead_by_clock,
     attitude_weights,
+    changed_since,
     checked_readings,
     covariances,
     drive,
@@ -346,7 +347,8 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     as_found = replace(matched, C_ni=reference.C_ni)  # whose axes it turns about
     at_end = as_found.C_ni * Rotation.from_quat(carried.q[-1])
     added = added + untold_covariance(readings, at_end)
-    late = lag_covariance(carried, as_found, priors, site)
+    felt = _felt_later(model, reference, variance) if priors.accel_later else np.zeros(3)
+    late = lag_covariance(carried, as_found, priors, site, felt)
     if options.priors.clock:
         ahead = ahead_by_clock(reference.carried, as_found, options.priors, site)
         heading = float(np.sqrt(run.attitude[-1, 2, 2]))
@@ -354,6 +356,17 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     more = added, left_of_the_turn(carried, matched, priors), late
     lever = _held_off(carried, as_found, run.attitude[-1], site)
     return _answer(model, reference, run, more, lever, flags)
+
+
+def _felt_later(model: Model, reference: _Reference, variance: float) -> Array:
+    """Turn (3,) about n by accelerometers that come later than gyros: the filter's answer to
+    forces as they are less that to those that are felt."""
+    carried = reference.carried
+    dv = (carried.turned @ changed_since(carried, model.priors)[:, :, None])[:, :, 0]
+    p = (np.cumsum(dv, axis=0) - dv / 2) * carried.spans[:, None]
+    as_it_is = replace(reference, carried=replace(carried, p=carried.p + p))
+    one, other = (_filter(replace(model, whole=False), x, variance) for x in (as_it_is, reference))
+    return np.asarray(other.x[-1, :3] - one.x[-1, :3])
 
 
 def _held_off(carried: Carried, matched: Match, attitude: Array, site: Site) -> Array:
@@ -903,7 +916,7 @@ def _walks(model: Model, turned: Array, push: Array, spans: Array) -> Array:
     Q[:, 6:9, :3] = once * spans / 6
     Q[:, 3:6, 3:6] = twice * (1 + part / 3) / 3 + kick
     Q[:, 6:9, 3:6] = spans * (twice / 8 + kick / 2)
-    Q[:, 6:9, 6:9] = spans**2 * (twice / 20 + kick * (1 - part) / 3)
+    Q[:, 6:9, 6:9] = spans**2 * (twice / 20 + kick * (1 + part / 3) / 3)
     Q[:, 6:9, 6:9] += spans * model.noise.jitter**2 * np.eye(3)
     for row, column in ((3, 0), (6, 0), (6, 3)):
         block = Q[:, row : row + 3, column : column + 3]

@@ -45,7 +45,7 @@ from alignment.options import SENSORS, Options, Priors
 from alignment.readings import Dwell, ImuReadings
 from alignment.rounding import end_variance, with_rounding
 from alignment.saturation import saturation_doubt
-from alignment.strapdown import Carried, carry, changes_in_b, matrices
+from alignment.strapdown import Carried, carry, changes_in_b, matrices, rates_at_edges
 
 METHOD = "inertial"
 EVERY = slice(None)
@@ -1105,23 +1105,36 @@ def _slow_covariance(
     return covariance
 
 
-def lag_covariance(carried: Carried, matched: Match, priors: Priors, site: Site) -> Array:
+def lag_covariance(
+    carried: Carried, matched: Match, priors: Priors, site: Site, felt: Array | None = None
+) -> Array:
     """What readings that come late leave of the attitude's covariance at the edges (m + 1, 3, 3).
 
     The same motion a time `lag` before is as good a record: all is as then, turned on by the rate.
-    Of accelerometers that come later than gyros a force is felt that changed meanwhile, which the
-    match takes for one of another attitude: of a steady spin about a level axis that undoes what
-    late gyros do.
+    Of accelerometers that come later than gyros a force is felt that changed meanwhile, which is
+    taken for one of another attitude: of a steady spin about a level axis that undoes what late
+    gyros do. `felt` (3,): by how much [rad], if it is not the match that takes it so.
     """
     if not (priors.lag or priors.accel_later):
         return np.zeros((len(carried.t), 3, 3))
-    late = priors.lag * _turning(carried, matched, site)[:, :, None]
-    if priors.accel_later:
+    late = priors.lag * _turning(carried, matched, site)
+    if felt is None:
         C_ni = matched.C_ni.as_matrix()
         _, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
-        felt = (accel @ drive(carried, C_ni)) @ changes_in_b(carried)[:, 3:, None]
-        late = late + priors.accel_later * felt.sum(axis=0)
-    return np.asarray(late @ late.transpose(0, 2, 1))
+        changed = (accel @ drive(carried, C_ni)) @ changed_since(carried, priors)[:, :, None]
+        felt = changed.sum(axis=0)[:, 0]
+    late = late + felt
+    # turned by both, a tilt lies across by half of what heading turns it, this way or that
+    across = late[:, 2:] / 2 * late[:, [1, 0, 2]] * [-1.0, 1.0, 0.0]
+    return np.asarray(late[:, :, None] * late[:, None] + across[:, :, None] * across[:, None])
+
+
+def changed_since(carried: Carried, priors: Priors) -> Array:
+    """What forces in b (m, 3) change by within the time that accelerometers come later than gyros.
+
+    By their slope: what goes round is turned, and an attitude turned by as much undoes it, in full.
+    """
+    return np.asarray(priors.accel_later * changes_in_b(carried)[:, 3:])
 
 
 def ahead_by_clock(carried: Carried, matched: Match, priors: Priors, site: Site) -> Array:
@@ -1148,11 +1161,9 @@ def with_clock(ahead: Array, clocked: Array, heading: float) -> Array:
 
 
 def _turning(carried: Carried, matched: Match, site: Site) -> Array:
-    """Rates about n (m + 1, 3) at the edges: those of the blocks before."""
-    rates = carried.dtheta / carried.spans[:, None]
+    """Rates about n (m + 1, 3) at the edges."""
     C_nb = matched.C_ni.as_matrix() @ matrices(carried.q)
-    w_ib_n = C_nb @ np.concatenate([rates[:1], rates])[:, :, None]
-    return np.asarray(w_ib_n[:, :, 0] - site.w_ie_n)
+    return np.asarray((C_nb @ rates_at_edges(carried)[:, :, None])[:, :, 0] - site.w_ie_n)
 
 
 def _share(one: Apart, carried: Carried) -> Array:

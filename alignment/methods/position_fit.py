@@ -1,6 +1,6 @@
 """Least squares fit of several positions: attitudes and biases at once, with priors."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -50,6 +50,8 @@ _DOUBTED = 0.05  # part of Earth rate: a component known worse may have either s
 _SURE = 5.0  # standard deviations of a bias: a component that is more has the sign it seems to
 # what may have the other sign: rate, force, both
 _MIRRORS = np.array([[True, False], [False, True], [True, True]])
+# turns about down (3, 3, 3): where another heading is sought
+_QUARTERS = Rotation.from_euler("z", [[90.0], [180.0], [270.0]], degrees=True).as_matrix()
 _LATITUDE_START = 0.999  # sine of the latitude to start from: not at a pole
 
 
@@ -330,10 +332,8 @@ def fit_positions(
     first, second = _parted(both, len(every))
     ends = [first, _put(first, hidden, second)]
     state = _likeliest(ends)
-    for mirror in _MIRRORS:
-        runs, start = _mirrored(state, weak, mirror, problem)
-        if len(runs):
-            ends.append(_put(first, runs, _descended(start, problem.of(runs))))
+    for runs, start in _elsewhere(state, weak, problem):
+        ends.append(_put(first, runs, _descended(start, problem.of(runs))))
     state = _likeliest(ends)
     fit = _tilted(_result(state, _linearised(state, problem), problem), state, problem)
     return _spread(fit, *_others(ends, state, fit.covariance[:, 0], problem)).shaped(lead)
@@ -508,6 +508,32 @@ def _spread(fit: PositionFit, margin: Array, apart: Array, weights: Array) -> Po
         latitude_sigma=latitude,
         margin=margin,
     )
+
+
+def _elsewhere(
+    state: _State, weak: "_Weak", problem: _Problem
+) -> Iterator[tuple[IntArray, tuple[Array, Array]]]:
+    """Where else the cost may have a valley: which runs may lie there, and starts for them."""
+    for mirror in _MIRRORS:
+        runs, start = _mirrored(state, weak, mirror, problem)
+        if len(runs):
+            yield runs, start
+    runs = _headless(state, weak, problem)
+    for turn in _QUARTERS if len(runs) else ():
+        yield runs, (turn @ state[0][runs], state[1][runs])
+
+
+def _headless(state: _State, weak: "_Weak", problem: _Problem) -> IntArray:
+    """Runs that may have another heading: of the level Earth rate a part may have either sign.
+
+    Its size is known, so that what is sure of one part leaves the other's size, and two headings.
+    """
+    C, x, _ = state
+    P = C @ weak.rate @ np.swapaxes(C, -1, -2)
+    half, apart = (P[:, 0, 0] + P[:, 1, 1]) / 2, (P[:, 0, 0] - P[:, 1, 1]) / 2
+    worst = np.sqrt(half + np.hypot(apart, P[:, 0, 1]))
+    w_n, *_ = _vectors(x, problem)
+    return np.flatnonzero(np.abs(w_n[:, 0]) < _SURE * worst)
 
 
 def _mirrored(
@@ -704,14 +730,12 @@ def predicted_mirrors(
     P = _result(true, _linearised(true, problem), problem).covariance[:, 0]
     placed, there = _placed(true[0], true[2], problem), [true[0]]
     found = []
-    for mirror in _MIRRORS:
-        runs, start = _mirrored(true, weak, mirror, problem)
-        if len(runs):
-            (C, x, u), cost = _descended(start, problem)
-            if all(_another(C, other, P)[0] for other in there):
-                off = _off(placed @ np.swapaxes(_placed(C, u, problem), -1, -2))
-                found.append((float(cost[0]), off[0], -x[0, 3:9]))
-                there.append(C)
+    for _, start in _elsewhere(true, weak, problem):
+        (C, x, u), cost = _descended(start, problem)
+        if all(_another(C, other, P)[0] for other in there):
+            off = _off(placed @ np.swapaxes(_placed(C, u, problem), -1, -2))
+            found.append((float(cost[0]), off[0], -x[0, 3:9]))
+            there.append(C)
     return found
 
 
@@ -742,10 +766,14 @@ def _turned(eta: Array, C: Array) -> Array:
 
 
 class _Weak(NamedTuple):
-    """Of rate and force the directions (r, 2, 3) in b known worst, and their sigmas (r, 2)."""
+    """Of rate and force the directions (r, 2, 3) in b known worst, and their sigmas (r, 2).
+
+    `rate` (r, 3, 3): covariance of the rate.
+    """
 
     axes: Array
     doubts: Array
+    rate: Array
 
 
 def _starts(
@@ -759,7 +787,7 @@ def _starts(
     axis, either way what is missing of Earth rate.
     """
     both = [_linear(problem, size) for size in _SIZES]
-    (w, w_bias, weak, doubt), (f, f_bias, _, _) = both
+    (w, w_bias, weak, doubt, _), (f, f_bias, *_) = both
     doubted = doubt > _DOUBTED * EARTH_RATE
     hidden = np.flatnonzero(doubted)
     along = np.sum(w * weak, axis=1, keepdims=True)
@@ -789,14 +817,18 @@ def _starts(
     return starts, hidden, _worst(both)
 
 
-def _worst(linear: Ordered[tuple[Array, Array, Array, Array]]) -> _Weak:
+_Linear = tuple[Array, Array, Array, Array, Array]
+
+
+def _worst(linear: Ordered[_Linear]) -> _Weak:
     """Of `_linear` of rate and of force."""
-    _, _, axes, doubts = zip(*linear, strict=True)
-    return _Weak(np.stack(axes, axis=1), np.stack(doubts, axis=1))
+    _, _, axes, doubts, covariances = zip(*linear, strict=True)
+    return _Weak(np.stack(axes, axis=1), np.stack(doubts, axis=1), covariances[0])
 
 
-def _linear(problem: _Problem, size: float) -> tuple[Array, Array, Array, Array]:
-    """Vectors (r, 3), biases (r, 3), the directions (r, 3) known worst, and their sigmas (r,)."""
+def _linear(problem: _Problem, size: float) -> _Linear:
+    """Vectors (r, 3), biases (r, 3), the directions (r, 3) known worst, their sigmas (r,), and
+    the vectors' covariances (r, 3, 3)."""
     n, runs = problem.positions, len(problem.y)
     gyros = size == EARTH_RATE
     own = slice(0, 3) if gyros else slice(3, 6)
@@ -811,8 +843,9 @@ def _linear(problem: _Problem, size: float) -> tuple[Array, Array, Array, Array]
     A[:, 3 * n :] = np.diag(1 / np.concatenate([np.full(3, size), problem.sigmas[own]]))
     inverse = np.linalg.pinv(A)
     solution = (inverse[..., : 3 * n] @ (y.reshape(runs, 3 * n, 1) / noise))[..., 0]
-    variances, directions = np.linalg.eigh((inverse @ np.swapaxes(inverse, -1, -2))[:, :3, :3])
-    return solution[:, :3], solution[:, 3:], directions[..., -1], np.sqrt(variances[:, -1])
+    covariance = (inverse @ np.swapaxes(inverse, -1, -2))[:, :3, :3]
+    variances, axes = np.linalg.eigh(covariance)
+    return solution[:, :3], solution[:, 3:], axes[..., -1], np.sqrt(variances[:, -1]), covariance
 
 
 # --- the readings, and one step ------------------------------------------------------------------

@@ -153,7 +153,8 @@ def with_ahead(parts: Parts, clocked: Array, run: Functional, scene: Scene) -> P
 
 def _turning(run: Functional, scene: Scene) -> Array:
     """Rate about n (3,) at the end, against the Earth."""
-    return np.asarray(run.C_nb.as_matrix() @ run.rate[-1] - scene.site.w_ie_n)
+    at_end = run.rate[-1] + run.changing[-1, :3] * (run.t[-1] - run.t[-2]) / 2
+    return np.asarray(run.C_nb.as_matrix() @ at_end - scene.site.w_ie_n)
 
 
 def of_instants(run: Functional, step: PlannedStep, scene: Scene) -> Parts:

@@ -149,15 +149,15 @@ def test_sculling_and_rotation_terms_by_one_term_at_a_time():
     zero, x, y = np.zeros((1, 3)), np.array([[0.02, 0, 0]]), np.array([[0, 0.1, 0]])
     # No turn: increments add. Turn in the first sample, force in the second: all of it turned,
     # x cross y = z, and a twelfth for the rate that ends and one for the force that begins.
-    np.testing.assert_array_equal(velocity_vectors(zero, zero, y, 2 * y), 3 * y)
-    got = velocity_vectors(x, zero, zero, y)[0]
+    np.testing.assert_array_equal(sum(velocity_vectors(zero, zero, y, 2 * y)), 3 * y)
+    got = sum(velocity_vectors(x, zero, zero, y))[0]
     part, s, c = 0.02 / 12, sin(0.02), cos(0.02)
     across = s + part * c
     expected = [0, c - part * s - part * across, across + part * (c - part * s)]
     np.testing.assert_allclose(got, 0.1 * np.array(expected), rtol=1e-12)
     assert got[2] == pytest.approx(0.1 * 0.02 * (1 / 2 + 2 / 3), rel=1e-3)
     # The other way round the turn comes too late for the force: 1/2 - 2/3 of it.
-    got = velocity_vectors(zero, x, y, zero)[0]
+    got = sum(velocity_vectors(zero, x, y, zero))[0]
     assert got[2] == pytest.approx(0.1 * 0.02 * (1 / 2 - 2 / 3), rel=1e-12)
 
 
@@ -173,9 +173,9 @@ def test_a_steady_turn_leaves_gravity_as_it_is(turn):
         return weights / 2 @ at.apply(force)
 
     angle = turn * axis[None]
-    found = velocity_vectors(angle, angle, sample(g, 0)[None], sample(g, 1)[None])[0]
+    found = sum(velocity_vectors(angle, angle, sample(g, 0)[None], sample(g, 1)[None]))[0]
     np.testing.assert_allclose(found, 2 * g, rtol=0, atol=turn**6 * 1e-4 + 1e-14)
-    found = velocity_vectors(angle, angle, g[None], g[None])[0]
+    found = sum(velocity_vectors(angle, angle, g[None], g[None]))[0]
     x, weights = np.polynomial.legendre.leggauss(9)
     exact = weights @ Rotation.from_rotvec(turn * (1 + x[:, None]) * axis).apply(g)
     np.testing.assert_allclose(found, exact, rtol=0, atol=10 * turn**4 / 30)
