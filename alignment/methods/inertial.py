@@ -1118,15 +1118,18 @@ def lag_covariance(
     if not (priors.lag or priors.accel_later):
         return np.zeros((len(carried.t), 3, 3))
     late = priors.lag * _turning(carried, matched, site)
-    if felt is None:
-        C_ni = matched.C_ni.as_matrix()
-        _, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
-        changed = (accel @ drive(carried, C_ni)) @ changed_since(carried, priors)[:, :, None]
-        felt = changed.sum(axis=0)[:, 0]
-    late = late + felt
+    late = late + (_felt_later(carried, matched, priors) if felt is None else felt)
     # turned by both, a tilt lies across by half of what heading turns it, this way or that
     across = late[:, 2:] / 2 * late[:, [1, 0, 2]] * [-1.0, 1.0, 0.0]
     return np.asarray(late[:, :, None] * late[:, None] + across[:, :, None] * across[:, None])
+
+
+def _felt_later(carried: Carried, matched: Match, priors: Priors) -> Array:
+    """Turn (3,) about n of the match by accelerometers that come later than gyros."""
+    C_ni = matched.C_ni.as_matrix()
+    _, accel = sensitivity(attitude_weights(carried, matched), C_ni, carried)
+    changed = (accel @ drive(carried, C_ni)) @ changed_since(carried, priors)[:, :, None]
+    return np.asarray(changed.sum(axis=0)[:, 0])
 
 
 def changed_since(carried: Carried, priors: Priors) -> Array:

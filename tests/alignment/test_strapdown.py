@@ -17,6 +17,7 @@ from alignment.strapdown import (
     integrate,
     matrices,
     quaternions,
+    rates_at_edges,
     rotation_vectors,
     velocity_vectors,
 )
@@ -227,6 +228,36 @@ def test_what_sensors_make_of_what_is_true_is_undone():
     found = carry(ImuReadings(readings.t, w, f), 0.5, gyro, accel)
     np.testing.assert_allclose(found.q, want.q, atol=1e-13)  # rounding of 500 steps
     np.testing.assert_allclose(found.v, want.v, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_places_are_those_of_a_force_that_swings(first):
+    """``a sin(w t)`` along X1 five times a swing: the parabola in steps of 0.4 s is off by
+    ``(0.4 w)^4/2880`` of the place, trapezoids by ``(0.4 w)^2/12``: 0.9 and 15 parts in a hundred.
+    Of an odd number of samples the first step has one, and a line is all that it is known by."""
+    rate, w, n = 5, 2 * np.pi * 0.54, 200 - first
+    edges = np.arange(n + 1) / rate
+    f = np.zeros((n, 3))
+    f[:, 0] = -np.diff(np.cos(w * edges)) * rate / w
+    carried = carry(ImuReadings(edges[1:], np.zeros((n, 3)), f), 0.4)
+    steps = edges[first::2]  # v = (1 - cos w t)/w
+    place = np.diff(steps - np.sin(w * steps) / w) / w
+    swing = np.diff(np.sin(w * steps)) / w**2
+    left = carried.p[first:, 0] - place
+    assert np.abs(left).max() < 1.1 * (0.4 * w) ** 4 / 2880 * np.abs(swing).max()
+    assert np.abs(left).max() > 0.5 * (0.4 * w) ** 4 / 2880 * np.abs(swing).max()
+
+
+def test_rates_at_edges_are_those_of_a_parabola():
+    """Means of ``t^2`` over 0.4 s are ``t^2 + 0.4^2/12``; edges are met, the last one too."""
+    t = np.arange(1, 21) / 5
+    w = np.zeros((20, 3))
+    w[:, 1] = 1e-2 * ((t - 0.1) ** 2 + 0.2**2 / 12)
+    carried = carry(ImuReadings(t, w, np.zeros((20, 3))), 0.4)
+    np.testing.assert_allclose(rates_at_edges(carried)[:, 1], 1e-2 * carried.t**2, atol=1e-15)
+    short = carry(ImuReadings(t[:4], w[:4], np.zeros((4, 3))), 0.4)
+    means = short.dtheta / 0.4
+    np.testing.assert_allclose(rates_at_edges(short), [means[0], *means], atol=1e-15)
 
 
 def test_turned_is_the_integral_of_the_attitude():

@@ -241,6 +241,24 @@ def test_a_force_mirrored_in_the_plane_across_the_turn_fits_but_for_its_bias(lat
     assert np.sqrt(surer.covariance[0].diagonal()[:2]).max() < 1e-3
 
 
+@pytest.mark.parametrize("heading", [40.0, -155.0])
+def test_one_sure_gyro_across_the_turn_leaves_two_headings(heading):
+    """Half a turn about the vertical takes the bias from X1, which shows ``W cos lat cos psi``: of
+    psi and -psi Z1 tells little, whose noise is ten times that rate: ``2 (2 sin psi/10)^2`` of
+    chi-square. What is known worst is the vertical rate, which tells nothing of it."""
+    C = Rotation.from_euler("z", heading, degrees=True).as_matrix() @ LEVEL
+    relative = about([0, 1, 0], 0, 180)
+    y = readings_of(C @ relative, HERE.latitude)
+    variances = np.tile(np.repeat([1e-20, 1e-14], 3), (2, 1))
+    variances[:, 2] = (10 * W * cos(HERE.latitude)) ** 2
+    fit = fit_positions(y, variances, relative, HERE.latitude, G, Priors(1000 * DEG_H, 1e-3))
+    margin = 2 * (2 * sin(radians(heading)) / 10) ** 2
+    assert float(fit.margin) == pytest.approx(margin, rel=1e-3)
+    odds = np.exp(-margin / 2) / (1 + np.exp(-margin / 2))
+    apart = radians(2 * min(abs(heading), 180 - abs(heading)))
+    assert fit.covariance[0, 2, 2] == pytest.approx(odds * apart**2, rel=1e-3)
+
+
 def test_axes_that_are_off_turn_a_tilt_that_nobody_knows_into_the_other_biases():
     """Half a turn about a level X1: its bias b of 20 mg is a tilt b/g that nothing tells.
 
