@@ -31,6 +31,7 @@ from alignment.methods.harmonics import (
     ripple_left,
     turning_vector,
 )
+from alignment.methods.inertial import with_places
 from alignment.methods.position_fit import local_vectors
 from alignment.noise import REST_BLOCK, REST_RATE, REST_TILT, gap_doubt
 from alignment.options import Options, Priors
@@ -456,16 +457,17 @@ def _together(
     left = max(ripple_left(axis, counting(h, axis, s.present)) for h, s in alike)
     felt = [turning_vector(h, axis) for h in _alike([s.accels for s in group])]
     lag, _ = lag_of(seen, rates, axis)
+    priors = _with_places(options.priors, axis, max(abs(rate) for rate in rates))
 
     def found(seen: Ordered[TurningVector], felt: Ordered[TurningVector]) -> CarouselFit:
         gyros, accels = without_lag(seen, felt, rates, axis)
-        return carousel_attitude(gyros, accels, axis, latitude, options.priors)
+        return carousel_attitude(gyros, accels, axis, latitude, priors)
 
     try:
         fit = found(seen, felt)
     except AlignmentError as error:
         raise type(error)(f"{first.label}: {error}") from error
-    for by_gyros, by_accels in _late(group, options.priors):
+    for by_gyros, by_accels in _late(group, priors):
         turned = found(_turned(seen, by_gyros, axis), _turned(felt, by_accels, axis))
         off = Rotation.from_matrix(turned.C_nb @ fit.C_nb.T).as_rotvec()
         fit = replace(fit, covariance=fit.covariance + np.outer(off, off))
@@ -482,6 +484,14 @@ def _together(
         + heading_doubt(fit.covariance)
         + _doubts(fit, group, lag, left, site.horizontal_rate()),
     )
+
+
+def _with_places(priors: Priors, axis_b: Array, rate: float) -> Priors:
+    """The priors, with what a turn at `rate` [rad/s] makes of accelerometers' places along its
+    axis a for a bias: of each ``w^2 r`` by ``a_i^2 (1 - a_i^2)`` of the square, none of the triad's
+    own axes."""
+    part = np.sqrt(np.sum(axis_b**2 * (1 - axis_b**2)))
+    return with_places(replace(priors, places=float(part) * priors.places), rate**2)
 
 
 def _late(group: Ordered[_Stretch], priors: Priors) -> Ordered[tuple[Array, Array]]:

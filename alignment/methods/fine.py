@@ -54,6 +54,7 @@ from alignment.methods.inertial import (
     rest_covariance,
     rest_of,
     sensitivity,
+    squared_rate,
     sway_covariance,
     told_at,
     untold_covariance,
@@ -519,7 +520,7 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     """
     if not turns(carried):
         return in_one_attitude(replace(priors, gyro_scale_ramp=0.0), site.gravity)
-    priors = with_places(priors, carried)
+    priors = with_places(priors, squared_rate(carried))
     astray = with_products(priors)
     own = {name: getattr(astray, name) for name in _ASTRAY}
     for sensor in _SUMS:  # and a turn has its square

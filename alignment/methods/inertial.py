@@ -888,7 +888,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     readings = checked_readings(dwell)
     priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
-    priors = with_places(priors, carried)
+    priors = with_places(priors, squared_rate(carried))
     whole, noise, _ = laid(readings, carried, site, priors)
     rest = rest_of(dwell, readings, priors, (carried, whole, noise), site)
     m = len(carried.spans)
@@ -927,13 +927,18 @@ def checked_readings(dwell: Dwell) -> ImuReadings:
     return readings
 
 
-def with_places(priors: Priors, carried: Carried) -> Priors:
+def squared_rate(carried: Carried) -> float:
+    """Mean square of the rate over the blocks [rad^2/s^2]."""
+    means = carried.dtheta / carried.spans[:, None]
+    return float(np.mean(np.sum(means**2, axis=1)))
+
+
+def with_places(priors: Priors, square: float) -> Priors:
     """The priors, with what a turn makes of the accelerometers' places for a bias: ``w^2 r``.
 
-    What the Earth turns by is none: nothing is known of a bias then, where no sheet states one.
+    `square`: of its rate [rad^2/s^2]. What the Earth turns by is none: nothing is known of a bias
+    then, where no sheet states one.
     """
-    means = carried.dtheta / carried.spans[:, None]
-    square = float(np.mean(np.sum(means**2, axis=1)))
     if not priors.places or square < _FASTER**2:
         return priors
     return replace(priors, accel_bias=float(np.hypot(priors.accel_bias, priors.places * square)))
@@ -949,7 +954,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     readings = checked_readings(dwell)
     priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
-    priors = with_places(priors, carried)
+    priors = with_places(priors, squared_rate(carried))
     matched, noise, arm = laid(readings, carried, site, priors)
     covariance, wander = covariances(carried, matched, noise, priors, arm, site)
     rest = rest_of(dwell, readings, priors, (carried, matched, noise), site)

@@ -559,6 +559,23 @@ def test_covariance(regime, latitude, one):
     assert 3 - spread < nees < 3 * FREEDOM / (FREEDOM - 2) + spread
 
 
+def test_places_of_accelerometers_pull_along_an_axis_between_theirs_by_hand():
+    """At 20 deg/s 7 mm are pulled by ``w^2 r = 8.53e-4 m/s^2``; along the axis (2, 3, -6)/7 each by
+    ``a_i^2 (1 - a_i^2)`` of the square, 0.6479 of it in all. Leaning by 20 deg the axis takes a
+    pull e along it for a tilt of ``e sin 20 deg/g``: 4.0 arc seconds; along a triad's axis none."""
+    axis, tilts = np.array([2.0, 3.0, -6.0]) / 7, []
+    for a, told in ((axis, 7e-3), (axis, 0.0), (Y1, 7e-3), (Y1, 0.0)):
+        to_up = Rotation.align_vectors([[0, 0, -1]], [a])[0]
+        C = (Rotation.from_rotvec([0, radians(20), 0]) * to_up).as_matrix()
+        dwell = turning(C, radians(20.0), 5.0, axis=a)
+        found = only([dwell], options=Options(priors=Priors(places=told, accel_bias=1e-9)))
+        tilts.append(found.covariance[:2, :2].trace())
+    pulled, none = tilts[0] - tilts[1], tilts[2] - tilts[3]
+    expected = 0.6479 * radians(20.0) ** 2 * 7e-3 * sin(radians(20)) / G
+    assert np.sqrt(pulled) == pytest.approx(expected, rel=0.01)
+    assert none == pytest.approx(0.0, abs=1e-6 * pulled)
+
+
 @pytest.mark.parametrize("lean", [0.0, 8.0, -20.0])
 def test_constants_of_what_goes_round_about_a_leaning_axis_by_hand(lean):
     """At the equator, the axis leaning east by L: gravity's g sin L goes round with the Earth's.
