@@ -37,7 +37,9 @@ from alignment.methods.inertial import (
     lever_of,
     noise_of,
     sensitivity,
+    squared_rate,
     sway_covariance,
+    with_places,
 )
 from alignment.methods.updates import Steps
 from alignment.options import Options
@@ -51,7 +53,8 @@ def inertial_functional(readings: ImuReadings, site: Site, options: Options) -> 
     """Wahba's match of velocity curves: its own sensitivity to each block's errors."""
     site.horizontal_rate()
     carried = carry(readings, block_of(readings))
-    matched, _, arm = laid(readings, carried, site, options.priors)
+    priors = with_places(options.priors, squared_rate(carried))
+    matched, _, arm = laid(readings, carried, site, priors)
     C_ni = matched.C_ni.as_matrix()
     weights = attitude_weights(carried, matched)
     weights = np.concatenate([weights, along(weights[:, 2:])], axis=1)
@@ -73,8 +76,8 @@ def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Func
     """The Kalman filter with its gains frozen, run backward from its last attitude."""
     checked_by = inertial_functional(readings, site, options)
     carried = carry(readings, STEP)
-    matched, _, _ = laid(readings, carried, site, options.priors)
     priors = states_of(options.priors, carried, site)
+    matched, _, _ = laid(readings, carried, site, priors)
     noise = noise_of(readings, priors)
     span = readings.interval * len(readings)
     found = at_the_start(priors, float(readings.t[-1]) - span, span)

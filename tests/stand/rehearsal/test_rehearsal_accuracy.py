@@ -662,7 +662,8 @@ def test_what_a_clock_is_ahead_by_stays_in_b():
     run = SimpleNamespace(
         C_nb=Rotation.identity(),
         rate=np.array([north]),
-        t=np.array([1000.0]),
+        t=np.array([999.0, 1000.0]),
+        changing=np.zeros((1, 6)),
     )
     site = SimpleNamespace(w_ie_n=np.zeros(3), plumb=Rotation.identity())
     scene = SimpleNamespace(imu=SimpleNamespace(clock=SimpleNamespace(offset=1e-4)), site=site)
