@@ -362,12 +362,31 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
 def _felt_later(model: Model, reference: _Reference, variance: float) -> Array:
     """Turn (3,) about n by accelerometers that come later than gyros: the filter's answer to
     forces as they are less that to those that are felt."""
-    carried = reference.carried
-    dv = (carried.turned @ changed_since(carried, model.priors)[:, :, None])[:, :, 0]
-    p = (np.cumsum(dv, axis=0) - dv / 2) * carried.spans[:, None]
-    as_it_is = replace(reference, carried=replace(carried, p=carried.p + p))
+    as_it_is = replace(reference, carried=_later_by(reference.carried, model.priors, 1.0))
     one, other = (_filter(replace(model, whole=False), x, variance) for x in (as_it_is, reference))
     return np.asarray(other.x[-1, :3] - one.x[-1, :3])
+
+
+def _later_by(carried: Carried, priors: Priors, part: float) -> Carried:
+    """The record of forces a `part` of accelerometers' lag behind gyros later; -1: as they come."""
+    changed = part * changed_since(carried, priors)
+    dv = (carried.turned @ changed[:, :, None])[:, :, 0]
+    p = (np.cumsum(dv, axis=0) - dv / 2) * carried.spans[:, None]
+    return replace(carried, p=carried.p + p)
+
+
+def sway_by_lag(model: Model, carried: Carried, variance: float) -> float:
+    """What the filter adds to the noise of its updates [m^2] where forces that come later than the
+    rates, of a record that is `carried` by perfect sensors, pass for sway."""
+    if not model.priors.accel_later:
+        return 0.0
+    late = _later_by(carried, model.priors, -1.0)
+    matched, _, _ = laid(model.readings, late, model.site, model.priors)
+    reference = _Reference(late, matched.C_ni, np.zeros((len(model.names), 3)))
+    run = _filter(replace(model, whole=False), reference, variance)
+    if not replace(run, misfit=run.misfit + 3).inconsistent:  # with noise, which makes 3 of it
+        return 0.0
+    return float(np.trace(sway_covariance(late, matched))) / 3
 
 
 def _held_off(carried: Carried, matched: Match, attitude: Array, site: Site) -> Array:

@@ -23,6 +23,7 @@ from alignment.methods.fine import (
     of_any_size,
     of_the_rate,
     states_of,
+    sway_by_lag,
     turns,
 )
 from alignment.methods.inertial import (
@@ -87,6 +88,7 @@ def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Func
     steps, H = error_matrices(model, carried, C_ni, push, slice(0, len(carried.t)))
     walk = float(np.mean(noise.gyro**2)) * float(carried.t[-1] - carried.t[0])
     variance = (STILL**2 + 100 * priors.lever_arm**2 * walk) * UPDATE / STEP
+    variance += sway_by_lag(model, carried, variance) * UPDATE / STEP
     gains, _ = _kalman_gains(model, steps, H, variance)
     rows = _rows(steps.F, H, gains)
     gyro, accel = _by_sensor(rows[1:], carried, C_ni, push)

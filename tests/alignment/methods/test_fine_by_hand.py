@@ -20,7 +20,9 @@ from alignment.methods.fine import (
     _is_settled,
     _update_variance,
     error_matrices,
+    model_of,
     states_of,
+    sway_by_lag,
     update_of,
 )
 from alignment.methods.inertial import (
@@ -402,6 +404,23 @@ def test_a_prediction_has_the_sway_by_the_same_ends():
     size = np.sqrt(want.diagonal())
     # what both axes share in this record, and second order
     np.testing.assert_allclose(found / np.outer(size, size), want / np.outer(size, size), atol=0.05)
+
+
+@pytest.mark.parametrize(("late", "passes"), [(10e-3, True), (1e-6, False), (0.0, False)])
+def test_forces_that_come_late_pass_for_sway_by_hand(late, passes):
+    """Of 1.136 deg about north at 0.276 Hz gravity pulls ``g c w cos(w t)`` more or less by 10 ms:
+    ``g c late/w`` of place, 1.12 mm, half of its square in the mean, and a third of that an axis.
+    Of a microsecond 0.1 um are below what an update is good for."""
+    c, w = np.radians(1.136), 2 * pi * 0.276
+    rocking = replace(STILL, roll=Angle(amplitude=c, frequency=0.276))
+    t, rates, forces, _ = rocking.readings(60.0, 20.0, 100.0)
+    readings = ImuReadings(t, rates, forces)
+    priors = Priors(gyro_bias=1e-7, accel_bias=1e-3, gyro_walk=1e-6, accel_walk=1e-4)
+    priors = replace(priors, lever_arm=0.7, accel_later=late)
+    noise = Noise(np.full(3, 1e-6), np.full(3, 1e-4))
+    own = model_of(readings, site(rocking), noise, priors)
+    sway = sway_by_lag(own, carry(readings, 0.1), 1e-9)
+    assert sway == pytest.approx((G * c * late / w) ** 2 / 6 if passes else 0.0, rel=0.1)
 
 
 @pytest.mark.parametrize(("sigmas", "counted"), [(4.95, False), (5.05, True)])
