@@ -12,6 +12,7 @@ from alignment.errors import TooShort
 from alignment.once import once
 from alignment.parts import parts, release
 
+_CUBIC_ON = np.array([4.0, -6.0, 4.0, -1.0])  # of four values the next before them
 _OF_A_PARABOLA = 3  # samples that it goes through
 EDGE = 1e-6  # s: a stamp this near to an edge is on it (stamps are rounded to 1 ns)
 
@@ -97,6 +98,30 @@ class ImuReadings:
         if not self.instants:
             return self.w_ib_b[rows], self.f_b[rows]
         return over_steps(self.w_ib_b, rows), over_steps(self.f_b, rows)
+
+    def twice_as_often(self) -> "ImuReadings":
+        """Means over the halves of all intervals, of the quintic through the integral at the six
+        edges around each: beyond the ends the means go on as the cubic through four.
+
+        Notes
+        -----
+        A half's mean is ``m_0 + (22 (m_-1 - m_1) - 3 (m_-2 - m_2)) / 128``, the other's as much
+        less; both are m_0 in the mean. Of what swings at w it is off by ``(w h)^5/100`` and less,
+        at the ends by ``(w h)^4/20``.
+        """
+        halves = []
+        for m in self.means(slice(0, len(self))):
+            around = m
+            if len(m) > _OF_A_PARABOLA:
+                for _ in range(2):
+                    first, last = (_CUBIC_ON @ x[:4] for x in (around, around[::-1]))
+                    around = np.concatenate([[first], around, [last]])
+                change = (22 * (around[1:-3] - around[3:-1]) - 3 * (around[:-4] - around[4:])) / 128
+            else:
+                change = np.zeros_like(m)
+            halves.append(np.stack([m + change, m - change], axis=1).reshape(-1, 3))
+        before = self.t - np.diff(self.t, prepend=self.t[0] - self.interval) / 2
+        return ImuReadings(np.stack([before, self.t], axis=1).ravel(), *halves)
 
     def untold(self) -> Array:
         """By how much instants leave the last step's angle untold, (3,) [rad]; zeros of means.

@@ -49,14 +49,17 @@ from alignment.methods.inertial import (
     gravity_velocity,
     lag_covariance,
     laid,
+    largest_angle,
     left_of_the_turn,
     lever_of,
     rest_covariance,
     rest_of,
+    sampling_covariance,
     sensitivity,
     squared_rate,
     sway_covariance,
     told_at,
+    turns,
     untold_covariance,
     wander_doubt,
     with_clock,
@@ -110,7 +113,6 @@ _ORDERS: dict[str, Callable[[Array], Array]] = {
 }
 _STEADY = 0.01  # of the whole force: what varies by less is no slope's
 _ROUND = 1.0  # rad: what turns by more goes round
-_ROCKED = 0.01  # rad: of a stretch that turns by more, triads that are misaligned are no bias
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -348,6 +350,7 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     as_found = replace(matched, C_ni=reference.C_ni)  # whose axes it turns about
     at_end = as_found.C_ni * Rotation.from_quat(carried.q[-1])
     added = added + untold_covariance(readings, at_end)
+    added = added + sampling_covariance(readings, carried, (matched, noise, arm), priors, site)
     felt = _felt_later(model, reference, variance) if priors.accel_later else np.zeros(3)
     late = lag_covariance(carried, as_found, priors, site, felt)
     if options.priors.clock:
@@ -400,17 +403,6 @@ def _held_off(carried: Carried, matched: Match, attitude: Array, site: Site) -> 
     level = lever_of(carried.spans, matched) - leans
     shown = attitude[1, 2] / attitude[2, 2] - leans[1]
     return np.asarray(leans + np.clip(shown / level[1], 0.0, 1.0) * level)
-
-
-def turns(carried: Carried) -> bool:
-    """Whether the stretch turns or rocks."""
-    return _angle(carried) >= _ROCKED
-
-
-def _angle(carried: Carried) -> float:
-    """By how much it ever stands otherwise than at the start [rad]."""
-    _, _, _, w = carried.q.T
-    return float(2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0)))
 
 
 def _by_size(model: Model, reference: _Reference, run: Pass, variance: float) -> float:
@@ -545,7 +537,7 @@ def states_of(priors: Priors, carried: Carried, site: Site) -> Priors:
     for sensor in _SUMS:  # and a turn has its square
         lean, turned = f"{sensor}_non_orthogonality", own[f"{sensor}_misalignment"]
         own[lean] = float(np.hypot(own[lean], turned**2))
-    rocks, spans = _angle(carried) < _ROUND, carried.spans[:, None]
+    rocks, spans = largest_angle(carried) < _ROUND, carried.spans[:, None]
     if not rocks:
         steady = float(np.abs(carried.dv.sum(axis=0)).max() / spans.sum())
         own["gyro_g_sensitivity"] = float(

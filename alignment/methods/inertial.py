@@ -48,6 +48,8 @@ from alignment.saturation import saturation_doubt
 from alignment.strapdown import Carried, carry, changes_in_b, matrices, rates_at_edges
 
 METHOD = "inertial"
+_ROCKED = 0.01  # rad: what turns by less neither rocks nor turns
+FOLLOWED = 1 / 49.5  # s: samples that follow any motion of a table
 EVERY = slice(None)
 BLOCK = 0.5  # s: the sums of the match run over blocks, the integration over samples
 _LEAST_BLOCKS = 16
@@ -789,9 +791,10 @@ def arm_of(carried: Carried, matched: Match, noise: Noise, priors: Priors, site:
     return Arm(place, felt, weights, sigma * (np.eye(3) - gain @ N))
 
 
-def laid(
-    readings: ImuReadings, carried: Carried, site: Site, priors: Priors
-) -> tuple[Match, Noise, Arm]:
+Laid = tuple[Match, Noise, Arm]
+
+
+def laid(readings: ImuReadings, carried: Carried, site: Site, priors: Priors) -> Laid:
     """The match of the curves, the noise and the arm that it is by."""
     known = "gyro" not in priors.noise_only
     matched = match(carried, site, unbiased=known)
@@ -889,8 +892,9 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
     priors = with_places(priors, squared_rate(carried))
-    whole, noise, _ = laid(readings, carried, site, priors)
+    whole, noise, arm = laid(readings, carried, site, priors)
     rest = rest_of(dwell, readings, priors, (carried, whole, noise), site)
+    sampled = sampling_covariance(readings, carried, (whole, noise, arm), priors, site)
     m = len(carried.spans)
     ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
     found = []
@@ -903,7 +907,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
         P, _ = covariances(part, matched, noise, priors, arm, site)
         P = P + rest_covariance(part, matched, rest)
         P *= less_turned(P, left_of_the_turn(part, matched, priors))
-        found.append((C_nb, P + lag_covariance(part, matched, priors, site)[-1]))
+        found.append((C_nb, P + lag_covariance(part, matched, priors, site)[-1] + sampled))
     sequence = options.rule.sequence_at(found[-1][0])
     return [
         AttitudeTrack(
@@ -962,6 +966,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
     covariance += lag_covariance(carried, matched, priors, site)[-1]
     covariance += untold_covariance(readings, matched.C_ni * Rotation.from_quat(carried.q[-1]))
+    covariance += sampling_covariance(readings, carried, (matched, noise, arm), priors, site)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
@@ -976,6 +981,50 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
         covariance=covariance,
         flags=flags + heading_doubt(covariance),
     )
+
+
+def turns(carried: Carried) -> bool:
+    """Whether the stretch turns or rocks."""
+    return largest_angle(carried) >= _ROCKED
+
+
+def largest_angle(carried: Carried) -> float:
+    """By how much it ever stands otherwise than at the start [rad]."""
+    _, _, _, w = carried.q.T
+    return float(2 * np.arccos(np.clip(np.abs(w).min(), 0.0, 1.0)))
+
+
+def by_sampling(
+    readings: ImuReadings, found: Rotation, noise: Noise, priors: Priors, site: Site
+) -> Array:
+    """Turn (3,) about n that samples too far apart for their motion leave of what is `found` at
+    the end: what those half as far apart, with polynomials between, turn it by.
+
+    Steps of two samples leave out what is of their fourth power, of which these have a sixteenth.
+    """
+    carried = carry(readings.twice_as_often(), block_of(readings))
+    known = "gyro" not in priors.noise_only
+    matched = match(carried, site, unbiased=known)
+    if priors.lever_arm > 0:
+        arm = arm_of(carried, matched, noise, priors, site)
+        matched = match(carried, site, arm.place, known)
+    at_end = matched.C_ni * Rotation.from_quat(carried.q[-1])
+    return np.asarray((at_end * found.inv()).as_rotvec())
+
+
+def sampling_covariance(
+    readings: ImuReadings, carried: Carried, laid: Laid, priors: Priors, site: Site
+) -> Array:
+    """Covariance (3, 3) about n by samples too far apart for their motion, of what turns.
+
+    None at 50 Hz and above: what turns a table is slower, and what shakes it turns it little.
+    """
+    if not turns(carried) or readings.interval <= FOLLOWED:
+        return np.zeros((3, 3))
+    matched, noise, _ = laid
+    found = matched.C_ni * Rotation.from_quat(carried.q[-1])
+    off = by_sampling(readings, found, noise, priors, site)
+    return np.outer(off, off)
 
 
 def told_at(dwell: Dwell, C_nb: Rotation) -> Rotation:

@@ -24,7 +24,6 @@ from alignment.methods.fine import (
     of_the_rate,
     states_of,
     sway_by_lag,
-    turns,
 )
 from alignment.methods.inertial import (
     EVERY,
@@ -40,6 +39,7 @@ from alignment.methods.inertial import (
     sensitivity,
     squared_rate,
     sway_covariance,
+    turns,
     with_places,
 )
 from alignment.methods.updates import Steps

@@ -55,6 +55,7 @@ from stand.rehearsal.rocking import (
     known,
     late,
     of_instants,
+    of_sampling,
     of_the_level_rate,
     over_time,
     readings_of,
@@ -283,7 +284,7 @@ def _of_stretch(
         own |= {CLOCK: np.outer(clocked, clocked)}
     parts = with_level_rate_found(own, errors, run.lever)
     if not method.tells_mean:
-        parts |= late(run, scene) | of_instants(run, step, scene)
+        parts |= late(run, scene) | of_instants(run, step, scene) | of_sampling(step, scene)
     other = turning_round(errors) if run.circle is None else rival(run.circle)
     plumb = scene.site.plumb.as_matrix()  # which all of it is about
     parts = {source: plumb @ P @ plumb.T for source, P in parts.items()}

@@ -18,8 +18,17 @@ from alignment.information import InstrumentErrors
 from alignment.information.circle import NO_RIVAL, Rival
 from alignment.information.drift import sum_covariance
 from alignment.information.result import DETERMINED
-from alignment.methods.inertial import with_clock
+from alignment.methods.inertial import (
+    FOLLOWED,
+    block_of,
+    laid,
+    sampling_covariance,
+    squared_rate,
+    with_clock,
+    with_places,
+)
 from alignment.readings import EDGE, over_steps
+from alignment.strapdown import carry
 from stand.imu.by_value import values_of
 from stand.imu.instrument import lags_of
 from stand.motion.plan import PlannedStep
@@ -170,6 +179,22 @@ def of_instants(run: Functional, step: PlannedStep, scene: Scene) -> Parts:
     true = truth.over(motion, edges, Sampling.MEAN).w_ib_b[-1]
     left = run.C_nb.as_matrix() @ (told - true) / scene.rate_hz
     return {"instants": np.outer(left, left)}
+
+
+def of_sampling(step: PlannedStep, scene: Scene) -> Parts:
+    """Covariance about n by samples too far apart for a stretch's motion, by those that there will
+    be."""
+    if 1 / scene.rate_hz <= FOLLOWED:
+        return {}
+    first, last = (int((t + EDGE) * scene.rate_hz) for t in (step.steady_from, step.steady_to))
+    edges, sampling = np.arange(first, last + 1) / scene.rate_hz, scene.settings.sampling
+    felt = scene.truth().over(scene.plan.motion, edges, sampling)
+    instants = sampling is Sampling.INSTANT
+    readings = ImuReadings(edges[1:], felt.w_ib_b, felt.f_b, instants=instants)
+    carried = carry(readings, block_of(readings))
+    priors = with_places(scene.options.priors, squared_rate(carried))
+    found = laid(readings, carried, scene.site, priors)
+    return {"sampling": sampling_covariance(readings, carried, found, priors, scene.site)}
 
 
 def by_clock(run: Functional, scene: Scene) -> Array:

@@ -321,6 +321,47 @@ def test_a_lag_is_of_the_rate_where_a_record_ends():
     assert np.degrees(more) * 3600 == pytest.approx(11.2, rel=0.1)
 
 
+@pytest.mark.parametrize("method", [fine, inertial])
+def test_samples_too_far_apart_for_a_swing_are_in_sigma(method):
+    """Six samples a swing of 1.3 deg, about a point 0.7 m below: by perfect sensors heading is off
+    by half a degree, of 0.001 that noise makes, and sigma is that within a factor of two and a
+    half. At 20 Hz, a ten thousandth of it, nothing shows."""
+    swings = {"yaw": (3.8, 0.134, 1.5), "pitch": (1.3, 0.33, 2.5)}
+    angles = {
+        axis: Angle(0.2, amplitude=radians(size), frequency=hz, phase=phase)
+        for axis, (size, hz, phase) in swings.items()
+    }
+    rocking = Motion(**angles, lever=(0.0, 0.7, 0.0), latitude_deg=60.0)
+    quiet = replace(NO_BIAS, gyro_walk=1e-9, accel_walk=1e-7, lever_arm=0.7)
+    off, told = [], []
+    for rate in (2.0, 20.0):
+        t, w, f, C = rocking.readings(17.0, rate)
+        found = method([dwell(t, w, f)], site(rocking), Options(priors=quiet))[0]
+        off.append(np.degrees(errors(found.C_nb.as_matrix()[None], C)[0, 2]))
+        told.append(np.degrees(sigma(found)))
+    assert abs(off[0]) > 0.5
+    assert 0.4 * told[0] < abs(off[0]) < 2.5 * told[0]
+    assert abs(off[1]) < 1e-4
+    assert told[1] < 0.003
+
+
+@pytest.mark.parametrize("instants", [False, True])
+def test_samples_twice_as_often_by_hand(instants):
+    """Of a rate ``t^4`` that is sampled each second: means over halves are those of ``t^5/5``."""
+    t = np.arange(1.0, 13.0)
+    edges = np.arange(0.0, 12.5, 0.5)
+    rate = t**4 if instants else np.diff(np.arange(13.0) ** 5) / 5
+    w = np.stack([rate, np.zeros(12), -rate], axis=1)
+    found = ImuReadings(t, w, np.zeros((12, 3)), instants=instants).twice_as_often()
+    np.testing.assert_allclose(found.t, edges[1:])
+    want = np.diff(edges**5) / 5 / 0.5
+    # at the ends means go on as cubics; instants are made means by them, a fourth power's 11/720
+    inner, room = slice(4, -4), 1.0 if instants else 1e-8
+    np.testing.assert_allclose(found.w_ib_b[inner, 0], want[inner], atol=room)
+    np.testing.assert_array_equal(found.w_ib_b[:, 2], -found.w_ib_b[:, 0])
+    assert not found.instants
+
+
 def test_a_clock_that_runs_fast_turns_gravity_at_another_rate():
     """By difference: of a spin that is a part c faster, but for the rate itself, which stays. The
     gyros' bias is stated: the Earth's rate, of any size else, would take it, and turn it by T."""
