@@ -1160,19 +1160,19 @@ def _slow_covariance(
 
 
 def lag_covariance(
-    carried: Carried, matched: Match, priors: Priors, site: Site, felt: Array | None = None
+    carried: Carried, matched: Match, priors: Priors, site: Site, turned: Array | None = None
 ) -> Array:
     """What readings that come late leave of the attitude's covariance at the edges (m + 1, 3, 3).
 
     The same motion a time `lag` before is as good a record: all is as then, turned on by the rate.
     Of accelerometers that come later than gyros a force is felt that changed meanwhile, which is
     taken for one of another attitude: of a steady spin about a level axis that undoes what late
-    gyros do. `felt` (3,): by how much [rad], if it is not the match that takes it so.
+    gyros do. `turned` (3,): by how much [rad], if it is not the match that takes it so.
     """
     if not (priors.lag or priors.accel_later):
         return np.zeros((len(carried.t), 3, 3))
     late = priors.lag * _turning(carried, matched, site)
-    late = late + (_felt_later(carried, matched, priors) if felt is None else felt)
+    late = late + (_felt_later(carried, matched, priors) if turned is None else turned)
     # turned by both, a tilt lies across by half of what heading turns it, this way or that
     across = late[:, 2:] / 2 * late[:, [1, 0, 2]] * [-1.0, 1.0, 0.0]
     return np.asarray(late[:, :, None] * late[:, None] + across[:, :, None] * across[:, None])

@@ -77,8 +77,9 @@ def fine_functional(readings: ImuReadings, site: Site, options: Options) -> Func
     """The Kalman filter with its gains frozen, run backward from its last attitude."""
     checked_by = inertial_functional(readings, site, options)
     carried = carry(readings, STEP)
+    placed = with_places(options.priors, squared_rate(carried))
+    matched, _, _ = laid(readings, carried, site, placed)
     priors = states_of(options.priors, carried, site)
-    matched, _, _ = laid(readings, carried, site, priors)
     noise = noise_of(readings, priors)
     span = readings.interval * len(readings)
     found = at_the_start(priors, float(readings.t[-1]) - span, span)
