@@ -279,7 +279,8 @@ def fine(dwells: Ordered[Dwell], site: Site, options: Options) -> list[AttitudeE
     Notes
     -----
     Leading errors: heading ``ARW/(W cos lat sqrt T)``, and ``b_E/(W cos lat)`` until a turn tells
-    the bias; tilt b/g; lag and an accelerometer's drift as for `inertial`. First order about the
+    the bias; tilt b/g; lag, an accelerometer's drift and what samples leave out of a motion as for
+    `inertial`; of accelerometers later than gyros as the filter has it. First order about the
     reference, which is corrected while the correction exceeds 0.01 rad, by passes of five updates
     in one. A heading whose sigma is above 30 deg need not settle: tilt does about any; but where a
     table turns, errors of scale turn with it, and it must. Updates are 0.1 s apart, in a record

@@ -799,10 +799,21 @@ def laid(readings: ImuReadings, carried: Carried, site: Site, priors: Priors) ->
     known = "gyro" not in priors.noise_only
     matched = match(carried, site, unbiased=known)
     noise = stated_noise(readings, carried, matched, priors, site)
+    matched, arm = _with_arm(carried, noise, priors, site, matched)
+    return matched, noise, arm
+
+
+def _with_arm(
+    carried: Carried, noise: Noise, priors: Priors, site: Site, without: Match | None = None
+) -> tuple[Match, Arm]:
+    """The match of the curves rid of the swing of the arm that it shows, and that arm; `without`:
+    the match before, where there is one."""
+    known = "gyro" not in priors.noise_only
+    matched = match(carried, site, unbiased=known) if without is None else without
     arm = arm_of(carried, matched, noise, priors, site)
     if priors.lever_arm > 0:
         matched = match(carried, site, arm.place, known)
-    return matched, noise, arm
+    return matched, arm
 
 
 def attitude_weights(carried: Carried, matched: Match) -> Array:
@@ -877,7 +888,8 @@ def inertial(dwells: Ordered[Dwell], site: Site, options: Options) -> list[Attit
     unknown: sqrt(10/7) of the floor) and ``b_E/(W cos lat)``; tilt b/g. A drift d of
     accelerometers toward north over the record feigns a turn, ``d/(g W T cos lat)`` of heading
     (10 ug in 600 s: 1.2'), by the prior of its instability. A lag leaves that times the last rate,
-    sway of displacement r some ``60 r/(g T^2)`` over ``W T cos lat``. The residuals are sums of
+    sway of displacement r some ``60 r/(g T^2)`` over ``W T cos lat``. Below 50 Hz, of what turns,
+    what samples leave out of a motion is counted (`sampling_covariance`). The residuals are sums of
     noise, so the covariance is not taken from their size but from the estimate's own
     sensitivity to each block's noise. Valid while the heading's sigma is below 8 deg.
     """
@@ -900,9 +912,7 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     found = []
     for end in ends:
         part = carried.until(int(end))
-        known = "gyro" not in priors.noise_only
-        arm = arm_of(part, match(part, site, unbiased=known), noise, priors, site)
-        matched = match(part, site, arm.place, known)
+        matched, arm = _with_arm(part, noise, priors, site)
         C_nb = matched.C_ni * Rotation.from_quat(part.q[-1])
         P, _ = covariances(part, matched, noise, priors, arm, site)
         P = P + rest_covariance(part, matched, rest)
@@ -1003,11 +1013,7 @@ def by_sampling(
     Steps of two samples leave out what is of their fourth power, of which these have a sixteenth.
     """
     carried = carry(readings.twice_as_often(), block_of(readings))
-    known = "gyro" not in priors.noise_only
-    matched = match(carried, site, unbiased=known)
-    if priors.lever_arm > 0:
-        arm = arm_of(carried, matched, noise, priors, site)
-        matched = match(carried, site, arm.place, known)
+    matched, _ = _with_arm(carried, noise, priors, site)
     at_end = matched.C_ni * Rotation.from_quat(carried.q[-1])
     return np.asarray((at_end * found.inv()).as_rotvec())
 
