@@ -351,8 +351,8 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     as_found = replace(matched, C_ni=reference.C_ni)  # whose axes it turns about
     at_end = as_found.C_ni * Rotation.from_quat(carried.q[-1])
     added = added + untold_covariance(readings, at_end)
-    added = added + sampling_covariance(readings, carried, (matched, noise, arm), priors, site)
-    felt = _felt_later(model, reference, variance) if priors.accel_later else np.zeros(3)
+    added = added + sampling_covariance(readings, (carried, matched, noise), priors, site)
+    felt = _felt_later(model, reference, run, variance) if priors.accel_later else np.zeros(3)
     late = lag_covariance(carried, as_found, priors, site, felt)
     if options.priors.clock:
         ahead = ahead_by_clock(reference.carried, as_found, options.priors, site)
@@ -363,12 +363,11 @@ def filtered(dwell: Dwell, site: Site, options: Options, whole: bool = True) -> 
     return _answer(model, reference, run, more, lever, flags)
 
 
-def _felt_later(model: Model, reference: _Reference, variance: float) -> Array:
+def _felt_later(model: Model, reference: _Reference, run: Pass, variance: float) -> Array:
     """Turn (3,) about n by accelerometers that come later than gyros: the filter's answer to
-    forces as they are less that to those that are felt."""
+    forces as they are less that to those that are felt, the `run`'s."""
     as_it_is = replace(reference, carried=_later_by(reference.carried, model.priors, 1.0))
-    one, other = (_filter(replace(model, whole=False), x, variance) for x in (as_it_is, reference))
-    return np.asarray(other.x[-1, :3] - one.x[-1, :3])
+    return np.asarray(run.x[-1, :3] - _filter(model, as_it_is, variance).x[-1, :3])
 
 
 def _later_by(carried: Carried, priors: Priors, part: float) -> Carried:

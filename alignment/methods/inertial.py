@@ -791,10 +791,9 @@ def arm_of(carried: Carried, matched: Match, noise: Noise, priors: Priors, site:
     return Arm(place, felt, weights, sigma * (np.eye(3) - gain @ N))
 
 
-Laid = tuple[Match, Noise, Arm]
-
-
-def laid(readings: ImuReadings, carried: Carried, site: Site, priors: Priors) -> Laid:
+def laid(
+    readings: ImuReadings, carried: Carried, site: Site, priors: Priors
+) -> tuple[Match, Noise, Arm]:
     """The match of the curves, the noise and the arm that it is by."""
     known = "gyro" not in priors.noise_only
     matched = match(carried, site, unbiased=known)
@@ -904,9 +903,9 @@ def inertial_tracks(dwell: Dwell, site: Site, options: Options) -> list[Attitude
     priors = with_rounding(options.priors, readings)
     carried = carry(readings, block_of(readings))
     priors = with_places(priors, squared_rate(carried))
-    whole, noise, arm = laid(readings, carried, site, priors)
+    whole, noise, _ = laid(readings, carried, site, priors)
     rest = rest_of(dwell, readings, priors, (carried, whole, noise), site)
-    sampled = sampling_covariance(readings, carried, (whole, noise, arm), priors, site)
+    sampled = sampling_covariance(readings, (carried, whole, noise), priors, site)
     m = len(carried.spans)
     ends = np.arange(m, _LEAST_BLOCKS - 1, -max(1, m // _TRACK_POINTS))[::-1]
     found = []
@@ -976,7 +975,7 @@ def _align(dwell: Dwell, site: Site, options: Options) -> AttitudeEstimate:
     covariance *= less_turned(covariance, left_of_the_turn(carried, matched, priors))
     covariance += lag_covariance(carried, matched, priors, site)[-1]
     covariance += untold_covariance(readings, matched.C_ni * Rotation.from_quat(carried.q[-1]))
-    covariance += sampling_covariance(readings, carried, (matched, noise, arm), priors, site)
+    covariance += sampling_covariance(readings, (carried, matched, noise), priors, site)
     flags = saturation_doubt(dwell.label, readings) + gravity_doubt(carried, site)
     flags += rest.doubts(dwell)
     flags += wander_doubt(dwell.label, carried, matched, wander)
@@ -1019,15 +1018,15 @@ def by_sampling(
 
 
 def sampling_covariance(
-    readings: ImuReadings, carried: Carried, laid: Laid, priors: Priors, site: Site
+    readings: ImuReadings, whole: tuple[Carried, Match, Noise], priors: Priors, site: Site
 ) -> Array:
     """Covariance (3, 3) about n by samples too far apart for their motion, of what turns.
 
     None at 50 Hz and above: what turns a table is slower, and what shakes it turns it little.
     """
+    carried, matched, noise = whole
     if not turns(carried) or readings.interval <= FOLLOWED:
         return np.zeros((3, 3))
-    matched, noise, _ = laid
     found = matched.C_ni * Rotation.from_quat(carried.q[-1])
     off = by_sampling(readings, found, noise, priors, site)
     return np.outer(off, off)

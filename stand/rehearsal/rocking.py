@@ -193,8 +193,9 @@ def of_sampling(step: PlannedStep, scene: Scene) -> Parts:
     readings = ImuReadings(edges[1:], felt.w_ib_b, felt.f_b, instants=instants)
     carried = carry(readings, block_of(readings))
     priors = with_places(scene.options.priors, squared_rate(carried))
-    found = laid(readings, carried, scene.site, priors)
-    return {"sampling": sampling_covariance(readings, carried, found, priors, scene.site)}
+    matched, noise, _ = laid(readings, carried, scene.site, priors)
+    found = carried, matched, noise
+    return {"sampling": sampling_covariance(readings, found, priors, scene.site)}
 
 
 def by_clock(run: Functional, scene: Scene) -> Array:
